@@ -1,0 +1,472 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Mode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    MODE_UNSPECIFIED: _ClassVar[Mode]
+    MODE_IDLE: _ClassVar[Mode]
+    MODE_READY: _ClassVar[Mode]
+    MODE_TAKEOFF: _ClassVar[Mode]
+    MODE_TRACK: _ClassVar[Mode]
+    MODE_NAVIGATE: _ClassVar[Mode]
+    MODE_SEARCH: _ClassVar[Mode]
+    MODE_HOLD: _ClassVar[Mode]
+    MODE_STOPPING: _ClassVar[Mode]
+    MODE_LANDED: _ClassVar[Mode]
+    MODE_FAULT: _ClassVar[Mode]
+
+class Fallback(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    FALLBACK_NONE: _ClassVar[Fallback]
+    FALLBACK_PLAN_EXPIRED_BRAKE: _ClassVar[Fallback]
+    FALLBACK_HOLD_POSITION: _ClassVar[Fallback]
+    FALLBACK_ODOMETRY_STALE_DESCEND: _ClassVar[Fallback]
+    FALLBACK_HAND_BACK: _ClassVar[Fallback]
+
+class Rejection(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    REJECTION_NONE: _ClassVar[Rejection]
+    REJECTION_OBJECTNESS: _ClassVar[Rejection]
+    REJECTION_GATE: _ClassVar[Rejection]
+    REJECTION_COST: _ClassVar[Rejection]
+
+class Severity(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    SEVERITY_UNSPECIFIED: _ClassVar[Severity]
+    SEVERITY_INFO: _ClassVar[Severity]
+    SEVERITY_WARNING: _ClassVar[Severity]
+    SEVERITY_ERROR: _ClassVar[Severity]
+MODE_UNSPECIFIED: Mode
+MODE_IDLE: Mode
+MODE_READY: Mode
+MODE_TAKEOFF: Mode
+MODE_TRACK: Mode
+MODE_NAVIGATE: Mode
+MODE_SEARCH: Mode
+MODE_HOLD: Mode
+MODE_STOPPING: Mode
+MODE_LANDED: Mode
+MODE_FAULT: Mode
+FALLBACK_NONE: Fallback
+FALLBACK_PLAN_EXPIRED_BRAKE: Fallback
+FALLBACK_HOLD_POSITION: Fallback
+FALLBACK_ODOMETRY_STALE_DESCEND: Fallback
+FALLBACK_HAND_BACK: Fallback
+REJECTION_NONE: Rejection
+REJECTION_OBJECTNESS: Rejection
+REJECTION_GATE: Rejection
+REJECTION_COST: Rejection
+SEVERITY_UNSPECIFIED: Severity
+SEVERITY_INFO: Severity
+SEVERITY_WARNING: Severity
+SEVERITY_ERROR: Severity
+
+class Vec3(_message.Message):
+    __slots__ = ("x", "y", "z")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    x: float
+    y: float
+    z: float
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
+
+class Vec3f(_message.Message):
+    __slots__ = ("x", "y", "z")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    x: float
+    y: float
+    z: float
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
+
+class Quat(_message.Message):
+    __slots__ = ("w", "x", "y", "z")
+    W_FIELD_NUMBER: _ClassVar[int]
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    w: float
+    x: float
+    y: float
+    z: float
+    def __init__(self, w: _Optional[float] = ..., x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
+
+class StartRequest(_message.Message):
+    __slots__ = ("command_id", "profile")
+    COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
+    PROFILE_FIELD_NUMBER: _ClassVar[int]
+    command_id: str
+    profile: str
+    def __init__(self, command_id: _Optional[str] = ..., profile: _Optional[str] = ...) -> None: ...
+
+class StopRequest(_message.Message):
+    __slots__ = ("command_id",)
+    COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
+    command_id: str
+    def __init__(self, command_id: _Optional[str] = ...) -> None: ...
+
+class CommandReply(_message.Message):
+    __slots__ = ("command_id", "accepted", "reason", "mode")
+    COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
+    ACCEPTED_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    MODE_FIELD_NUMBER: _ClassVar[int]
+    command_id: str
+    accepted: bool
+    reason: str
+    mode: Mode
+    def __init__(self, command_id: _Optional[str] = ..., accepted: _Optional[bool] = ..., reason: _Optional[str] = ..., mode: _Optional[_Union[Mode, str]] = ...) -> None: ...
+
+class Candidate(_message.Message):
+    __slots__ = ("end_pos_world", "end_vel_world", "end_acc_world", "cost", "objectness", "target_pos_world", "rejection")
+    END_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    END_VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    END_ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
+    COST_FIELD_NUMBER: _ClassVar[int]
+    OBJECTNESS_FIELD_NUMBER: _ClassVar[int]
+    TARGET_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    REJECTION_FIELD_NUMBER: _ClassVar[int]
+    end_pos_world: Vec3f
+    end_vel_world: Vec3f
+    end_acc_world: Vec3f
+    cost: float
+    objectness: float
+    target_pos_world: Vec3f
+    rejection: Rejection
+    def __init__(self, end_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_vel_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_acc_world: _Optional[_Union[Vec3f, _Mapping]] = ..., cost: _Optional[float] = ..., objectness: _Optional[float] = ..., target_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., rejection: _Optional[_Union[Rejection, str]] = ...) -> None: ...
+
+class Plan(_message.Message):
+    __slots__ = ("seq", "frame_ns", "ready_ns", "start_pos_world", "start_vel_world", "start_acc_world", "world_from_cam", "duration_s", "alpha", "candidates", "chosen")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    FRAME_NS_FIELD_NUMBER: _ClassVar[int]
+    READY_NS_FIELD_NUMBER: _ClassVar[int]
+    START_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    START_VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    START_ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
+    WORLD_FROM_CAM_FIELD_NUMBER: _ClassVar[int]
+    DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    ALPHA_FIELD_NUMBER: _ClassVar[int]
+    CANDIDATES_FIELD_NUMBER: _ClassVar[int]
+    CHOSEN_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    frame_ns: int
+    ready_ns: int
+    start_pos_world: Vec3
+    start_vel_world: Vec3
+    start_acc_world: Vec3
+    world_from_cam: Quat
+    duration_s: float
+    alpha: float
+    candidates: _containers.RepeatedCompositeFieldContainer[Candidate]
+    chosen: int
+    def __init__(self, seq: _Optional[int] = ..., frame_ns: _Optional[int] = ..., ready_ns: _Optional[int] = ..., start_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_cam: _Optional[_Union[Quat, _Mapping]] = ..., duration_s: _Optional[float] = ..., alpha: _Optional[float] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., chosen: _Optional[int] = ...) -> None: ...
+
+class Control(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "acc_meas_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    MODE_FIELD_NUMBER: _ClassVar[int]
+    FALLBACK_FIELD_NUMBER: _ClassVar[int]
+    POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    WORLD_FROM_BODY_FIELD_NUMBER: _ClassVar[int]
+    ACC_DES_WORLD_FIELD_NUMBER: _ClassVar[int]
+    ACC_ATT_WORLD_FIELD_NUMBER: _ClassVar[int]
+    ACC_DISTURBANCE_WORLD_FIELD_NUMBER: _ClassVar[int]
+    ACC_MEAS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    WORLD_FROM_BODY_DES_FIELD_NUMBER: _ClassVar[int]
+    THRUST_N_FIELD_NUMBER: _ClassVar[int]
+    THRUST_NORM_FIELD_NUMBER: _ClassVar[int]
+    YAW_DES_RAD_FIELD_NUMBER: _ClassVar[int]
+    PLAN_SEQ_FIELD_NUMBER: _ClassVar[int]
+    PLAN_AGE_S_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    mode: Mode
+    fallback: Fallback
+    pos_world: Vec3
+    vel_world: Vec3
+    world_from_body: Quat
+    acc_des_world: Vec3
+    acc_att_world: Vec3
+    acc_disturbance_world: Vec3
+    acc_meas_world: Vec3
+    world_from_body_des: Quat
+    thrust_n: float
+    thrust_norm: float
+    yaw_des_rad: float
+    plan_seq: int
+    plan_age_s: float
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ...) -> None: ...
+
+class Target(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "covariance", "confirmed", "since_seen_s")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    CONFIRMED_FIELD_NUMBER: _ClassVar[int]
+    SINCE_SEEN_S_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    pos_world: Vec3
+    vel_world: Vec3
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    confirmed: bool
+    since_seen_s: float
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., covariance: _Optional[_Iterable[float]] = ..., confirmed: _Optional[bool] = ..., since_seen_s: _Optional[float] = ...) -> None: ...
+
+class Check(_message.Message):
+    __slots__ = ("name", "ok", "reason")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    OK_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    ok: bool
+    reason: str
+    def __init__(self, name: _Optional[str] = ..., ok: _Optional[bool] = ..., reason: _Optional[str] = ...) -> None: ...
+
+class Rate(_message.Message):
+    __slots__ = ("name", "hz")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    HZ_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    hz: float
+    def __init__(self, name: _Optional[str] = ..., hz: _Optional[float] = ...) -> None: ...
+
+class Latency(_message.Message):
+    __slots__ = ("name", "p50_ms", "p99_ms", "max_ms", "count")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    P50_MS_FIELD_NUMBER: _ClassVar[int]
+    P99_MS_FIELD_NUMBER: _ClassVar[int]
+    MAX_MS_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+    count: int
+    def __init__(self, name: _Optional[str] = ..., p50_ms: _Optional[float] = ..., p99_ms: _Optional[float] = ..., max_ms: _Optional[float] = ..., count: _Optional[int] = ...) -> None: ...
+
+class Drops(_message.Message):
+    __slots__ = ("name", "count")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    count: int
+    def __init__(self, name: _Optional[str] = ..., count: _Optional[int] = ...) -> None: ...
+
+class Health(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "mode", "ready", "checks", "rates", "latencies", "drops", "faults", "vehicle", "profile", "policy_sha256", "version", "battery_fraction", "log_path", "autopilot", "profiles")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    MODE_FIELD_NUMBER: _ClassVar[int]
+    READY_FIELD_NUMBER: _ClassVar[int]
+    CHECKS_FIELD_NUMBER: _ClassVar[int]
+    RATES_FIELD_NUMBER: _ClassVar[int]
+    LATENCIES_FIELD_NUMBER: _ClassVar[int]
+    DROPS_FIELD_NUMBER: _ClassVar[int]
+    FAULTS_FIELD_NUMBER: _ClassVar[int]
+    VEHICLE_FIELD_NUMBER: _ClassVar[int]
+    PROFILE_FIELD_NUMBER: _ClassVar[int]
+    POLICY_SHA256_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    BATTERY_FRACTION_FIELD_NUMBER: _ClassVar[int]
+    LOG_PATH_FIELD_NUMBER: _ClassVar[int]
+    AUTOPILOT_FIELD_NUMBER: _ClassVar[int]
+    PROFILES_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    mode: Mode
+    ready: bool
+    checks: _containers.RepeatedCompositeFieldContainer[Check]
+    rates: _containers.RepeatedCompositeFieldContainer[Rate]
+    latencies: _containers.RepeatedCompositeFieldContainer[Latency]
+    drops: _containers.RepeatedCompositeFieldContainer[Drops]
+    faults: _containers.RepeatedScalarFieldContainer[str]
+    vehicle: str
+    profile: str
+    policy_sha256: str
+    version: str
+    battery_fraction: float
+    log_path: str
+    autopilot: str
+    profiles: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., ready: _Optional[bool] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., rates: _Optional[_Iterable[_Union[Rate, _Mapping]]] = ..., latencies: _Optional[_Iterable[_Union[Latency, _Mapping]]] = ..., drops: _Optional[_Iterable[_Union[Drops, _Mapping]]] = ..., faults: _Optional[_Iterable[str]] = ..., vehicle: _Optional[str] = ..., profile: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., version: _Optional[str] = ..., battery_fraction: _Optional[float] = ..., log_path: _Optional[str] = ..., autopilot: _Optional[str] = ..., profiles: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class Preview(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "width", "height", "jpeg")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    JPEG_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    width: int
+    height: int
+    jpeg: bytes
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., jpeg: _Optional[bytes] = ...) -> None: ...
+
+class Event(_message.Message):
+    __slots__ = ("stamp_ns", "severity", "kind", "text")
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    SEVERITY_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    stamp_ns: int
+    severity: Severity
+    kind: str
+    text: str
+    def __init__(self, stamp_ns: _Optional[int] = ..., severity: _Optional[_Union[Severity, str]] = ..., kind: _Optional[str] = ..., text: _Optional[str] = ...) -> None: ...
+
+class Rgbd(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "rgb", "depth_mm")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    HFOV_RAD_FIELD_NUMBER: _ClassVar[int]
+    VFOV_RAD_FIELD_NUMBER: _ClassVar[int]
+    RGB_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_MM_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    width: int
+    height: int
+    hfov_rad: float
+    vfov_rad: float
+    rgb: bytes
+    depth_mm: bytes
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., rgb: _Optional[bytes] = ..., depth_mm: _Optional[bytes] = ...) -> None: ...
+
+class Odometry(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "world_from_body", "ang_vel_body", "reset_counter")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    WORLD_FROM_BODY_FIELD_NUMBER: _ClassVar[int]
+    ANG_VEL_BODY_FIELD_NUMBER: _ClassVar[int]
+    RESET_COUNTER_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    pos_world: Vec3
+    vel_world: Vec3
+    world_from_body: Quat
+    ang_vel_body: Vec3
+    reset_counter: int
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., ang_vel_body: _Optional[_Union[Vec3, _Mapping]] = ..., reset_counter: _Optional[int] = ...) -> None: ...
+
+class LogHeader(_message.Message):
+    __slots__ = ("vehicle", "vehicle_toml", "policy_sha256", "policy_contract_json", "version", "git_revision", "wall_time", "stamp_ns", "profile")
+    VEHICLE_FIELD_NUMBER: _ClassVar[int]
+    VEHICLE_TOML_FIELD_NUMBER: _ClassVar[int]
+    POLICY_SHA256_FIELD_NUMBER: _ClassVar[int]
+    POLICY_CONTRACT_JSON_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    GIT_REVISION_FIELD_NUMBER: _ClassVar[int]
+    WALL_TIME_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    PROFILE_FIELD_NUMBER: _ClassVar[int]
+    vehicle: str
+    vehicle_toml: str
+    policy_sha256: str
+    policy_contract_json: str
+    version: str
+    git_revision: str
+    wall_time: str
+    stamp_ns: int
+    profile: str
+    def __init__(self, vehicle: _Optional[str] = ..., vehicle_toml: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., policy_contract_json: _Optional[str] = ..., version: _Optional[str] = ..., git_revision: _Optional[str] = ..., wall_time: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., profile: _Optional[str] = ...) -> None: ...
+
+class CompressedRgbd(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "rgb_jpeg", "depth_png")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    HFOV_RAD_FIELD_NUMBER: _ClassVar[int]
+    VFOV_RAD_FIELD_NUMBER: _ClassVar[int]
+    RGB_JPEG_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_PNG_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    width: int
+    height: int
+    hfov_rad: float
+    vfov_rad: float
+    rgb_jpeg: bytes
+    depth_png: bytes
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., rgb_jpeg: _Optional[bytes] = ..., depth_png: _Optional[bytes] = ...) -> None: ...
+
+class CommandRecord(_message.Message):
+    __slots__ = ("stamp_ns", "verb", "profile", "reply")
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    VERB_FIELD_NUMBER: _ClassVar[int]
+    PROFILE_FIELD_NUMBER: _ClassVar[int]
+    REPLY_FIELD_NUMBER: _ClassVar[int]
+    stamp_ns: int
+    verb: str
+    profile: str
+    reply: CommandReply
+    def __init__(self, stamp_ns: _Optional[int] = ..., verb: _Optional[str] = ..., profile: _Optional[str] = ..., reply: _Optional[_Union[CommandReply, _Mapping]] = ...) -> None: ...
+
+class SimTruth(_message.Message):
+    __slots__ = ("stamp_ns", "pos_world", "world_from_body", "vel_world", "target_pos_world", "target_vel_world", "clearance_m", "collisions", "target_distance_m", "target_path_m", "target_arrived", "target_visible")
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    WORLD_FROM_BODY_FIELD_NUMBER: _ClassVar[int]
+    VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    TARGET_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    TARGET_VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    CLEARANCE_M_FIELD_NUMBER: _ClassVar[int]
+    COLLISIONS_FIELD_NUMBER: _ClassVar[int]
+    TARGET_DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
+    TARGET_PATH_M_FIELD_NUMBER: _ClassVar[int]
+    TARGET_ARRIVED_FIELD_NUMBER: _ClassVar[int]
+    TARGET_VISIBLE_FIELD_NUMBER: _ClassVar[int]
+    stamp_ns: int
+    pos_world: Vec3
+    world_from_body: Quat
+    vel_world: Vec3
+    target_pos_world: Vec3
+    target_vel_world: Vec3
+    clearance_m: float
+    collisions: int
+    target_distance_m: float
+    target_path_m: float
+    target_arrived: bool
+    target_visible: bool
+    def __init__(self, stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., target_distance_m: _Optional[float] = ..., target_path_m: _Optional[float] = ..., target_arrived: _Optional[bool] = ..., target_visible: _Optional[bool] = ...) -> None: ...
+
+class SimTree(_message.Message):
+    __slots__ = ("base_world", "top_world", "radius_m", "foliage_radius_m")
+    BASE_WORLD_FIELD_NUMBER: _ClassVar[int]
+    TOP_WORLD_FIELD_NUMBER: _ClassVar[int]
+    RADIUS_M_FIELD_NUMBER: _ClassVar[int]
+    FOLIAGE_RADIUS_M_FIELD_NUMBER: _ClassVar[int]
+    base_world: Vec3f
+    top_world: Vec3f
+    radius_m: float
+    foliage_radius_m: float
+    def __init__(self, base_world: _Optional[_Union[Vec3f, _Mapping]] = ..., top_world: _Optional[_Union[Vec3f, _Mapping]] = ..., radius_m: _Optional[float] = ..., foliage_radius_m: _Optional[float] = ...) -> None: ...
+
+class SimWorld(_message.Message):
+    __slots__ = ("trees", "seed", "spacing_m")
+    TREES_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    SPACING_M_FIELD_NUMBER: _ClassVar[int]
+    trees: _containers.RepeatedCompositeFieldContainer[SimTree]
+    seed: int
+    spacing_m: float
+    def __init__(self, trees: _Optional[_Iterable[_Union[SimTree, _Mapping]]] = ..., seed: _Optional[int] = ..., spacing_m: _Optional[float] = ...) -> None: ...
