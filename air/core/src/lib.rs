@@ -1,1 +1,31 @@
-//! placeholder
+//! Goshawk's core: the mathematics of the paper and the flight logic, after YOPOv2-Tracker.
+//!
+//! Pure: no I/O, clock, thread, random number or global; time and configuration are arguments. Nothing is allocated
+//! after construction. Everything hangs on two functions: [`Planner::step`] once a camera frame, and
+//! [`Controller::step`] at a fixed rate.
+
+pub mod config;
+pub mod controller;
+pub mod error;
+pub mod mission;
+pub mod planner;
+pub mod select;
+pub mod target;
+pub mod types;
+
+pub use config::{
+    ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig, ObserverConfig, VehicleModel, YawConfig,
+};
+pub use controller::{
+    AutopilotStatus, Command, Controller, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request,
+    Transition,
+};
+pub use error::ConfigError;
+pub use mission::{Cause, Fallback, Mode};
+pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PolicyModel};
+pub use select::SelectConfig;
+pub use target::TargetConfig;
+pub use types::{
+    ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,
+    Odometry, Plan, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
+};

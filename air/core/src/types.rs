@@ -106,6 +106,8 @@ pub enum Rejection {
     Gate,
     /// Eligible, another was cheaper.
     Cost,
+    /// The network's values for it are not finite; `end` is the bare anchor, `objectness` 0.
+    Invalid,
 }
 
 /// One predicted trajectory, decoded to the world frame.

@@ -1,0 +1,132 @@
+//! One camera frame in, one plan out.
+
+use crate::error::ConfigError;
+use crate::select::SelectConfig;
+use crate::target::TargetConfig;
+use crate::types::{NetworkOutput, Odometry, Plan, Rot, Task, Vec3};
+
+/// The camera as mounted, and the image that the network sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraModel {
+    /// Horizontal field of view, rad.
+    pub hfov: f64,
+    /// Vertical field of view, rad.
+    pub vfov: f64,
+    /// Network image width, px.
+    pub width: u32,
+    /// Network image height, px.
+    pub height: u32,
+    /// Mounting attitude; a camera tilted up by `tilt` is `Ry(-tilt)`.
+    pub body_from_cam: Rot,
+    /// Lens position in the body frame, m.
+    pub pos_cam_body: Vec3,
+}
+
+/// What the policy's contract says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PolicyModel {
+    /// What it was trained for.
+    pub task: Task,
+    /// r of eq. 3, m.
+    pub radius: f64,
+    /// d_phi of eq. 6, rad.
+    pub azimuth_offset: f64,
+    /// d_theta of eq. 6, rad.
+    pub elevation_offset: f64,
+    /// Largest speed in training, m/s.
+    pub v_max: f64,
+    /// Largest acceleration in training, m/s².
+    pub a_max: f64,
+    /// Metres for one unit of softplus(y_d).
+    pub target_depth_scale: f64,
+    /// Horizontal field of view of the training images, rad.
+    pub hfov: f64,
+    /// Vertical field of view of the training images, rad.
+    pub vfov: f64,
+    /// Network image width, px.
+    pub width: u32,
+    /// Network image height, px.
+    pub height: u32,
+}
+
+/// Everything that the planner needs to know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannerConfig {
+    /// The camera as mounted.
+    pub camera: CameraModel,
+    /// The policy's contract.
+    pub policy: PolicyModel,
+    /// The target filter.
+    pub target: TargetConfig,
+    /// The choice among candidates.
+    pub select: SelectConfig,
+}
+
+/// One frame.
+#[derive(Clone, Copy, Debug)]
+pub struct PlannerInput<'a> {
+    /// Counts frames.
+    pub seq: u64,
+    /// Interpolated at the frame's capture stamp; its `stamp` is the frame's.
+    pub odometry: &'a Odometry,
+    /// Commanded acceleration at the stamp, m/s².
+    pub acc_world: Vec3,
+    /// Desired largest speed, m/s; sets alpha = speed / v_max.
+    pub speed: f64,
+    /// Navigation's goal; none while tracking.
+    pub goal_world: Option<Vec3>,
+    /// The network's raw answer to the frame.
+    pub network: &'a NetworkOutput,
+}
+
+/// Decodes, filters the target, chooses. Holds the target filter, nothing else.
+#[derive(Clone, Debug)]
+pub struct Planner {
+    config: PlannerConfig,
+}
+
+impl Planner {
+    /// A planner with an empty target filter.
+    ///
+    /// # Errors
+    /// A value out of range, or a camera that does not match the policy.
+    pub fn new(config: PlannerConfig) -> Result<Self, ConfigError> {
+        Ok(Self { config })
+    }
+
+    /// The network's `state` input (eq. 5), camera frame: velocity / (alpha·v_max), acceleration / (alpha²·a_max), unit
+    /// world-up, and for navigation the unit direction to the goal. Tracking uses the first 9; the rest is 0.
+    #[must_use]
+    pub fn network_state(
+        &self,
+        odometry: &Odometry,
+        acc_world: Vec3,
+        speed: f64,
+        goal_world: Option<Vec3>,
+    ) -> [f32; 12] {
+        let p = &self.config.policy;
+        let alpha = speed / p.v_max;
+        let cam_from_world = (odometry.world_from_body * self.config.camera.body_from_cam).inverse();
+        let vel_cam = cam_from_world * odometry.vel_world / (alpha * p.v_max);
+        let acc_cam = cam_from_world * acc_world / (alpha * alpha * p.a_max);
+        let up_cam = cam_from_world * Vec3::z();
+        let goal_cam = goal_world
+            .and_then(|goal| (goal - odometry.pos_world).try_normalize(1e-9))
+            .map_or_else(Vec3::zeros, |direction| cam_from_world * direction);
+        let mut state = [0.0; 12];
+        for (i, v) in [vel_cam, acc_cam, up_cam, goal_cam].iter().enumerate() {
+            for (axis, x) in v.iter().enumerate() {
+                state[3 * i + axis] = *x as f32;
+            }
+        }
+        state
+    }
+
+    /// Plans from the actual state at the frame's stamp (§III-D).
+    pub fn step(&mut self, _input: &PlannerInput) -> Plan {
+        todo!()
+    }
+
+    /// Forgets the target.
+    pub fn reset(&mut self) {}
+}
