@@ -1,0 +1,153 @@
+//! The Zenoh session: explicit endpoints only, and publishers made from the shared key table.
+
+use goshawk_proto::keys::{Congestion, Key, Priority as KeyPriority, VehicleName};
+use prost::Message;
+use zenoh::Wait;
+use zenoh::qos::{CongestionControl, Priority};
+
+/// Why the network could not be set up.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// Zenoh refused: commonly a port in use or an endpoint that does not parse.
+    #[error("cannot listen on {endpoints}: {cause}; is another goshawk-air running, or is the endpoint misspelt?")]
+    Open {
+        /// The endpoints asked for.
+        endpoints: String,
+        /// Zenoh's own words.
+        cause: String,
+    },
+    /// A declaration failed.
+    #[error("cannot declare {key}: {cause}")]
+    Declare {
+        /// The key expression.
+        key: String,
+        /// Zenoh's own words.
+        cause: String,
+    },
+}
+
+/// An open session with the vehicle's name.
+pub struct Bus {
+    session: zenoh::Session,
+    vehicle: VehicleName,
+}
+
+impl Bus {
+    /// Opens a peer that listens on `endpoints` (such as `tcp/0.0.0.0:7447`) and dials nobody. Lease 2 s, no
+    /// multicast, no gossip-made connections.
+    ///
+    /// # Errors
+    /// An endpoint in use or malformed.
+    pub fn listen(vehicle: VehicleName, endpoints: &[String]) -> Result<Self, BusError> {
+        let error = |cause: String| BusError::Open { endpoints: endpoints.join(", "), cause };
+        let mut config = zenoh::Config::default();
+        for (path, value) in [
+            ("mode", r#""peer""#.to_owned()),
+            ("listen/endpoints", serde_json::to_string(endpoints).map_err(|e| error(e.to_string()))?),
+            ("listen/exit_on_failure", "true".to_owned()),
+            ("connect/endpoints", "[]".to_owned()),
+            ("scouting/multicast/enabled", "false".to_owned()),
+            ("scouting/gossip/autoconnect", r#"{"router": [], "peer": []}"#.to_owned()),
+            ("transport/link/tx/lease", "2000".to_owned()),
+        ] {
+            config.insert_json5(path, &value).map_err(|e| error(format!("{path}: {e}")))?;
+        }
+        let session = zenoh::open(config).wait().map_err(|e| error(e.to_string()))?;
+        Ok(Bus { session, vehicle })
+    }
+
+    /// A publisher with the key's QoS.
+    ///
+    /// # Errors
+    /// Zenoh refused the declaration.
+    pub fn publisher(&self, key: Key) -> Result<Publisher, BusError> {
+        let expression = key.expression(&self.vehicle);
+        let row = key.row();
+        self.session
+            .declare_publisher(expression.clone())
+            .priority(priority(row.priority))
+            .congestion_control(if row.congestion == Congestion::Block {
+                CongestionControl::Block
+            } else {
+                CongestionControl::Drop
+            })
+            .express(row.express)
+            .wait()
+            .map(|inner| Publisher { inner, buffer: Vec::with_capacity(4096) })
+            .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
+    }
+
+    /// Calls `receive` with each payload on `key`, on Zenoh's receive thread: it must be quick.
+    ///
+    /// # Errors
+    /// Zenoh refused the declaration.
+    pub fn subscribe(&self, key: Key, receive: impl Fn(&[u8]) + Send + Sync + 'static) -> Result<(), BusError> {
+        let expression = key.expression(&self.vehicle);
+        self.session
+            .declare_subscriber(expression.clone())
+            .callback(move |sample| receive(&sample.payload().to_bytes()))
+            .background()
+            .wait()
+            .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
+    }
+
+    /// Calls `answer` with each query on `key`, on Zenoh's receive thread: hand the query on.
+    ///
+    /// # Errors
+    /// Zenoh refused the declaration.
+    pub fn queryable(
+        &self,
+        key: Key,
+        answer: impl Fn(zenoh::query::Query) + Send + Sync + 'static,
+    ) -> Result<(), BusError> {
+        let expression = key.expression(&self.vehicle);
+        self.session
+            .declare_queryable(expression.clone())
+            .complete(true)
+            .callback(answer)
+            .background()
+            .wait()
+            .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
+    }
+
+    /// Shows this vehicle as alive until the token is dropped.
+    ///
+    /// # Errors
+    /// Zenoh refused the declaration.
+    pub fn declare_alive(&self) -> Result<zenoh::liveliness::LivelinessToken, BusError> {
+        let expression = Key::AliveAir.expression(&self.vehicle);
+        self.session
+            .liveliness()
+            .declare_token(expression.clone())
+            .wait()
+            .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
+    }
+}
+
+/// A declared publisher and its encoding buffer.
+pub struct Publisher {
+    inner: zenoh::pubsub::Publisher<'static>,
+    buffer: Vec<u8>,
+}
+
+impl Publisher {
+    /// Publishes `message`; returns its encoded size, or None if Zenoh refused it.
+    pub fn put(&mut self, message: &impl Message) -> Option<usize> {
+        self.buffer.clear();
+        message.encode(&mut self.buffer).ok()?;
+        self.inner.put(self.buffer.as_slice()).wait().ok()?;
+        Some(self.buffer.len())
+    }
+}
+
+fn priority(priority: KeyPriority) -> Priority {
+    match priority {
+        KeyPriority::RealTime => Priority::RealTime,
+        KeyPriority::InteractiveHigh => Priority::InteractiveHigh,
+        KeyPriority::InteractiveLow => Priority::InteractiveLow,
+        KeyPriority::DataHigh => Priority::DataHigh,
+        KeyPriority::Data => Priority::Data,
+        KeyPriority::DataLow => Priority::DataLow,
+        KeyPriority::Background => Priority::Background,
+    }
+}

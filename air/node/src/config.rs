@@ -1,0 +1,391 @@
+//! The vehicle file: TOML with units in its names, checked here, turned into the core's SI configuration.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use goshawk_core::{
+    CameraModel, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig, ObserverConfig,
+    PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, TargetConfig, Task, Vec3, VehicleModel, YawConfig,
+};
+use serde::Deserialize;
+
+/// Why a vehicle file cannot be flown with.
+#[derive(Debug, thiserror::Error)]
+pub enum VehicleError {
+    /// It cannot be read.
+    #[error("cannot read the vehicle file {path}: {cause}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's words.
+        cause: std::io::Error,
+    },
+    /// It is not TOML of this shape: an unknown or missing key, a wrong type.
+    #[error("{path}: {cause}")]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// What and where, in one line.
+        cause: String,
+    },
+    /// A value cannot be flown with.
+    #[error("{path}: {cause}")]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// Which and why.
+        cause: String,
+    },
+}
+
+/// A whole vehicle file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)] // one key each; air/vehicles/sim.toml comments them
+pub struct Vehicle {
+    pub name: String,
+    pub default_profile: String,
+    pub airframe: Airframe,
+    pub camera: Camera,
+    pub policy: Policy,
+    pub autopilot: Autopilot,
+    pub sensors: Sensors,
+    pub network: Network,
+    pub recorder: Recorder,
+    planner: Planner,
+    pub controller: Controller,
+    observer: Observer,
+    lead: Lead,
+    yaw: Yaw,
+    hold: Hold,
+    ladder: Ladder,
+    mission: Mission,
+    profile: Vec<ProfileRow>,
+    /// The file's own text, for the log.
+    #[serde(skip)]
+    pub text: String,
+    /// The file's folder: what relative paths start from.
+    #[serde(skip)]
+    pub folder: PathBuf,
+}
+
+macro_rules! section {
+    ($(#[$doc:meta])* $name:ident { $($field:ident: $type:ty),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Clone, Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        #[allow(missing_docs)]
+        pub struct $name { $(pub $field: $type),+ }
+    };
+}
+
+section! { /** The airframe. */ Airframe {
+    mass_kg: f64, hover_thrust: f64, min_thrust: f64, max_thrust: f64, max_tilt_deg: f64,
+} }
+section! { /** The camera as mounted. */ Camera { hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3] } }
+section! { /** Where the autopilot is. */ Autopilot {
+    bind: SocketAddr, system_id: u8, component_id: u8, target_system: u8, target_component: u8,
+} }
+section! { /** Where odometry comes from. */ Sensors { odometry: OdometrySource } }
+section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } }
+section! { /** Where logs go. */ Recorder { directory: PathBuf } }
+section! { /** The control loop. */ Controller { rate_hz: f64 } }
+section! { /** Selection and the target filter. */ Planner {
+    min_objectness: f64, acc_variance_mps2: [f64; 3], measurement_variance_m2: f64, variance_distance_m: f64,
+    gate_sigmas: f64, confirm_hits: u32, confirm_of: u32, blind_time_s: f64, target_max_speed_mps: f64,
+    target_max_distance_m: f64, reacquire_margin_m: f64,
+} }
+section! { /** Disturbance observer. */ Observer { alpha1: f64, alpha2: f64, zeta_s: f64, limit_mps2: f64 } }
+section! { /** Lead over the attitude loop's lag. */ Lead { attitude_lag_s: f64, limit_mps2: f64 } }
+section! { /** Yaw limits and the search. */ Yaw {
+    max_rate_radps: f64, max_acc_radps2: f64, lag_s: f64, search_rate_radps: f64, search_delay_s: f64,
+    along_velocity_speed_mps: f64,
+} }
+section! { /** Braking and position hold. */ Hold {
+    kp: f64, kv: f64, max_acc_horizontal_mps2: f64, max_acc_vertical_mps2: f64, stopped_speed_mps: f64,
+} }
+section! { /** The fallback ladder's timings. */ Ladder {
+    missed_detection_s: f64, plan_stale_s: f64, no_plan_land_s: f64, odometry_stale_s: f64, descend_acc_mps2: f64,
+    hand_back_s: f64,
+} }
+section! { /** Take-off, holding, landing. */ Mission {
+    stream_before_offboard_s: f64, request_period_s: f64, request_timeout_s: f64, climb_speed_mps: f64,
+    hold_distance_m: f64, resume_distance_m: f64, goal_radius_m: f64, search_timeout_s: f64, descent_speed_mps: f64,
+    touchdown_speed_mps: f64, slow_height_m: f64, touchdown_time_s: f64,
+} }
+
+/// The policy file and how to run it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Policy {
+    pub model: PathBuf,
+    pub threads: usize,
+    /// libonnxruntime; absent: searched for.
+    pub library: Option<PathBuf>,
+}
+
+/// Where odometry comes from.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum OdometrySource {
+    /// The autopilot's own estimate, by MAVLink.
+    Autopilot,
+    /// `in/odometry`.
+    Zenoh,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProfileRow {
+    name: String,
+    task: TaskName,
+    speed_mps: f64,
+    height_m: f64,
+    /// Forward, left, up of the start.
+    goal_m: Option<[f64; 3]>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum TaskName {
+    Track,
+    Navigate,
+}
+
+impl Vehicle {
+    /// Reads and checks a vehicle file.
+    ///
+    /// # Errors
+    /// Unreadable, malformed, or with a value that cannot be flown with; the message is one line.
+    pub fn load(path: &Path) -> Result<Vehicle, VehicleError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|cause| VehicleError::Read { path: path.to_owned(), cause })?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        let mut vehicle: Vehicle = toml::from_str(&text)
+            .map_err(|e| VehicleError::Parse { path: path.to_owned(), cause: parse_cause(&text, &e) })?;
+        vehicle.text = text;
+        vehicle.folder = folder;
+        vehicle.validate().map_err(|cause| VehicleError::Value { path: path.to_owned(), cause })?;
+        Ok(vehicle)
+    }
+
+    /// Checks what the core does not.
+    fn validate(&self) -> Result<(), String> {
+        self.name.parse::<goshawk_proto::keys::VehicleName>().map_err(|e| e.to_string())?;
+        let range = |name: &str, value: f64, low: f64, high: f64| {
+            if value.is_finite() && (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(format!("{name} is {value}; it must be {low} to {high}"))
+            }
+        };
+        range("controller.rate_hz", self.controller.rate_hz, 50.0, 1000.0)?;
+        range("camera.hfov_deg", self.camera.hfov_deg, 30.0, 150.0)?;
+        range("camera.vfov_deg", self.camera.vfov_deg, 20.0, 130.0)?;
+        range("camera.tilt_deg", self.camera.tilt_deg, -60.0, 60.0)?;
+        for p in self.camera.position_m {
+            range("camera.position_m", p, -2.0, 2.0)?;
+        }
+        if self.policy.threads == 0 {
+            return Err("policy.threads is 0; it must be at least 1".to_owned());
+        }
+        if self.network.listen.is_empty() {
+            return Err("network.listen is empty; name at least one endpoint, such as \"tcp/0.0.0.0:7447\"".to_owned());
+        }
+        for row in &self.profile {
+            range(&format!("profile {}: speed_mps", row.name), row.speed_mps, 0.5, 20.0)?;
+            range(&format!("profile {}: height_m", row.name), row.height_m, 0.3, 50.0)?;
+            if matches!(row.task, TaskName::Navigate) && row.goal_m.is_none() {
+                return Err(format!("profile {}: navigate needs goal_m", row.name));
+            }
+        }
+        if self.profile(None).is_none() {
+            return Err(format!("default_profile {:?} is none of the profiles", self.default_profile));
+        }
+        self.controller_config().validate().map_err(|e: ConfigError| e.to_string())
+    }
+
+    /// `path` as written in the file, resolved against the file's folder.
+    #[must_use]
+    pub fn resolve(&self, path: &Path) -> PathBuf {
+        self.folder.join(path)
+    }
+
+    /// The names that Start may give, the default first.
+    #[must_use]
+    pub fn profile_names(&self) -> Vec<String> {
+        let mut names: Vec<String> = self.profile.iter().map(|row| row.name.clone()).collect();
+        names.sort_by_key(|name| *name != self.default_profile);
+        names
+    }
+
+    /// The start profile of that name, or the default one.
+    #[must_use]
+    pub fn profile(&self, name: Option<&str>) -> Option<Profile> {
+        let name = name.unwrap_or(&self.default_profile);
+        self.profile.iter().find(|row| row.name == name).map(|row| Profile {
+            task: match row.task {
+                TaskName::Track => Task::Track,
+                TaskName::Navigate => Task::Navigate,
+            },
+            speed: row.speed_mps,
+            height: row.height_m,
+            goal: row.goal_m.map(Vec3::from),
+        })
+    }
+
+    /// The planner's configuration with the policy's contract.
+    #[must_use]
+    pub fn planner_config(&self, policy: PolicyModel) -> PlannerConfig {
+        let p = &self.planner;
+        PlannerConfig {
+            camera: CameraModel {
+                hfov: self.camera.hfov_deg.to_radians(),
+                vfov: self.camera.vfov_deg.to_radians(),
+                width: policy.width,
+                height: policy.height,
+                body_from_cam: Rot::from_axis_angle(&Vec3::y_axis(), -self.camera.tilt_deg.to_radians()),
+                pos_cam_body: Vec3::from(self.camera.position_m),
+            },
+            policy,
+            target: TargetConfig {
+                acc_variance: p.acc_variance_mps2,
+                measurement_variance: p.measurement_variance_m2,
+                variance_distance: p.variance_distance_m,
+                gate: p.gate_sigmas,
+                confirm_hits: p.confirm_hits,
+                confirm_of: p.confirm_of,
+                blind_time: p.blind_time_s,
+                max_speed: p.target_max_speed_mps,
+                max_distance: p.target_max_distance_m,
+                reacquire_margin: p.reacquire_margin_m,
+            },
+            select: SelectConfig { min_objectness: p.min_objectness },
+        }
+    }
+
+    /// The controller's configuration.
+    #[must_use]
+    pub fn controller_config(&self) -> ControllerConfig {
+        let (a, o, y, h, l, m) = (&self.airframe, &self.observer, &self.yaw, &self.hold, &self.ladder, &self.mission);
+        ControllerConfig {
+            vehicle: VehicleModel {
+                mass: a.mass_kg,
+                hover_thrust: a.hover_thrust,
+                min_thrust: a.min_thrust,
+                max_thrust: a.max_thrust,
+                max_tilt: a.max_tilt_deg.to_radians(),
+            },
+            observer: ObserverConfig { alpha1: o.alpha1, alpha2: o.alpha2, zeta: o.zeta_s, limit: o.limit_mps2 },
+            lead: LeadConfig { tau: self.lead.attitude_lag_s, limit: self.lead.limit_mps2 },
+            yaw: YawConfig {
+                max_rate: y.max_rate_radps,
+                max_acc: y.max_acc_radps2,
+                lag: y.lag_s,
+                search_rate: y.search_rate_radps,
+                search_delay: y.search_delay_s,
+                along_velocity_speed: y.along_velocity_speed_mps,
+            },
+            hold: HoldConfig {
+                kp: h.kp,
+                kv: h.kv,
+                max_acc_horizontal: h.max_acc_horizontal_mps2,
+                max_acc_vertical: h.max_acc_vertical_mps2,
+                stopped_speed: h.stopped_speed_mps,
+            },
+            ladder: LadderConfig {
+                missed_detection: l.missed_detection_s,
+                plan_stale: l.plan_stale_s,
+                no_plan_land: l.no_plan_land_s,
+                odometry_stale: l.odometry_stale_s,
+                descend_acc: l.descend_acc_mps2,
+                hand_back: l.hand_back_s,
+            },
+            mission: MissionConfig {
+                stream_before_offboard: m.stream_before_offboard_s,
+                request_period: m.request_period_s,
+                request_timeout: m.request_timeout_s,
+                climb_speed: m.climb_speed_mps,
+                hold_distance: m.hold_distance_m,
+                resume_distance: m.resume_distance_m,
+                goal_radius: m.goal_radius_m,
+                search_timeout: m.search_timeout_s,
+                descent_speed: m.descent_speed_mps,
+                touchdown_speed: m.touchdown_speed_mps,
+                slow_height: m.slow_height_m,
+                touchdown_time: m.touchdown_time_s,
+            },
+        }
+    }
+}
+
+// The toml crate's message spans several lines; an operator gets one, with the line number.
+fn parse_cause(text: &str, error: &toml::de::Error) -> String {
+    let line = error.span().map(|span| text[..span.start.min(text.len())].matches('\n').count() + 1);
+    let message = error.message().replace('\n', " ");
+    line.map_or_else(|| message.clone(), |line| format!("line {line}: {message}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shipped() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml")
+    }
+
+    fn edited(from: &str, to: &str) -> Result<Vehicle, VehicleError> {
+        let text = std::fs::read_to_string(shipped()).unwrap();
+        assert!(text.contains(from), "{from}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("vehicle.toml");
+        std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        Vehicle::load(&path)
+    }
+
+    #[test]
+    fn every_shipped_vehicle_file_loads() {
+        let mut files = 0;
+        for entry in std::fs::read_dir(shipped().parent().unwrap()).unwrap() {
+            Vehicle::load(&entry.unwrap().path()).unwrap();
+            files += 1;
+        }
+        assert!(files >= 1);
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_by_name_and_line_in_one_line() {
+        let error = edited("mass_kg", "mass_kgs").unwrap_err().to_string();
+        assert!(error.contains("mass_kgs") && error.contains("line "), "{error}");
+        assert_eq!(error.lines().count(), 1);
+    }
+
+    #[test]
+    fn a_missing_safety_limit_is_refused() {
+        let error = edited("max_tilt_deg = 45.0\n", "\n").unwrap_err().to_string();
+        assert!(error.contains("max_tilt_deg"), "{error}");
+    }
+
+    #[test]
+    fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
+        for (from, to, name) in [
+            ("mass_kg = 0.85", "mass_kg = -1.0", "mass"),
+            ("hover_thrust = 0.35", "hover_thrust = nan", "hover_thrust"),
+            ("rate_hz = 200.0", "rate_hz = 2.0", "rate_hz"),
+            ("name = \"goshawk\"", "name = \"**\"", "vehicle name"),
+            ("default_profile = \"chase\"", "default_profile = \"nap\"", "nap"),
+            ("listen = [\"tcp/0.0.0.0:7447\"]", "listen = []", "network.listen"),
+            ("task = \"track\"", "task = \"navigate\"", "goal_m"),
+        ] {
+            let error = edited(from, to).unwrap_err().to_string();
+            assert!(error.contains(name), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = Vehicle::load(Path::new("nowhere.toml")).unwrap_err().to_string();
+        assert!(error.contains("nowhere.toml"), "{error}");
+    }
+}
