@@ -1,0 +1,368 @@
+//! What is asked of the autopilot and how it answered: COMMAND_LONG out, COMMAND_ACK in, repeated until answered.
+
+use crate::messages::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use crate::mode::Px4Mode;
+use goshawk_core::controller::Request;
+use goshawk_core::types::Time;
+use std::collections::VecDeque;
+use std::fmt;
+
+/// PX4 was measured to answer in 1–15 ms; a lost datagram is repeated after this.
+const REPEAT_AFTER_S: f64 = 0.25;
+const ATTEMPTS: u8 = 4;
+/// Answers kept for whoever takes them.
+const ANSWERS_KEPT: usize = 64;
+/// Asked commands that may wait their turn.
+const WAITING: usize = 32;
+/// MAV_CMD_COMPONENT_ARM_DISARM's parameter 2 that disarms in the air too.
+pub const FORCE_MAGIC: f32 = 21196.0;
+
+/// Something to ask of the autopilot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// MAV_CMD_DO_SET_MODE.
+    SetMode(Px4Mode),
+    /// MAV_CMD_COMPONENT_ARM_DISARM, arm.
+    Arm,
+    /// MAV_CMD_COMPONENT_ARM_DISARM, disarm. Refused in the air unless forced; forced, the vehicle falls.
+    Disarm {
+        /// Cut the motors even in the air.
+        force: bool,
+    },
+    /// MAV_CMD_SET_MESSAGE_INTERVAL.
+    Stream {
+        /// The message's MAVLink id.
+        message: u32,
+        /// How often, Hz, above 0.
+        hz: f64,
+    },
+}
+
+impl From<Request> for Command {
+    fn from(request: Request) -> Self {
+        match request {
+            Request::Offboard => Self::SetMode(Px4Mode::Offboard),
+            Request::Arm => Self::Arm,
+            Request::Disarm => Self::Disarm { force: false },
+            Request::HandBack => Self::SetMode(Px4Mode::Land),
+        }
+    }
+}
+
+impl Command {
+    fn id(self) -> MavCmd {
+        match self {
+            Self::SetMode(_) => MavCmd::MAV_CMD_DO_SET_MODE,
+            Self::Arm | Self::Disarm { .. } => MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            Self::Stream { .. } => MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+        }
+    }
+
+    fn message(self, target_system: u8, target_component: u8, confirmation: u8) -> MavMessage {
+        let (param1, param2, param3) = match self {
+            Self::SetMode(mode) => {
+                let (main, sub) = mode.main_and_sub();
+                (1.0, f32::from(main), f32::from(sub)) // 1: custom mode enabled
+            }
+            Self::Arm => (1.0, 0.0, 0.0),
+            Self::Disarm { force } => (0.0, if force { FORCE_MAGIC } else { 0.0 }, 0.0),
+            Self::Stream { message, hz } => (message as f32, (1e6 / hz).round() as f32, 0.0),
+        };
+        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            param1,
+            param2,
+            param3,
+            command: self.id(),
+            target_system,
+            target_component,
+            confirmation,
+            ..COMMAND_LONG_DATA::default()
+        })
+    }
+}
+
+impl fmt::Display for Command {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SetMode(mode) => write!(f, "set mode {mode}"),
+            Self::Arm => f.write_str("arm"),
+            Self::Disarm { force: false } => f.write_str("disarm"),
+            Self::Disarm { force: true } => f.write_str("disarm, forced"),
+            Self::Stream { message, hz } => write!(f, "stream message {message} at {hz} Hz"),
+        }
+    }
+}
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Done.
+    Accepted,
+    /// Not now: a check fails. Asking again later may succeed.
+    TemporarilyRejected,
+    /// Known, but not with these parameters.
+    Denied,
+    /// Unknown to this autopilot.
+    Unsupported,
+    /// Tried, and it failed.
+    Failed,
+    /// Another refusal that the protocol knows.
+    Refused,
+    /// No answer to any attempt: the link, or the target's address, is wrong.
+    NoAnswer,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Accepted => "accepted",
+            Self::TemporarilyRejected => "temporarily rejected: a check of the autopilot fails",
+            Self::Denied => "denied: the parameters are not allowed",
+            Self::Unsupported => "not supported by this autopilot",
+            Self::Failed => "failed",
+            Self::Refused => "refused",
+            Self::NoAnswer => "not answered: check the link and the target system and component",
+        })
+    }
+}
+
+/// A command's end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ack {
+    /// What was asked.
+    pub command: Command,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// When the answer came, or was given up.
+    pub stamp: Time,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    command: Command,
+    attempts: u8,
+    sent: Time,
+}
+
+/// Commands in flight. An answer names only the command's number, so of each number one is in flight at a time.
+#[derive(Clone, Debug, Default)]
+pub struct Commands {
+    pending: VecDeque<Pending>,
+    answers: VecDeque<Ack>,
+}
+
+impl Commands {
+    /// Asks. A newer mode, or a newer arm or disarm, replaces one that is not answered yet.
+    pub fn submit(&mut self, command: Command) {
+        match command {
+            Command::Stream { .. } => {}
+            _ => self
+                .pending
+                .retain(|pending| pending.command.id() != command.id()),
+        }
+        if self.pending.len() < WAITING {
+            self.pending.push_back(Pending {
+                command,
+                attempts: 0,
+                sent: Time(0),
+            });
+        }
+    }
+
+    /// The next message that is due now; call until none.
+    pub fn due(
+        &mut self,
+        now: Time,
+        target_system: u8,
+        target_component: u8,
+    ) -> Option<MavMessage> {
+        let mut index = 0;
+        while index < self.pending.len() {
+            let pending = self.pending[index];
+            let id = pending.command.id();
+            let waits = self
+                .pending
+                .iter()
+                .take(index)
+                .any(|earlier| earlier.command.id() == id);
+            if waits || (pending.attempts > 0 && now.since(pending.sent) < REPEAT_AFTER_S) {
+                index += 1;
+            } else if pending.attempts == ATTEMPTS {
+                self.finish(index, Outcome::NoAnswer, now);
+            } else {
+                self.pending[index].attempts += 1;
+                self.pending[index].sent = now;
+                return Some(pending.command.message(
+                    target_system,
+                    target_component,
+                    pending.attempts,
+                ));
+            }
+        }
+        None
+    }
+
+    /// Takes an answer; gives what it settled.
+    pub fn answered(&mut self, now: Time, ack: &COMMAND_ACK_DATA) -> Option<Ack> {
+        let index = self
+            .pending
+            .iter()
+            .position(|pending| pending.attempts > 0 && pending.command.id() == ack.command)?;
+        let outcome = match ack.result {
+            MavResult::MAV_RESULT_IN_PROGRESS => {
+                self.pending[index].sent = now;
+                return None;
+            }
+            MavResult::MAV_RESULT_ACCEPTED => Outcome::Accepted,
+            MavResult::MAV_RESULT_TEMPORARILY_REJECTED => Outcome::TemporarilyRejected,
+            MavResult::MAV_RESULT_DENIED => Outcome::Denied,
+            MavResult::MAV_RESULT_UNSUPPORTED => Outcome::Unsupported,
+            MavResult::MAV_RESULT_FAILED => Outcome::Failed,
+            _ => Outcome::Refused,
+        };
+        self.finish(index, outcome, now)
+    }
+
+    /// Takes the answers that came since the last call, oldest first.
+    pub fn take_answers(&mut self) -> Vec<Ack> {
+        self.answers.drain(..).collect()
+    }
+
+    /// Forgets what is in flight, as for an autopilot that started again.
+    pub fn clear(&mut self) {
+        self.pending.clear();
+    }
+
+    fn finish(&mut self, index: usize, outcome: Outcome, stamp: Time) -> Option<Ack> {
+        let ack = Ack {
+            command: self.pending.remove(index)?.command,
+            outcome,
+            stamp,
+        };
+        if self.answers.len() == ANSWERS_KEPT {
+            self.answers.pop_front();
+        }
+        self.answers.push_back(ack);
+        Some(ack)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn due(commands: &mut Commands, seconds: f64) -> Option<COMMAND_LONG_DATA> {
+        match commands.due(Time::from_secs(seconds), 1, 1) {
+            Some(MavMessage::COMMAND_LONG(long)) => Some(long),
+            Some(other) => panic!("{other:?}"),
+            None => None,
+        }
+    }
+
+    fn ack(command: MavCmd, result: MavResult) -> COMMAND_ACK_DATA {
+        COMMAND_ACK_DATA {
+            command,
+            result,
+            ..COMMAND_ACK_DATA::default()
+        }
+    }
+
+    #[test]
+    fn a_command_is_repeated_until_answered_and_then_given_up() {
+        let mut commands = Commands::default();
+        commands.submit(Command::Arm);
+        for attempt in 0..ATTEMPTS {
+            let long = due(&mut commands, f64::from(attempt) * 0.3).expect("due");
+            assert_eq!(long.confirmation, attempt);
+            assert!(due(&mut commands, f64::from(attempt) * 0.3 + 0.1).is_none());
+        }
+        assert!(due(&mut commands, 2.0).is_none());
+        let answers = commands.take_answers();
+        assert_eq!(answers.len(), 1);
+        assert_eq!(answers[0].outcome, Outcome::NoAnswer);
+    }
+
+    #[test]
+    fn requests_have_the_parameters_that_px4_takes() {
+        let cases = [
+            (
+                Request::Offboard,
+                MavCmd::MAV_CMD_DO_SET_MODE,
+                [1.0, 6.0, 0.0],
+            ),
+            (
+                Request::HandBack,
+                MavCmd::MAV_CMD_DO_SET_MODE,
+                [1.0, 4.0, 6.0],
+            ),
+            (
+                Request::Arm,
+                MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+                [1.0, 0.0, 0.0],
+            ),
+            (
+                Request::Disarm,
+                MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+                [0.0, 0.0, 0.0],
+            ),
+        ];
+        for (request, id, params) in cases {
+            let mut commands = Commands::default();
+            commands.submit(request.into());
+            let long = due(&mut commands, 1.0).unwrap();
+            assert_eq!(
+                (long.command, [long.param1, long.param2, long.param3]),
+                (id, params),
+                "{request:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn streams_are_asked_for_one_by_one() {
+        let mut commands = Commands::default();
+        commands.submit(Command::Stream {
+            message: 331,
+            hz: 100.0,
+        });
+        commands.submit(Command::Stream {
+            message: 31,
+            hz: 125.0,
+        });
+        let first = due(&mut commands, 0.0).unwrap();
+        assert_eq!((first.param1, first.param2), (331.0, 10_000.0));
+        assert!(due(&mut commands, 0.01).is_none());
+        let accepted = ack(
+            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+            MavResult::MAV_RESULT_ACCEPTED,
+        );
+        assert!(
+            commands
+                .answered(Time::from_secs(0.02), &accepted)
+                .is_some()
+        );
+        assert_eq!(due(&mut commands, 0.02).unwrap().param2, 8_000.0);
+    }
+
+    #[test]
+    fn handing_back_replaces_an_unanswered_offboard() {
+        let mut commands = Commands::default();
+        commands.submit(Request::Offboard.into());
+        assert!(due(&mut commands, 0.0).is_some());
+        commands.submit(Request::HandBack.into());
+        assert_eq!(due(&mut commands, 0.001).unwrap().param2, 4.0);
+        assert!(due(&mut commands, 0.002).is_none());
+    }
+
+    #[test]
+    fn an_answer_to_nothing_is_ignored() {
+        let mut commands = Commands::default();
+        let stray = ack(
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            MavResult::MAV_RESULT_ACCEPTED,
+        );
+        assert!(commands.answered(Time(0), &stray).is_none());
+        commands.submit(Command::Arm);
+        assert!(commands.answered(Time(0), &stray).is_none(), "not sent yet");
+    }
+}

@@ -1,0 +1,463 @@
+//! What is known of the autopilot: packets in, newest values out. Pure; time is an argument.
+
+use crate::clock::ClockMap;
+use crate::commands::{Ack, Command, Outcome};
+use crate::events::AutopilotEvent;
+use crate::messages::{
+    CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage,
+    MavModeFlag, MavState, STATUSTEXT_DATA, TIMESYNC_DATA,
+};
+use crate::mode::Px4Mode;
+use crate::pose::{self, Position, Unusable};
+use crate::wire::{Packet, Reject};
+use goshawk_core::controller::AutopilotStatus;
+use goshawk_core::types::{Odometry, Time, Vec3};
+use std::collections::VecDeque;
+
+/// Without a heartbeat for this long the autopilot counts as gone.
+pub const HEARTBEAT_TIMEOUT_S: f64 = 3.0;
+/// Without ODOMETRY for this long, position and attitude messages are joined instead.
+const ODOMETRY_SILENCE_S: f64 = 0.5;
+/// A position older than this is not joined with an attitude.
+const POSITION_AGE_S: f64 = 0.3;
+/// Packets that come this much late are old news; more is a restart.
+const REORDER_NS: u64 = 1_000_000_000;
+/// Texts and events kept for whoever takes them; older ones go first.
+const NOTES_KEPT: usize = 64;
+
+/// What came and went, counted since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Packets of the autopilot.
+    pub received: u64,
+    /// Packets of other systems or components.
+    pub foreign: u64,
+    /// Datagrams from an address that is not the peer's.
+    pub strangers: u64,
+    /// Runs of bytes that were no MAVLink 2.
+    pub garbage: u64,
+    /// Frames cut short.
+    pub truncated: u64,
+    /// Frames with a wrong checksum.
+    pub checksum: u64,
+    /// Messages unknown to the dialect, or with flags or values that we do not know.
+    pub unknown: u64,
+    /// Motion messages with values that are not finite.
+    pub not_finite: u64,
+    /// ODOMETRY in frames that cannot be converted.
+    pub odometry_frame: u64,
+    /// The autopilot's packets that never came, by their sequence numbers.
+    pub lost: u64,
+    /// Datagrams sent.
+    pub sent: u64,
+    /// Datagrams that could not be sent.
+    pub send_errors: u64,
+}
+
+/// The autopilot's state at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Status {
+    /// Its heartbeat is younger than 3 s.
+    pub connected: bool,
+    /// Motors may turn.
+    pub armed: bool,
+    /// It follows our setpoints.
+    pub offboard: bool,
+    /// It left the mode that was asked for by itself (lost setpoints, battery, …). A pilot's choice is no failsafe.
+    pub failsafe: bool,
+    /// Its landed detector; none: unknown.
+    pub landed: Option<bool>,
+    /// The mode that it flies; none: not heard yet.
+    pub mode: Option<Px4Mode>,
+    /// The mode that was last asked for by anyone; none: not heard yet.
+    pub intended_mode: Option<Px4Mode>,
+    /// Battery left, 0..=1; none: not measured.
+    pub battery_fraction: Option<f64>,
+    /// Age of its newest heartbeat, s; none: never heard.
+    pub heartbeat_age_s: Option<f64>,
+    /// Best TIMESYNC round trip of the last seconds, s; none: stamps are from arrival times.
+    pub round_trip_s: Option<f64>,
+    /// Traffic.
+    pub counters: Counters,
+}
+
+impl Status {
+    /// What the controller wants to know of it.
+    #[must_use]
+    pub fn core(&self) -> AutopilotStatus {
+        AutopilotStatus {
+            connected: self.connected,
+            armed: self.armed,
+            offboard: self.offboard,
+            landed: self.landed,
+        }
+    }
+}
+
+/// One inertial sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Imu {
+    /// When it was true.
+    pub stamp: Time,
+    /// Specific force (what an accelerometer measures; +g along z at rest), m/s².
+    pub specific_force_body: Vec3,
+    /// Angular velocity, rad/s.
+    pub ang_vel_body: Vec3,
+}
+
+/// A line of text from the autopilot. It sends them only to a ground-station heartbeat.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StatusText {
+    /// When it came.
+    pub stamp: Time,
+    /// 0 emergency … 7 debug.
+    pub severity: u8,
+    /// What it says.
+    pub text: String,
+}
+
+/// What taking a packet asks of the link.
+#[derive(Clone, Debug, Default)]
+pub struct Accepted {
+    /// An answer to send.
+    pub reply: Option<MavMessage>,
+    /// First heartbeat after silence, or after a restart: ask for the streams again.
+    pub greet: bool,
+}
+
+/// The newest of everything that the autopilot says.
+#[derive(Clone, Debug)]
+pub struct View {
+    target_system: u8,
+    target_component: u8,
+    clock: ClockMap,
+    heartbeat: Option<Time>,
+    sequence: Option<u8>,
+    armed: bool,
+    offboard: bool,
+    failsafe: bool,
+    landed: Option<bool>,
+    mode: Option<Px4Mode>,
+    intended_mode: Option<Px4Mode>,
+    battery_fraction: Option<f64>,
+    odometry: Option<Odometry>,
+    odometry_remote_ns: u64,
+    /// When ODOMETRY last came.
+    odometry_arrival: Option<Time>,
+    position: Option<Position>,
+    imu: Option<Imu>,
+    texts: VecDeque<StatusText>,
+    events: VecDeque<(Time, AutopilotEvent)>,
+    /// Traffic; the link adds what it alone sees.
+    pub counters: Counters,
+}
+
+impl View {
+    /// Knows nothing yet of the given system and component.
+    #[must_use]
+    pub fn new(target_system: u8, target_component: u8) -> Self {
+        Self {
+            target_system,
+            target_component,
+            clock: ClockMap::default(),
+            heartbeat: None,
+            sequence: None,
+            armed: false,
+            offboard: false,
+            failsafe: false,
+            landed: None,
+            mode: None,
+            intended_mode: None,
+            battery_fraction: None,
+            odometry: None,
+            odometry_remote_ns: 0,
+            odometry_arrival: None,
+            position: None,
+            imu: None,
+            texts: VecDeque::with_capacity(NOTES_KEPT),
+            events: VecDeque::with_capacity(NOTES_KEPT),
+            counters: Counters::default(),
+        }
+    }
+
+    /// Is this packet the autopilot's?
+    #[must_use]
+    pub fn is_target(&self, packet: &Packet) -> bool {
+        packet.header.system_id == u32::from(self.target_system)
+            && packet.header.component_id == self.target_component
+    }
+
+    /// Counts what was no packet.
+    pub fn reject(&mut self, reject: Reject) {
+        let counter = match reject {
+            Reject::Garbage => &mut self.counters.garbage,
+            Reject::Truncated => &mut self.counters.truncated,
+            Reject::Checksum => &mut self.counters.checksum,
+            Reject::Flags | Reject::Unknown | Reject::Payload => &mut self.counters.unknown,
+        };
+        *counter += 1;
+    }
+
+    /// Takes a packet that arrived `now`.
+    pub fn accept(&mut self, now: Time, packet: &Packet) -> Accepted {
+        let mut accepted = Accepted::default();
+        if !self.is_target(packet) {
+            self.counters.foreign += 1;
+            return accepted;
+        }
+        self.counters.received += 1;
+        if let Some(last) = self.sequence.replace(packet.header.sequence) {
+            let gap = packet.header.sequence.wrapping_sub(last).wrapping_sub(1);
+            // More than half the circle is a packet that came late, not 128 that were lost.
+            self.counters.lost += if gap < 128 { u64::from(gap) } else { 0 };
+        }
+        match &packet.message {
+            MavMessage::HEARTBEAT(heartbeat) => accepted.greet = self.heartbeat(now, heartbeat),
+            MavMessage::CURRENT_MODE(mode) => self.current_mode(mode),
+            MavMessage::EXTENDED_SYS_STATE(state) => self.landed = landed(state),
+            MavMessage::SYS_STATUS(status) => {
+                self.battery_fraction = percent(status.battery_remaining)
+            }
+            MavMessage::BATTERY_STATUS(battery) => {
+                self.battery_fraction = percent(battery.battery_remaining)
+            }
+            MavMessage::EVENT(event) => self.event(now, AutopilotEvent::from_id(event.id)),
+            MavMessage::STATUSTEXT(text) => self.text(now, text),
+            MavMessage::TIMESYNC(sync) => accepted.reply = self.timesync(now, sync),
+            motion => self.motion(now, motion),
+        }
+        accepted
+    }
+
+    /// Notes how a command ended: an accepted arming is known before the next heartbeat says so.
+    pub fn settled(&mut self, ack: &Ack) {
+        match (ack.command, ack.outcome) {
+            (Command::Arm, Outcome::Accepted) => self.armed = true,
+            (Command::Disarm { .. }, Outcome::Accepted) => self.armed = false,
+            _ => {}
+        }
+    }
+
+    /// The TIMESYNC request to send `now`.
+    pub fn timesync_request(&mut self, now: Time) -> MavMessage {
+        self.clock.asked(now);
+        MavMessage::TIMESYNC(TIMESYNC_DATA {
+            tc1: 0,
+            ts1: now.0 as i64,
+            target_system: self.target_system,
+            target_component: self.target_component,
+        })
+    }
+
+    /// The state as known at `now`.
+    #[must_use]
+    pub fn status(&self, now: Time) -> Status {
+        let heartbeat_age_s = self.heartbeat.map(|heard| now.since(heard));
+        Status {
+            connected: heartbeat_age_s.is_some_and(|age| age < HEARTBEAT_TIMEOUT_S),
+            armed: self.armed,
+            offboard: self.offboard,
+            failsafe: self.failsafe,
+            landed: self.landed,
+            mode: self.mode,
+            intended_mode: self.intended_mode,
+            battery_fraction: self.battery_fraction,
+            heartbeat_age_s,
+            round_trip_s: self.clock.round_trip(),
+            counters: self.counters,
+        }
+    }
+
+    /// Newest odometry, stamped in our clock; none: nothing usable came yet. Freshness is for the caller to judge.
+    #[must_use]
+    pub fn odometry(&self) -> Option<Odometry> {
+        self.odometry
+    }
+
+    /// Newest inertial sample.
+    #[must_use]
+    pub fn imu(&self) -> Option<Imu> {
+        self.imu
+    }
+
+    /// Takes the texts that came since the last call, oldest first.
+    pub fn take_texts(&mut self) -> Vec<StatusText> {
+        self.texts.drain(..).collect()
+    }
+
+    /// Takes the events that came since the last call, oldest first, with their arrivals.
+    pub fn take_events(&mut self) -> Vec<(Time, AutopilotEvent)> {
+        self.events.drain(..).collect()
+    }
+
+    /// True: contact is new.
+    fn heartbeat(&mut self, now: Time, heartbeat: &HEARTBEAT_DATA) -> bool {
+        let greet = !self.status(now).connected;
+        self.heartbeat = Some(now);
+        self.armed = heartbeat
+            .base_mode
+            .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
+        let mode = Px4Mode::from_custom_mode(heartbeat.custom_mode);
+        self.mode = Some(mode);
+        self.offboard = mode == Px4Mode::Offboard;
+        self.failsafe = matches!(
+            heartbeat.system_status,
+            MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY
+        );
+        greet
+    }
+
+    fn current_mode(&mut self, current: &CURRENT_MODE_DATA) {
+        let mode = Px4Mode::from_custom_mode(current.custom_mode);
+        self.mode = Some(mode);
+        self.offboard = mode == Px4Mode::Offboard;
+        // 0 stands for "not known" in the message's definition.
+        let intended = (current.intended_custom_mode != 0).then_some(current.intended_custom_mode);
+        self.intended_mode = intended.map(Px4Mode::from_custom_mode);
+        self.failsafe = intended.is_some_and(|intended| intended != current.custom_mode);
+    }
+
+    fn event(&mut self, now: Time, event: AutopilotEvent) {
+        match event {
+            AutopilotEvent::Armed => self.armed = true,
+            AutopilotEvent::Disarmed => self.armed = false,
+            AutopilotEvent::TakeoffDetected => self.landed = Some(false),
+            AutopilotEvent::LandingDetected => self.landed = Some(true),
+            AutopilotEvent::FailsafeEntered => {
+                self.failsafe = true;
+                self.offboard = false;
+            }
+            AutopilotEvent::NoOffboardSignal | AutopilotEvent::Other(_) => {}
+        }
+        keep(&mut self.events, (now, event));
+    }
+
+    fn text(&mut self, now: Time, text: &STATUSTEXT_DATA) {
+        let line = text
+            .text
+            .to_str()
+            .unwrap_or("(text that is not UTF-8)")
+            .trim_end_matches('\0')
+            .to_owned();
+        keep(
+            &mut self.texts,
+            StatusText {
+                stamp: now,
+                severity: text.severity as u8,
+                text: line,
+            },
+        );
+    }
+
+    fn timesync(&mut self, now: Time, sync: &TIMESYNC_DATA) -> Option<MavMessage> {
+        if sync.tc1 == 0 {
+            // Their question: our time beside theirs.
+            return Some(MavMessage::TIMESYNC(TIMESYNC_DATA {
+                tc1: now.0 as i64,
+                ts1: sync.ts1,
+                target_system: self.target_system,
+                target_component: self.target_component,
+            }));
+        }
+        if let (Ok(asked), Ok(remote)) = (u64::try_from(sync.ts1), u64::try_from(sync.tc1)) {
+            self.clock.answered(now, Time(asked), remote);
+        }
+        None
+    }
+
+    fn motion(&mut self, now: Time, message: &MavMessage) {
+        let outcome = match message {
+            MavMessage::ODOMETRY(odometry) => self.odometry_message(now, odometry),
+            MavMessage::LOCAL_POSITION_NED(local) => {
+                let stamp = self
+                    .clock
+                    .local(u64::from(local.time_boot_ms) * 1_000_000, now);
+                pose::position(local, stamp).map(|position| self.position = Some(position))
+            }
+            MavMessage::ATTITUDE_QUATERNION(attitude) => self.attitude_message(now, attitude),
+            MavMessage::HIGHRES_IMU(imu) => {
+                let stamp = self.clock.local(imu.time_usec.saturating_mul(1000), now);
+                pose::imu(imu, stamp).map(|imu| self.imu = Some(imu))
+            }
+            _ => Ok(()),
+        };
+        match outcome {
+            Ok(()) => {}
+            Err(Unusable::NotFinite) => self.counters.not_finite += 1,
+            Err(Unusable::Frame) => self.counters.odometry_frame += 1,
+        }
+    }
+
+    fn odometry_message(
+        &mut self,
+        now: Time,
+        message: &crate::messages::ODOMETRY_DATA,
+    ) -> Result<(), Unusable> {
+        let remote_ns = message.time_usec.saturating_mul(1000);
+        let odometry = pose::odometry(message, self.clock.local(remote_ns, now))?;
+        self.odometry_arrival = Some(now);
+        self.keep_odometry(remote_ns, odometry);
+        Ok(())
+    }
+
+    fn attitude_message(
+        &mut self,
+        now: Time,
+        message: &crate::messages::ATTITUDE_QUATERNION_DATA,
+    ) -> Result<(), Unusable> {
+        let remote_ns = u64::from(message.time_boot_ms) * 1_000_000;
+        let stamp = self.clock.local(remote_ns, now);
+        let streamed = self
+            .odometry_arrival
+            .is_some_and(|heard| now.since(heard) < ODOMETRY_SILENCE_S);
+        let Some(position) = self
+            .position
+            .filter(|position| stamp.since(position.stamp).abs() < POSITION_AGE_S)
+        else {
+            return Ok(());
+        };
+        if !streamed {
+            let resets = self.odometry.map_or(0, |odometry| odometry.reset_counter);
+            self.keep_odometry(
+                remote_ns,
+                pose::combined(message, &position, stamp, resets)?,
+            );
+        }
+        Ok(())
+    }
+
+    fn keep_odometry(&mut self, remote_ns: u64, odometry: Odometry) {
+        let late =
+            remote_ns < self.odometry_remote_ns && self.odometry_remote_ns - remote_ns < REORDER_NS;
+        if !late {
+            self.odometry_remote_ns = remote_ns;
+            self.odometry = Some(odometry);
+        }
+    }
+}
+
+fn keep<T>(notes: &mut VecDeque<T>, note: T) {
+    if notes.len() == NOTES_KEPT {
+        notes.pop_front();
+    }
+    notes.push_back(note);
+}
+
+fn landed(state: &EXTENDED_SYS_STATE_DATA) -> Option<bool> {
+    match state.landed_state {
+        MavLandedState::MAV_LANDED_STATE_ON_GROUND => Some(true),
+        MavLandedState::MAV_LANDED_STATE_UNDEFINED => None,
+        _ => Some(false),
+    }
+}
+
+/// Percent on the wire, -1 for unknown.
+fn percent(remaining: i8) -> Option<f64> {
+    (0..=100)
+        .contains(&remaining)
+        .then(|| f64::from(remaining) / 100.0)
+}
+
+#[cfg(test)]
+#[path = "view_tests.rs"]
+mod tests;
