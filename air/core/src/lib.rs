@@ -6,9 +6,15 @@
 
 pub mod config;
 pub mod controller;
+pub mod decode;
+pub mod disturbance;
 pub mod error;
+pub mod flatness;
+pub mod lattice;
+pub mod lead;
 pub mod mission;
 pub mod planner;
+pub mod quintic;
 pub mod select;
 pub mod target;
 pub mod types;

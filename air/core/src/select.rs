@@ -1,8 +1,65 @@
-//! The choice among candidates.
+//! The choice among candidates: objectness filter → consistency gate → lowest predicted cost (§III-C.2).
+
+use crate::error::{ConfigError, check};
+use crate::target::{Detection, TargetFilter};
+use crate::types::{ANCHORS, Candidate, Rejection, Task, Time, Vec3};
 
 /// What makes a candidate eligible.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SelectConfig {
     /// Least objectness of a candidate that holds the target, 0..1 (0.5).
     pub min_objectness: f64,
+}
+
+impl SelectConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        check("select.min_objectness", self.min_objectness, "above 0 and below 1", |x| x > 0.0 && x < 1.0)
+    }
+}
+
+/// Updates the target filter with the candidates' detections at `stamp`, marks why each candidate is rejected, and
+/// returns the index of the one to fly; none: none was eligible. In navigation every valid candidate is eligible.
+pub fn select(
+    config: &SelectConfig,
+    task: Task,
+    stamp: Time,
+    cam_world: Vec3,
+    filter: &mut TargetFilter,
+    candidates: &mut [Candidate; ANCHORS],
+) -> Option<usize> {
+    if task == Task::Track {
+        let detections = std::array::from_fn(|index| detection(config, cam_world, &candidates[index]));
+        let mut consistent = [false; ANCHORS];
+        filter.step(stamp, &detections, &mut consistent);
+        for (index, candidate) in candidates.iter_mut().enumerate() {
+            if candidate.rejection.is_none() {
+                candidate.rejection = match (detections[index], consistent[index]) {
+                    (None, _) => Some(Rejection::Objectness),
+                    (Some(_), false) => Some(Rejection::Gate),
+                    (Some(_), true) => None,
+                };
+            }
+        }
+    }
+    let chosen = candidates
+        .iter()
+        .enumerate()
+        .filter(|(_, candidate)| candidate.rejection.is_none())
+        .min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost))
+        .map(|(index, _)| index);
+    for (index, candidate) in candidates.iter_mut().enumerate() {
+        if candidate.rejection.is_none() && Some(index) != chosen {
+            candidate.rejection = Some(Rejection::Cost);
+        }
+    }
+    chosen
+}
+
+fn detection(config: &SelectConfig, cam_world: Vec3, candidate: &Candidate) -> Option<Detection> {
+    let pos_world = candidate.target_world.filter(|_| candidate.objectness >= config.min_objectness)?;
+    Some(Detection { pos_world, distance: (pos_world - cam_world).norm(), objectness: candidate.objectness })
 }

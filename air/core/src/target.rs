@@ -1,9 +1,15 @@
-//! The target filter.
+//! Where the target is: constant-velocity Kalman filter, gate, confirmation, re-acquisition (§III-C.2, eq. 10).
+//!
+//! Detections and the target's acceleration have independent axes, so the 6 × 6 filter is three filters of 2 × 2.
+
+use crate::error::{ConfigError, check, not_negative, positive};
+use crate::types::{TargetEstimate, Time, Vec3};
+use nalgebra::Matrix6;
 
 /// The filter's noise, gate and confirmation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TargetConfig {
-    /// Variance of the target's acceleration, (m/s²)², per world axis (16, 16, 8).
+    /// Variance of the target's acceleration, (m/s²)², for each world axis (16, 16, 8).
     pub acc_variance: [f64; 3],
     /// Variance of a detection at short range, m² (0.02).
     pub measurement_variance: f64,
@@ -19,8 +25,409 @@ pub struct TargetConfig {
     pub blind_time: f64,
     /// Largest speed of a target, m/s (10).
     pub max_speed: f64,
-    /// Detections farther than this are not believed, m (20).
+    /// Detections farther from the lens than this are not believed, m (20).
     pub max_distance: f64,
     /// Added to the reachable set's radius, m (1).
     pub reacquire_margin: f64,
+}
+
+/// One detection, world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detection {
+    /// The target's centre, m.
+    pub pos_world: Vec3,
+    /// From the lens, m.
+    pub distance: f64,
+    /// 0..=1.
+    pub objectness: f64,
+}
+
+/// One axis of the filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Axis {
+    pos: f64,
+    vel: f64,
+    /// Covariance: position, cross, velocity.
+    var: [f64; 3],
+}
+
+impl Axis {
+    /// x ← F x, P ← F P Fᵀ + G σ² Gᵀ with G = (dt²/2, dt).
+    fn predict(&mut self, dt: f64, acc_variance: f64) {
+        let [pp, pv, vv] = self.var;
+        self.pos += self.vel * dt;
+        let noise = acc_variance * dt * dt;
+        self.var = [
+            pp + 2.0 * dt * pv + dt * dt * vv + 0.25 * noise * dt * dt,
+            pv + dt * vv + 0.5 * noise * dt,
+            vv + noise,
+        ];
+    }
+
+    fn update(&mut self, measured: f64, variance: f64) {
+        let [pp, pv, vv] = self.var;
+        let (innovation, s) = (measured - self.pos, pp + variance);
+        let (gain_pos, gain_vel) = (pp / s, pv / s);
+        self.pos += gain_pos * innovation;
+        self.vel += gain_vel * innovation;
+        self.var = [pp * variance / s, pv * variance / s, vv - gain_vel * pv];
+    }
+}
+
+/// A hypothesis of one target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Track {
+    axes: [Axis; 3],
+    stamp: Time,
+    last_seen: Time,
+    /// Bit k: was seen k frames ago.
+    history: u32,
+    confirmed: bool,
+}
+
+/// The filter. One target, or none.
+#[derive(Clone, Copy, Debug)]
+pub struct TargetFilter {
+    config: TargetConfig,
+    track: Option<Track>,
+    /// The last believed target, once it is lost: where and when it was believed last.
+    lost: Option<Track>,
+}
+
+impl TargetConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        for variance in self.acc_variance {
+            positive("target.acc_variance", variance)?;
+        }
+        positive("target.measurement_variance", self.measurement_variance)?;
+        positive("target.variance_distance", self.variance_distance)?;
+        positive("target.gate", self.gate)?;
+        check("target.confirm_of", f64::from(self.confirm_of), "1 to 32", |n| (1.0..=32.0).contains(&n))?;
+        check("target.confirm_hits", f64::from(self.confirm_hits), "1 to confirm_of", |n| {
+            n >= 1.0 && n <= f64::from(self.confirm_of)
+        })?;
+        positive("target.blind_time", self.blind_time)?;
+        positive("target.max_speed", self.max_speed)?;
+        positive("target.max_distance", self.max_distance)?;
+        not_negative("target.reacquire_margin", self.reacquire_margin)
+    }
+
+    /// Variance of a detection at `distance` m, m².
+    #[must_use]
+    pub fn variance(&self, distance: f64) -> f64 {
+        self.measurement_variance * (1.0 + (distance / self.variance_distance).powi(2))
+    }
+}
+
+impl Track {
+    fn new(config: &TargetConfig, stamp: Time, detection: &Detection) -> Self {
+        let variance = config.variance(detection.distance);
+        // Half the largest speed as one standard deviation.
+        let axis = |pos| Axis { pos, vel: 0.0, var: [variance, 0.0, (0.5 * config.max_speed).powi(2)] };
+        let p = &detection.pos_world;
+        Self { axes: [axis(p.x), axis(p.y), axis(p.z)], stamp, last_seen: stamp, history: 1, confirmed: false }
+    }
+
+    fn pos(&self) -> Vec3 {
+        Vec3::new(self.axes[0].pos, self.axes[1].pos, self.axes[2].pos)
+    }
+
+    fn vel(&self) -> Vec3 {
+        Vec3::new(self.axes[0].vel, self.axes[1].vel, self.axes[2].vel)
+    }
+
+    fn predict(&mut self, config: &TargetConfig, now: Time) {
+        let dt = now.since(self.stamp);
+        if dt > 0.0 {
+            for (axis, variance) in self.axes.iter_mut().zip(config.acc_variance) {
+                axis.predict(dt, variance);
+            }
+            self.stamp = now;
+        }
+    }
+
+    /// |x_temp - x| of eq. 10, in standard deviations: a correction K ν measured in its own covariance K S Kᵀ has the
+    /// squared length νᵀ S⁻¹ ν, so positions and velocities need no common unit and the gate widens while blind.
+    fn inconsistency(&self, config: &TargetConfig, detection: &Detection) -> f64 {
+        let variance = config.variance(detection.distance);
+        let squared: f64 = self
+            .axes
+            .iter()
+            .zip(detection.pos_world.iter())
+            .map(|(axis, measured)| (measured - axis.pos).powi(2) / (axis.var[0] + variance))
+            .sum();
+        squared.sqrt()
+    }
+
+    fn update(&mut self, config: &TargetConfig, detection: &Detection) {
+        let variance = config.variance(detection.distance);
+        for (axis, measured) in self.axes.iter_mut().zip(detection.pos_world.iter()) {
+            axis.update(*measured, variance);
+        }
+        let speed = self.vel().norm();
+        if speed > config.max_speed {
+            for axis in &mut self.axes {
+                axis.vel *= config.max_speed / speed;
+            }
+        }
+        self.last_seen = self.stamp;
+    }
+
+    fn estimate(&self) -> TargetEstimate {
+        let mut covariance = Matrix6::zeros();
+        for (k, axis) in self.axes.iter().enumerate() {
+            covariance[(k, k)] = axis.var[0];
+            covariance[(k, k + 3)] = axis.var[1];
+            covariance[(k + 3, k)] = axis.var[1];
+            covariance[(k + 3, k + 3)] = axis.var[2];
+        }
+        TargetEstimate {
+            stamp: self.stamp,
+            pos_world: self.pos(),
+            vel_world: self.vel(),
+            covariance,
+            confirmed: self.confirmed,
+            last_seen: self.last_seen,
+        }
+    }
+}
+
+impl TargetFilter {
+    /// A filter that has seen nothing.
+    #[must_use]
+    pub fn new(config: TargetConfig) -> Self {
+        Self { config, track: None, lost: None }
+    }
+
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.config);
+    }
+
+    /// Moves all positions by `jump_world`: the odometry's origin jumped, the target did not.
+    pub fn shift(&mut self, jump_world: Vec3) {
+        for track in [&mut self.track, &mut self.lost].into_iter().flatten() {
+            for (axis, d) in track.axes.iter_mut().zip(jump_world.iter()) {
+                axis.pos += d;
+            }
+        }
+    }
+
+    /// One frame at `now` with the detections that passed the objectness filter (`None`: no detection there). Marks in
+    /// `consistent` which of them are of the target; all false while there is no believed target.
+    pub fn step<const N: usize>(
+        &mut self,
+        now: Time,
+        detections: &[Option<Detection>; N],
+        consistent: &mut [bool; N],
+    ) {
+        *consistent = [false; N];
+        if let Some(track) = &mut self.track {
+            track.predict(&self.config, now);
+            let mut best: Option<(usize, f64)> = None;
+            for (index, detection) in detections.iter().enumerate() {
+                let Some(detection) = detection else { continue };
+                let inconsistency = track.inconsistency(&self.config, detection);
+                if usable(&self.config, detection) && inconsistency <= self.config.gate {
+                    consistent[index] = true;
+                    if best.is_none_or(|(_, least)| inconsistency < least) {
+                        best = Some((index, inconsistency));
+                    }
+                }
+            }
+            track.history <<= 1;
+            if let Some(detection) = best.and_then(|(index, _)| detections[index].as_ref()) {
+                track.update(&self.config, detection);
+                track.history |= 1;
+            }
+            self.judge(now);
+        }
+        if self.track.is_none() {
+            self.acquire(now, detections);
+        }
+        if !self.track.is_some_and(|track| track.confirmed) {
+            *consistent = [false; N];
+        }
+    }
+
+    /// Confirms, or gives up, the track.
+    fn judge(&mut self, now: Time) {
+        let Some(track) = &mut self.track else { return };
+        let window = u32::MAX >> (32 - self.config.confirm_of);
+        if (track.history & window).count_ones() >= self.config.confirm_hits {
+            track.confirmed = true;
+            self.lost = None;
+        }
+        let blind = now.since(track.last_seen);
+        if track.confirmed && blind > self.config.blind_time {
+            track.confirmed = false;
+            self.lost = Some(*track);
+            self.track = None;
+        } else if !track.confirmed {
+            // Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
+            let blank = track.history.trailing_zeros();
+            if blank > self.config.confirm_of - self.config.confirm_hits || blind > self.config.blind_time {
+                self.track = None;
+            }
+        }
+    }
+
+    /// Starts a hypothesis at the likeliest detection that a lost target can have reached.
+    fn acquire<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N]) {
+        let reachable = |detection: &Detection| {
+            self.lost.is_none_or(|lost| {
+                let reach = self.config.reacquire_margin + self.config.max_speed * now.since(lost.last_seen).max(0.0);
+                (detection.pos_world - lost.pos()).norm() <= reach
+            })
+        };
+        let best = detections
+            .iter()
+            .flatten()
+            .filter(|d| usable(&self.config, d) && reachable(d))
+            .max_by(|a, b| a.objectness.total_cmp(&b.objectness));
+        self.track = best.map(|detection| Track::new(&self.config, now, detection));
+        if self.config.confirm_hits == 1 {
+            self.judge(now);
+        }
+    }
+
+    /// The estimate; once lost, the place and velocity at which it was believed last; none before the first detection.
+    #[must_use]
+    pub fn estimate(&self) -> Option<TargetEstimate> {
+        match (&self.track, &self.lost) {
+            (Some(track), _) if track.confirmed => Some(track.estimate()),
+            (_, Some(lost)) => Some(lost.estimate()),
+            (Some(track), None) => Some(track.estimate()),
+            (None, None) => None,
+        }
+    }
+}
+
+fn usable(config: &TargetConfig, detection: &Detection) -> bool {
+    detection.distance <= config.max_distance && detection.pos_world.iter().all(|x| x.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    pub(super) const CONFIG: TargetConfig = TargetConfig {
+        acc_variance: [16.0, 16.0, 8.0],
+        measurement_variance: 0.02,
+        variance_distance: 6.0,
+        gate: 5.0,
+        confirm_hits: 4,
+        confirm_of: 6,
+        blind_time: 0.5,
+        max_speed: 10.0,
+        max_distance: 20.0,
+        reacquire_margin: 1.0,
+    };
+
+    fn seen(pos_world: Vec3) -> [Option<Detection>; 2] {
+        [Some(Detection { pos_world, distance: pos_world.norm(), objectness: 0.9 }), None]
+    }
+
+    /// Frames at 30 Hz; `what(t)` is the detection.
+    fn run(filter: &mut TargetFilter, from: f64, frames: u32, what: impl Fn(f64) -> [Option<Detection>; 2]) -> [bool; 2] {
+        let mut consistent = [false; 2];
+        for k in 0..frames {
+            let t = from + f64::from(k) / 30.0;
+            filter.step(Time::from_secs(t), &what(t), &mut consistent);
+        }
+        consistent
+    }
+
+    fn confirmed_at(pos: Vec3) -> TargetFilter {
+        let mut filter = TargetFilter::new(CONFIG);
+        run(&mut filter, 0.0, 30, |_| seen(pos));
+        assert!(filter.estimate().unwrap().confirmed);
+        filter
+    }
+
+    #[test]
+    fn four_of_six_frames_confirm_and_three_do_not() {
+        let mut filter = TargetFilter::new(CONFIG);
+        let here = Vec3::new(5.0, 0.0, 1.0);
+        assert_eq!(run(&mut filter, 0.0, 3, |_| seen(here)), [false, false]);
+        assert!(!filter.estimate().unwrap().confirmed);
+        assert_eq!(run(&mut filter, 0.1, 1, |_| seen(here)), [true, false]);
+        assert!(filter.estimate().unwrap().confirmed);
+    }
+
+    #[test]
+    fn a_constant_velocity_is_learned() {
+        let mut filter = TargetFilter::new(CONFIG);
+        let path = |t: f64| Vec3::new(5.0 + 4.0 * t, -2.0 * t, 1.0);
+        run(&mut filter, 0.0, 60, |t| seen(path(t)));
+        let estimate = filter.estimate().unwrap();
+        assert!((estimate.vel_world - Vec3::new(4.0, -2.0, 0.0)).norm() < 0.05);
+        assert!((estimate.pos_world - path(59.0 / 30.0)).norm() < 0.02);
+    }
+
+    #[test]
+    fn a_false_positive_far_away_is_not_consistent() {
+        let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+        assert_eq!(run(&mut filter, 1.0, 1, |_| seen(Vec3::new(8.0, 4.0, 1.0))), [false, false]);
+        assert!((filter.estimate().unwrap().pos_world - Vec3::new(5.0, 0.0, 1.0)).norm() < 0.1);
+    }
+
+    #[test]
+    fn short_blindness_keeps_the_target_and_long_blindness_loses_it() {
+        let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+        run(&mut filter, 1.0, 13, |_| [None; 2]);
+        assert!(filter.estimate().unwrap().confirmed);
+        run(&mut filter, 1.0 + 13.0 / 30.0, 5, |_| [None; 2]);
+        let lost = filter.estimate().unwrap();
+        assert!(!lost.confirmed);
+        assert!((lost.pos_world - Vec3::new(5.0, 0.0, 1.0)).norm() < 0.2);
+    }
+
+    #[test]
+    fn a_lost_target_is_taken_again_only_where_it_can_have_run() {
+        let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+        run(&mut filter, 1.0, 24, |_| [None; 2]); // lost at about 1.5 s, now 1.8 s
+        run(&mut filter, 1.8, 6, |_| seen(Vec3::new(0.0, 19.0, 1.0)));
+        assert!(!filter.estimate().unwrap().confirmed, "20 m in 0.8 s");
+        run(&mut filter, 2.0, 6, |_| seen(Vec3::new(8.0, 2.0, 1.0)));
+        assert!(filter.estimate().unwrap().confirmed);
+    }
+
+    #[test]
+    fn an_odometry_jump_moves_the_target_along() {
+        let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+        filter.shift(Vec3::new(0.0, 30.0, 0.0));
+        assert_eq!(run(&mut filter, 1.0, 1, |_| seen(Vec3::new(5.0, 30.0, 1.0)))[0], false, "beyond max_distance");
+        filter.shift(Vec3::new(0.0, -20.0, 0.0));
+        assert_eq!(run(&mut filter, 1.1, 1, |_| seen(Vec3::new(5.0, 10.0, 1.0))), [true, false]);
+    }
+
+    proptest! {
+        #[test]
+        fn any_detections_keep_the_estimate_finite_slow_and_certain(
+            points in prop::collection::vec(prop::array::uniform3(prop::num::f64::ANY), 1..40),
+            near in prop::collection::vec(prop::array::uniform3(-3.0..3.0), 40), step in 0.0..2.0
+        ) {
+            let mut filter = TargetFilter::new(CONFIG);
+            let mut consistent = [false; 2];
+            for (k, point) in points.iter().enumerate() {
+                let (wild, tame) = (Vec3::from(*point), Vec3::from(near[k]));
+                let detections = [
+                    Some(Detection { pos_world: wild, distance: wild.norm(), objectness: 0.9 }),
+                    Some(Detection { pos_world: tame, distance: tame.norm(), objectness: 0.6 }),
+                ];
+                filter.step(Time::from_secs(step * k as f64), &detections, &mut consistent);
+                if let Some(e) = filter.estimate() {
+                    prop_assert!(e.pos_world.iter().all(|x| x.is_finite()));
+                    prop_assert!(e.vel_world.norm() <= CONFIG.max_speed + 1e-9);
+                    prop_assert!(e.covariance.diagonal().iter().all(|v| *v > 0.0 && v.is_finite()));
+                }
+            }
+        }
+    }
 }

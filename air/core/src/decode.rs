@@ -1,0 +1,274 @@
+//! Network tensor → end states and detections, world frame (eq. 4-9).
+
+use crate::error::{ConfigError, check, positive};
+use crate::lattice::{COLUMNS, Lattice, ROWS, end_position};
+use crate::planner::{CameraModel, PolicyModel};
+use crate::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Rejection, Rot, Task, Vec3};
+
+/// Where the camera was, and from where the vehicle plans.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramePose {
+    /// The vehicle's position: f(0) of every trajectory, m.
+    pub start_world: Vec3,
+    /// The lens, m.
+    pub cam_world: Vec3,
+    /// The camera's attitude.
+    pub world_from_cam: Rot,
+}
+
+/// Decodes one network's outputs.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    lattice: Lattice,
+    policy: PolicyModel,
+    /// Pixels for one unit of tan(angle).
+    focal_u: f64,
+    focal_v: f64,
+}
+
+// Channel indices of the contract's order.
+const THETA: usize = 0;
+const PHI: usize = 1;
+const RADIUS: usize = 2;
+const VELOCITY: usize = 3;
+const ACCELERATION: usize = 6;
+const COST: usize = 9;
+const OBJECTNESS: usize = 10;
+const DELTA_U: usize = 11;
+const DELTA_V: usize = 12;
+const DISTANCE: usize = 13;
+
+/// Channels of one anchor.
+#[must_use]
+pub const fn channels(task: Task) -> usize {
+    match task {
+        Task::Track => 14,
+        Task::Navigate => 10,
+    }
+}
+
+/// ln(1 + eˣ) without overflow.
+#[must_use]
+pub fn softplus(x: f64) -> f64 {
+    x.max(0.0) + (-x.abs()).exp().ln_1p()
+}
+
+/// 1 / (1 + e⁻ˣ).
+#[must_use]
+pub fn sigmoid(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+impl Decoder {
+    /// A decoder for `policy` seen through `camera`.
+    ///
+    /// # Errors
+    /// A contract value out of range, or a camera that differs from the policy's.
+    pub fn new(policy: PolicyModel, camera: &CameraModel) -> Result<Self, ConfigError> {
+        validate(&policy, camera)?;
+        Ok(Self {
+            lattice: Lattice::new(policy.hfov, policy.vfov, policy.radius),
+            focal_u: f64::from(policy.width) / 2.0 / (policy.hfov / 2.0).tan(),
+            focal_v: f64::from(policy.height) / 2.0 / (policy.vfov / 2.0).tan(),
+            policy,
+        })
+    }
+
+    /// T = 2r / (alpha · v_max), s.
+    #[must_use]
+    pub fn duration(&self, alpha: f64) -> f64 {
+        2.0 * self.policy.radius / (alpha * self.policy.v_max)
+    }
+
+    /// All candidates, none rejected yet except as `Invalid` where a value is not finite.
+    ///
+    /// The lens's displacement along a trajectory is the body's: `end.pos` is `start_world` plus the rotated eq. 4.
+    #[must_use]
+    pub fn decode(&self, output: &NetworkOutput, alpha: f64, pose: &FramePose) -> [Candidate; ANCHORS] {
+        std::array::from_fn(|index| {
+            self.candidate(output, index, alpha, pose).unwrap_or_else(|| self.bare_anchor(index, pose))
+        })
+    }
+
+    fn candidate(&self, output: &NetworkOutput, index: usize, alpha: f64, pose: &FramePose) -> Option<Candidate> {
+        let mut y = [0.0; 14];
+        for (channel, value) in y.iter_mut().enumerate().take(channels(self.policy.task)) {
+            *value = f64::from(output.values[channel * ANCHORS + index]);
+            if !value.is_finite() {
+                return None;
+            }
+        }
+        let p = &self.policy;
+        let anchor = &self.lattice.anchors[index];
+        // eq. 6, then eq. 4
+        let elevation = anchor.elevation + y[THETA].tanh() * p.elevation_offset;
+        let azimuth = anchor.azimuth + y[PHI].tanh() * p.azimuth_offset;
+        let radius = p.radius + y[RADIUS].tanh() * p.radius;
+        let pos_cam = end_position(radius, elevation, azimuth);
+        // eq. 7, from the cell's frame
+        let world_from_cell = pose.world_from_cam * anchor.cam_from_cell;
+        let bounded = |at: usize| Vec3::new(y[at].tanh(), y[at + 1].tanh(), y[at + 2].tanh());
+        let vel_cell = bounded(VELOCITY) * (alpha * p.v_max);
+        let acc_cell = bounded(ACCELERATION) * (alpha * alpha * p.a_max);
+        let tracking = p.task == Task::Track;
+        Some(Candidate {
+            end: FlatState {
+                pos: pose.start_world + pose.world_from_cam * pos_cam,
+                vel: world_from_cell * vel_cell,
+                acc: world_from_cell * acc_cell,
+            },
+            cost: softplus(y[COST]),
+            objectness: if tracking { sigmoid(y[OBJECTNESS]) } else { 1.0 },
+            target_world: tracking.then(|| pose.cam_world + pose.world_from_cam * self.detection(&y, index)),
+            rejection: None,
+        })
+    }
+
+    /// The detected centre in the camera frame, m (eq. 8-9); the distance is along the optical axis.
+    fn detection(&self, y: &[f64; 14], index: usize) -> Vec3 {
+        let p = &self.policy;
+        let (width, height) = (f64::from(p.width), f64::from(p.height));
+        let (row, column) = ((index / COLUMNS) as f64, (index % COLUMNS) as f64);
+        // A centre may leave its cell by half a cell on each side.
+        let u = (2.0 * sigmoid(y[DELTA_U]) - 0.5 + column) * (width / COLUMNS as f64);
+        let v = (2.0 * sigmoid(y[DELTA_V]) - 0.5 + row) * (height / ROWS as f64);
+        let distance = p.target_depth_scale * softplus(y[DISTANCE]);
+        distance * Vec3::new(1.0, (width / 2.0 - u) / self.focal_u, (height / 2.0 - v) / self.focal_v)
+    }
+
+    /// Stands in for values that are not finite.
+    fn bare_anchor(&self, index: usize, pose: &FramePose) -> Candidate {
+        let pos = pose.start_world + pose.world_from_cam * self.lattice.primitive(index);
+        Candidate {
+            end: FlatState { pos, ..FlatState::default() },
+            cost: f64::from(f32::MAX),
+            objectness: 0.0,
+            target_world: None,
+            rejection: Some(Rejection::Invalid),
+        }
+    }
+}
+
+fn validate(policy: &PolicyModel, camera: &CameraModel) -> Result<(), ConfigError> {
+    positive("policy.radius", policy.radius)?;
+    let acute = |x: f64| x > 0.0 && x < std::f64::consts::FRAC_PI_2;
+    check("policy.azimuth_offset", policy.azimuth_offset, "above 0 and below pi/2", acute)?;
+    check("policy.elevation_offset", policy.elevation_offset, "above 0 and below pi/2", acute)?;
+    positive("policy.v_max", policy.v_max)?;
+    positive("policy.a_max", policy.a_max)?;
+    positive("policy.target_depth_scale", policy.target_depth_scale)?;
+    let view = |x: f64| x > 0.0 && x < std::f64::consts::PI;
+    check("policy.hfov", policy.hfov, "above 0 and below pi", view)?;
+    check("policy.vfov", policy.vfov, "above 0 and below pi", view)?;
+    positive("policy.width", f64::from(policy.width))?;
+    positive("policy.height", f64::from(policy.height))?;
+    // Half a degree: the lattice's cells are 18 degrees wide.
+    let near = |a: f64, b: f64| (a - b).abs() <= 0.009;
+    if !near(camera.hfov, policy.hfov) || !near(camera.vfov, policy.vfov) {
+        return Err(ConfigError::Contradiction(
+            "the camera's field of view differs from the policy's training images by more than 0.5 degrees",
+        ));
+    }
+    if (camera.width, camera.height) != (policy.width, policy.height) {
+        return Err(ConfigError::Contradiction("the camera's network image size differs from the policy's"));
+    }
+    if !camera.pos_cam_body.iter().chain(camera.body_from_cam.coords.iter()).all(|x| x.is_finite()) {
+        return Err(ConfigError::Contradiction("the camera's mounting is not finite"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::MAX_CHANNELS;
+    use proptest::prelude::*;
+
+    fn policy(task: Task) -> PolicyModel {
+        let (hfov, vfov) = (90_f64.to_radians(), 2.0 * 0.6_f64.atan());
+        PolicyModel {
+            task,
+            radius: 5.0,
+            azimuth_offset: 15_f64.to_radians(),
+            elevation_offset: 15_f64.to_radians(),
+            v_max: 6.0,
+            a_max: 6.0,
+            target_depth_scale: 5.0,
+            hfov,
+            vfov,
+            width: 160,
+            height: 96,
+        }
+    }
+
+    fn camera(p: &PolicyModel) -> CameraModel {
+        CameraModel {
+            hfov: p.hfov,
+            vfov: p.vfov,
+            width: 160,
+            height: 96,
+            body_from_cam: Rot::identity(),
+            pos_cam_body: Vec3::zeros(),
+        }
+    }
+
+    fn decoder(task: Task) -> Decoder {
+        let p = policy(task);
+        Decoder::new(p, &camera(&p)).unwrap()
+    }
+
+    fn level() -> FramePose {
+        FramePose { start_world: Vec3::zeros(), cam_world: Vec3::zeros(), world_from_cam: Rot::identity() }
+    }
+
+    #[test]
+    fn zero_outputs_give_the_bare_primitives() {
+        let decoder = decoder(Task::Navigate);
+        let output = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
+        for (index, candidate) in decoder.decode(&output, 1.0, &level()).iter().enumerate() {
+            assert!((candidate.end.pos - decoder.lattice.primitive(index)).norm() < 1e-12);
+            assert!(candidate.end.vel.norm() + candidate.end.acc.norm() < 1e-12);
+            assert_eq!(candidate.target_world, None);
+        }
+    }
+
+    #[test]
+    fn a_detection_in_the_middle_cell_is_straight_ahead() {
+        let decoder = decoder(Task::Track);
+        let mut output = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
+        output.values[DISTANCE * ANCHORS + 7] = 1.0;
+        let target = decoder.decode(&output, 1.0, &level())[7].target_world.unwrap();
+        assert!((target - Vec3::new(5.0 * softplus(1.0), 0.0, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_camera_of_another_field_of_view_is_refused() {
+        let p = policy(Task::Track);
+        let other = CameraModel { hfov: 1.2, ..camera(&p) };
+        assert!(matches!(Decoder::new(p, &other), Err(ConfigError::Contradiction(_))));
+    }
+
+    fn any_value() -> impl Strategy<Value = f32> {
+        prop_oneof![4 => -6.0f32..6.0, 1 => prop::num::f32::ANY]
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_the_network_says_candidates_are_finite_and_bounded(
+            values in prop::collection::vec(any_value(), MAX_CHANNELS * ANCHORS), alpha in 0.2..3.0
+        ) {
+            let decoder = decoder(Task::Track);
+            let output = NetworkOutput { values: values.clone().try_into().unwrap() };
+            for (index, c) in decoder.decode(&output, alpha, &level()).iter().enumerate() {
+                let finite = (0..14).all(|channel| values[channel * ANCHORS + index].is_finite());
+                prop_assert_eq!(c.rejection, if finite { None } else { Some(Rejection::Invalid) });
+                prop_assert!(c.end.pos.norm() <= 10.0 + 1e-9);
+                prop_assert!(c.end.vel.amax() <= alpha * 6.0 * 3f64.sqrt() + 1e-9);
+                prop_assert!(c.end.acc.amax() <= alpha * alpha * 6.0 * 3f64.sqrt() + 1e-9);
+                prop_assert!(c.cost.is_finite() && c.cost >= 0.0);
+                prop_assert!((0.0..=1.0).contains(&c.objectness));
+                prop_assert!(c.target_world.is_none_or(|t| t.iter().all(|x| x.is_finite())));
+            }
+        }
+    }
+}
