@@ -84,8 +84,13 @@ impl Key {
     /// The key and vehicle that an expression without wildcards names; none if it is not in the table.
     #[must_use]
     pub fn parse(expression: &str) -> Option<(Key, VehicleName)> {
-        let (vehicle, suffix) = expression.strip_prefix(PREFIX)?.strip_prefix('/')?.split_once('/')?;
-        let key = Key::ALL.into_iter().find(|key| key.row().suffix == suffix)?;
+        let (vehicle, suffix) = expression
+            .strip_prefix(PREFIX)?
+            .strip_prefix('/')?
+            .split_once('/')?;
+        let key = Key::ALL
+            .into_iter()
+            .find(|key| key.row().suffix == suffix)?;
         Some((key, vehicle.parse().ok()?))
     }
 }
@@ -104,7 +109,11 @@ impl FromStr for VehicleName {
 
     fn from_str(name: &str) -> Result<Self, VehicleNameError> {
         let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
-        if !name.is_empty() && name.chars().all(good) { Ok(Self(name.to_owned())) } else { Err(VehicleNameError(name.to_owned())) }
+        if !name.is_empty() && name.chars().all(good) {
+            Ok(Self(name.to_owned()))
+        } else {
+            Err(VehicleNameError(name.to_owned()))
+        }
     }
 }
 
@@ -125,8 +134,8 @@ impl fmt::Display for VehicleName {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use prost::Message as _;
     use proptest::prelude::*;
+    use prost::Message as _;
     use std::collections::BTreeSet;
 
     fn vehicle(name: &str) -> VehicleName {
@@ -135,22 +144,34 @@ mod tests {
 
     #[test]
     fn a_key_expression_has_prefix_vehicle_and_suffix() {
-        assert_eq!(Key::Plan.expression(&vehicle("kite-1")), "goshawk/kite-1/tel/plan");
-        assert_eq!(Key::Health.expression_of_any_vehicle(), "goshawk/*/tel/health");
+        assert_eq!(
+            Key::Plan.expression(&vehicle("kite-1")),
+            "goshawk/kite-1/tel/plan"
+        );
+        assert_eq!(
+            Key::Health.expression_of_any_vehicle(),
+            "goshawk/*/tel/health"
+        );
     }
 
     #[test]
     fn commands_are_urgent_queries_that_are_answered() {
         for key in [Key::CmdStart, Key::CmdStop] {
             let row = key.row();
-            assert_eq!((row.kind, row.priority, row.congestion), (Kind::Query, Priority::RealTime, Congestion::Block));
+            assert_eq!(
+                (row.kind, row.priority, row.congestion),
+                (Kind::Query, Priority::RealTime, Congestion::Block)
+            );
             assert_eq!(row.reply, Some("goshawk.v1.CommandReply"));
         }
     }
 
     #[test]
     fn nothing_published_in_flight_blocks() {
-        for key in Key::ALL.into_iter().filter(|key| key.row().kind == Kind::Pub) {
+        for key in Key::ALL
+            .into_iter()
+            .filter(|key| key.row().kind == Kind::Pub)
+        {
             assert_eq!(key.row().congestion, Congestion::Drop, "{}", key.row().name);
         }
     }
@@ -158,9 +179,20 @@ mod tests {
     #[test]
     fn every_row_names_a_message_of_the_descriptor_set() {
         let set = prost_types::FileDescriptorSet::decode(crate::FILE_DESCRIPTOR_SET).unwrap();
-        let names: BTreeSet<String> =
-            set.file.iter().flat_map(|f| f.message_type.iter().map(|m| format!("{}.{}", f.package(), m.name()))).collect();
-        let named: Vec<&str> = Key::ALL.iter().flat_map(|k| [k.row().message, k.row().reply]).flatten().collect();
+        let names: BTreeSet<String> = set
+            .file
+            .iter()
+            .flat_map(|f| {
+                f.message_type
+                    .iter()
+                    .map(|m| format!("{}.{}", f.package(), m.name()))
+            })
+            .collect();
+        let named: Vec<&str> = Key::ALL
+            .iter()
+            .flat_map(|k| [k.row().message, k.row().reply])
+            .flatten()
+            .collect();
         assert!(named.len() > 10);
         for name in named {
             assert!(names.contains(name), "{name}");
@@ -171,19 +203,31 @@ mod tests {
     fn names_and_suffixes_are_unique() {
         let names: BTreeSet<_> = Key::ALL.iter().map(|k| k.row().name).collect();
         let suffixes: BTreeSet<_> = Key::ALL.iter().map(|k| k.row().suffix).collect();
-        assert_eq!((names.len(), suffixes.len()), (Key::ALL.len(), Key::ALL.len()));
+        assert_eq!(
+            (names.len(), suffixes.len()),
+            (Key::ALL.len(), Key::ALL.len())
+        );
     }
 
     #[test]
     fn a_wildcard_slash_or_empty_vehicle_name_is_refused() {
         for name in ["", "*", "**", "a/b", "Kite", "a b", "a$*", "é"] {
-            assert_eq!(name.parse::<VehicleName>(), Err(VehicleNameError(name.to_owned())));
+            assert_eq!(
+                name.parse::<VehicleName>(),
+                Err(VehicleNameError(name.to_owned()))
+            );
         }
     }
 
     #[test]
     fn an_unknown_key_does_not_parse() {
-        for expression in ["goshawk/kite", "goshawk/kite/tel/nothing", "hawk/kite/tel/plan", "goshawk/*/tel/plan", ""] {
+        for expression in [
+            "goshawk/kite",
+            "goshawk/kite/tel/nothing",
+            "hawk/kite/tel/plan",
+            "goshawk/*/tel/plan",
+            "",
+        ] {
             assert_eq!(Key::parse(expression), None, "{expression}");
         }
     }

@@ -35,6 +35,7 @@ class Rejection(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     REJECTION_OBJECTNESS: _ClassVar[Rejection]
     REJECTION_GATE: _ClassVar[Rejection]
     REJECTION_COST: _ClassVar[Rejection]
+    REJECTION_INVALID: _ClassVar[Rejection]
 
 class Severity(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -62,6 +63,7 @@ REJECTION_NONE: Rejection
 REJECTION_OBJECTNESS: Rejection
 REJECTION_GATE: Rejection
 REJECTION_COST: Rejection
+REJECTION_INVALID: Rejection
 SEVERITY_UNSPECIFIED: Severity
 SEVERITY_INFO: Severity
 SEVERITY_WARNING: Severity

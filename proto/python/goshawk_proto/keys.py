@@ -73,7 +73,7 @@ def _row(row: dict[str, Any]) -> KeyRow:
 
 
 def _load() -> Mapping[str, KeyRow]:
-    table = tomllib.loads(files(__package__).joinpath("keys.toml").read_text(encoding="utf-8"))
+    table = tomllib.loads(files("goshawk_proto").joinpath("keys.toml").read_text(encoding="utf-8"))
     return MappingProxyType({row["name"]: _row(row) for row in table["key"]})
 
 
