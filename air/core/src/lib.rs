@@ -10,6 +10,7 @@ pub mod decode;
 pub mod disturbance;
 pub mod error;
 pub mod flatness;
+pub mod history;
 pub mod lattice;
 pub mod lead;
 pub mod mission;
@@ -27,6 +28,7 @@ pub use controller::{
     Transition,
 };
 pub use error::ConfigError;
+pub use history::History;
 pub use mission::{Cause, Fallback, Mode};
 pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PolicyModel};
 pub use select::SelectConfig;
