@@ -59,6 +59,14 @@ impl Observer {
         *self = Self::new(self.config);
     }
 
+    /// Goes on from `vel_world` with the estimate as it is: the velocity jumped, or samples are missing.
+    pub fn rebase(&mut self, vel_world: Vec3) {
+        if vel_world.iter().all(|x| x.is_finite()) {
+            self.vel_world = Some(vel_world);
+            self.error = Vec3::zeros();
+        }
+    }
+
     /// Takes the velocity that was measured `dt` seconds after the last one, and the acceleration that attitude and
     /// thrust alone gave meanwhile. The first call starts the observer at zero disturbance. A `dt` that is not above
     /// zero, or a value that is not finite, changes nothing.

@@ -10,25 +10,31 @@ pub mod decode;
 pub mod disturbance;
 pub mod error;
 pub mod flatness;
-pub mod history;
+mod flight;
+pub mod hover;
+pub mod interface;
+pub mod landing;
 pub mod lattice;
 pub mod lead;
 pub mod mission;
+pub mod motion;
 pub mod planner;
+pub mod plans;
 pub mod quintic;
 pub mod select;
+pub mod takeoff;
 pub mod target;
 pub mod types;
+pub mod yaw;
 
 pub use config::{
     ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig, ObserverConfig, VehicleModel, YawConfig,
 };
-pub use controller::{
-    AutopilotStatus, Command, Controller, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request,
-    Transition,
-};
+pub use controller::Controller;
 pub use error::ConfigError;
-pub use history::History;
+pub use interface::{
+    AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request, Transition,
+};
 pub use mission::{Cause, Fallback, Mode};
 pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PolicyModel};
 pub use select::SelectConfig;

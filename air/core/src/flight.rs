@@ -1,0 +1,236 @@
+//! How each mode is flown, and the fallback ladder.
+
+use crate::controller::Controller;
+use crate::flatness::{FlatCommand, flat_command};
+use crate::interface::{ControllerInput, ControllerOutput, Request};
+use crate::landing::Phase;
+use crate::lead::lead;
+use crate::mission::{Fallback, Mode};
+use crate::takeoff::{Stage, repeat};
+use crate::types::{AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3};
+use crate::yaw::{YawGoal, toward, yaw_of};
+
+/// What a mode wants to fly.
+struct Intent {
+    reference: FlatState,
+    /// After the lead.
+    acc_world: Vec3,
+    fallback: Fallback,
+    /// Sequence and age of the plan flown.
+    plan: Option<(u64, f64)>,
+}
+
+/// Above the start, m: off the ground.
+const LIFTED: f64 = 0.15;
+/// A climb that has not lifted by then needs the observer to find the missing thrust, s.
+const LONGEST_UNAIDED_CLIMB: f64 = 1.0;
+
+impl Controller {
+    /// The output of the current mode; transition, reply and readiness are the caller's.
+    pub(crate) fn fly(&mut self, now: Time, dt: f64, input: &ControllerInput) -> ControllerOutput {
+        let request = self.sequence(now, input);
+        if !self.mode.has_authority() {
+            self.rest();
+            return self.silent(request);
+        }
+        if !self.motors_wanted() {
+            self.rest();
+            return self.on_ground(request);
+        }
+        let stale = self.config.ladder.odometry_stale;
+        let Some(odometry) = self.motion.fresh(now, stale).copied() else {
+            return self.descend_blind(dt, request);
+        };
+        if !self.lifted(now, &odometry) {
+            self.motion.reset_observer();
+        }
+        let goal = self.yaw_goal(now, &odometry);
+        let yaw = self.yaw.step(dt, goal);
+        let intent = self.intent(now, &odometry);
+        let disturbance = self.motion.observer().disturbance();
+        let command = flat_command(&self.config.vehicle, intent.acc_world, disturbance, yaw);
+        self.output(request, &intent, &command, yaw)
+    }
+
+    /// Take-off's, landing's and the fault's requests.
+    fn sequence(&mut self, now: Time, input: &ControllerInput) -> Option<Request> {
+        let mission = &self.config.mission;
+        match self.mode {
+            Mode::Takeoff => self.flight.as_mut()?.takeoff.step(mission, now, &input.autopilot),
+            Mode::Stopping => {
+                let climb = self.motion.fresh(now, self.config.ladder.odometry_stale).map(|o| o.vel_world.z);
+                let stopped = self.hover.is_stopped();
+                let landing = &mut self.flight.as_mut()?.landing;
+                // Without odometry the landing waits, but for a cut that has begun.
+                match (climb, landing.phase()) {
+                    (None, Phase::Brake | Phase::Descend) => None,
+                    (climb, _) => landing.step(mission, now, climb.unwrap_or(0.0), stopped, &input.autopilot),
+                }
+            }
+            Mode::Fault if self.handing_back && input.autopilot.offboard => {
+                repeat(&mut self.asked_back, now, mission.request_period).then_some(Request::HandBack)
+            }
+            _ => None,
+        }
+    }
+
+    /// On the ground, or without authority: the observer and the yaw plan follow the vehicle.
+    fn rest(&mut self) {
+        self.motion.reset_observer();
+        self.force = Newtons(0.0);
+        if let Some(odometry) = self.motion.last() {
+            self.yaw.reset(yaw_of(&odometry.world_from_body));
+        }
+    }
+
+    fn motors_wanted(&self) -> bool {
+        self.flight.as_ref().is_some_and(|flight| match self.mode {
+            Mode::Takeoff => flight.takeoff.stage() == Stage::Climb,
+            Mode::Stopping => flight.landing.phase() != Phase::Cut,
+            _ => true,
+        })
+    }
+
+    fn lifted(&self, now: Time, odometry: &Odometry) -> bool {
+        self.mode != Mode::Takeoff
+            || self.flight.as_ref().is_some_and(|flight| {
+                odometry.pos_world.z > flight.start_world.z + LIFTED
+                    || flight.takeoff.elapsed(now) > LONGEST_UNAIDED_CLIMB
+            })
+    }
+
+    fn intent(&mut self, now: Time, odometry: &Odometry) -> Intent {
+        let (pos, vel) = (odometry.pos_world, odometry.vel_world);
+        let (hold, mission) = (&self.config.hold, &self.config.mission);
+        let task = self.flight.as_ref().map_or(Task::Track, |f| f.profile.task);
+        let mut fallback = Fallback::None;
+        let reference = match (self.mode, self.flight.as_ref()) {
+            (Mode::Track | Mode::Navigate, _) => {
+                if let Some(flown) = self.plans.flyable(&self.config.ladder, task, now) {
+                    self.hover.reset();
+                    let age = now.since(flown.stamp);
+                    let reference = flown.quintic.at(age);
+                    let acc_world = lead(&self.config.lead, reference.acc, flown.quintic.jerk(age));
+                    return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
+                }
+                let reference = self.hover.step(hold, pos, vel);
+                fallback = self.hover_rung();
+                reference
+            }
+            (Mode::Takeoff, Some(flight)) => {
+                if !self.hover.is_stopped() {
+                    self.hover.hold(flight.start_world);
+                }
+                let climb = (hold.kp / hold.kv * (flight.height() - pos.z)).clamp(-mission.climb_speed, mission.climb_speed);
+                self.hover.step_vertical(hold, pos, vel, climb)
+            }
+            (Mode::Stopping, Some(flight)) if flight.landing.phase() == Phase::Descend => {
+                let low = pos.z - flight.start_world.z < mission.slow_height;
+                let speed = if low { mission.touchdown_speed } else { mission.descent_speed };
+                self.hover.step_vertical(hold, pos, vel, -speed)
+            }
+            _ => {
+                let reference = self.hover.step(hold, pos, vel);
+                // A search needs frames; without them it is a hold for want of plans.
+                if self.mode == Mode::Search && !self.plans.frames_arrive(&self.config.ladder, now) {
+                    fallback = self.hover_rung();
+                }
+                reference
+            }
+        };
+        Intent { reference, acc_world: reference.acc, fallback, plan: None }
+    }
+
+    fn hover_rung(&self) -> Fallback {
+        if self.hover.is_stopped() { Fallback::HoldPosition } else { Fallback::PlanExpiredBrake }
+    }
+
+    fn yaw_goal(&self, now: Time, odometry: &Odometry) -> YawGoal {
+        let Some(flight) = &self.flight else { return YawGoal::Keep };
+        let config = &self.config.yaw;
+        let at_target = || {
+            self.plans.target_at(now).map_or(YawGoal::Keep, |target| {
+                toward(target.pos - odometry.pos_world, target.vel - odometry.vel_world)
+            })
+        };
+        match self.mode {
+            Mode::Search if now.since(self.entered) > config.search_delay => YawGoal::Sweep(self.sweep),
+            Mode::Track | Mode::Search => at_target(),
+            Mode::Hold if flight.profile.task == Task::Track => at_target(),
+            Mode::Navigate => {
+                // Along the velocity when fast, to the goal when slow, in between by their share.
+                let to_goal = flight.goal_world.map_or_else(Vec3::zeros, |goal| goal - odometry.pos_world);
+                let to_goal = Vec3::new(to_goal.x, to_goal.y, 0.0).try_normalize(1e-6).unwrap_or_default();
+                let vel = Vec3::new(odometry.vel_world.x, odometry.vel_world.y, 0.0);
+                let share = (vel.norm() / config.along_velocity_speed - 0.5).clamp(0.0, 1.0);
+                let along = vel.try_normalize(1e-6).unwrap_or_default();
+                toward(along * share + to_goal * (1.0 - share), Vec3::zeros())
+            }
+            _ => YawGoal::Keep,
+        }
+    }
+
+    /// Odometry is stale: level, slightly below hover thrust.
+    fn descend_blind(&mut self, dt: f64, request: Option<Request>) -> ControllerOutput {
+        // What is remembered of the place is worthless when odometry comes back.
+        self.hover.reset();
+        let yaw = self.yaw.step(dt, YawGoal::Keep);
+        let acc_world = Vec3::new(0.0, 0.0, -self.config.ladder.descend_acc);
+        // Of the disturbance only the vertical part stays: it corrects the hover thrust and tilts nothing.
+        let vertical = Vec3::new(0.0, 0.0, self.motion.observer().disturbance().z);
+        let command = flat_command(&self.config.vehicle, acc_world, vertical, yaw);
+        let reference = FlatState { acc: acc_world, ..FlatState::default() };
+        let intent = Intent { reference, acc_world, fallback: Fallback::OdometryStaleDescend, plan: None };
+        self.output(request, &intent, &command, yaw)
+    }
+
+    fn output(&mut self, request: Option<Request>, intent: &Intent, command: &FlatCommand, yaw: f64) -> ControllerOutput {
+        let thrust = self.config.vehicle.normalised(command.force);
+        self.force = command.force;
+        ControllerOutput {
+            fallback: intent.fallback,
+            setpoint: Some(AttitudeThrust { world_from_body: command.world_from_body, thrust }),
+            flat: intent.reference,
+            acc_des_world: intent.reference.acc,
+            acc_att_world: command.acc_att_world,
+            thrust: command.force,
+            yaw_des: yaw,
+            plan_seq: intent.plan.map(|p| p.0),
+            plan_age: intent.plan.map(|p| p.1),
+            ..self.silent(request)
+        }
+    }
+
+    /// Level, no thrust.
+    fn on_ground(&self, request: Option<Request>) -> ControllerOutput {
+        let world_from_body = Rot::from_axis_angle(&Vec3::z_axis(), self.yaw.yaw());
+        ControllerOutput {
+            setpoint: Some(AttitudeThrust { world_from_body, thrust: NormalisedThrust(0.0) }),
+            acc_att_world: Vec3::new(0.0, 0.0, -GRAVITY),
+            ..self.silent(request)
+        }
+    }
+
+    /// No setpoint.
+    fn silent(&self, request: Option<Request>) -> ControllerOutput {
+        ControllerOutput {
+            mode: self.mode,
+            fallback: if self.handing_back { Fallback::HandBack } else { Fallback::None },
+            setpoint: None,
+            request,
+            flat: FlatState::default(),
+            acc_des_world: Vec3::zeros(),
+            acc_att_world: Vec3::zeros(),
+            acc_disturbance_world: self.motion.observer().disturbance(),
+            acc_meas_world: self.motion.observer().acceleration(),
+            thrust: Newtons(0.0),
+            yaw_des: self.yaw.yaw(),
+            plan_seq: None,
+            plan_age: None,
+            planning: self.planning(),
+            transition: None,
+            reply: None,
+            readiness: Ok(()),
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! The order of a landing: brake, descend, notice the ground, stop the motors.
+
+use crate::config::MissionConfig;
+use crate::interface::{AutopilotStatus, Request};
+use crate::takeoff::repeat;
+use crate::types::Time;
+
+/// How far the landing is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// To a hover.
+    Brake,
+    /// Downward.
+    Descend,
+    /// On the ground: no thrust until disarmed.
+    Cut,
+}
+
+/// One landing.
+#[derive(Clone, Copy, Debug)]
+pub struct Landing {
+    phase: Phase,
+    since: Time,
+    /// The descent has been seen to move, so that a standstill means the ground.
+    moved: bool,
+    still_since: Option<Time>,
+    asked: Option<Time>,
+}
+
+/// A hover that is not reached by then is not waited for, s.
+const LONGEST_BRAKE: f64 = 4.0;
+/// A descent that has not moved by then stands on the ground, s.
+const LONGEST_ONSET: f64 = 2.5;
+/// Vertical speed that counts as standing, m/s.
+const STANDING: f64 = 0.1;
+/// Falling faster than this with the motors cut means that it was not the ground, m/s.
+const FALLING: f64 = 1.0;
+/// Without a landed detector: how long after the cut to ask for disarming, s.
+const CUT_BEFORE_DISARM: f64 = 1.0;
+
+impl Landing {
+    /// Begins at `now`.
+    #[must_use]
+    pub fn new(now: Time) -> Self {
+        Self { phase: Phase::Brake, since: now, moved: false, still_since: None, asked: None }
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Moves on. `climb` is the vertical speed (m/s, upward); `stopped`: the hover is reached. What to ask now.
+    pub fn step(
+        &mut self,
+        config: &MissionConfig,
+        now: Time,
+        climb: f64,
+        stopped: bool,
+        autopilot: &AutopilotStatus,
+    ) -> Option<Request> {
+        let elapsed = now.since(self.since);
+        match self.phase {
+            Phase::Brake => {
+                if stopped || elapsed > LONGEST_BRAKE || autopilot.landed == Some(true) {
+                    self.enter(Phase::Descend, now);
+                }
+                None
+            }
+            Phase::Descend => {
+                if self.on_the_ground(config, now, climb, autopilot) {
+                    self.enter(Phase::Cut, now);
+                }
+                None
+            }
+            Phase::Cut => {
+                if climb < -FALLING {
+                    self.enter(Phase::Descend, now);
+                    return None;
+                }
+                let disarm = autopilot.landed.unwrap_or(elapsed > CUT_BEFORE_DISARM);
+                (disarm && repeat(&mut self.asked, now, config.request_period)).then_some(Request::Disarm)
+            }
+        }
+    }
+
+    fn on_the_ground(&mut self, config: &MissionConfig, now: Time, climb: f64, autopilot: &AutopilotStatus) -> bool {
+        self.moved |= climb < -0.5 * config.touchdown_speed || now.since(self.since) > LONGEST_ONSET;
+        if climb.abs() < STANDING {
+            self.still_since.get_or_insert(now);
+        } else {
+            self.still_since = None;
+        }
+        let still = self.still_since.map_or(0.0, |since| now.since(since));
+        let detector = autopilot.landed == Some(true) && climb.abs() < STANDING;
+        detector || (self.moved && still >= config.touchdown_time)
+    }
+
+    fn enter(&mut self, phase: Phase, now: Time) {
+        *self = Self { phase, ..Self::new(now) };
+    }
+}

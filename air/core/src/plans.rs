@@ -1,0 +1,107 @@
+//! Which plan is flown: the newest that chose a trajectory, for as long as it may be flown.
+
+use crate::config::LadderConfig;
+use crate::quintic::Quintic;
+use crate::types::{FlatState, Plan, TargetEstimate, Task, Time, Vec3};
+
+/// The trajectory that is flown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flown {
+    /// Its plan.
+    pub seq: u64,
+    /// Its frame's capture: t = 0.
+    pub stamp: Time,
+    /// Itself, world frame.
+    pub quintic: Quintic,
+}
+
+/// What has come from the planner in this flight.
+#[derive(Clone, Copy, Debug)]
+pub struct Plans {
+    /// Plans of earlier frames are of another flight.
+    since: Time,
+    newest: Option<(u64, Time)>,
+    flown: Option<Flown>,
+    target: Option<TargetEstimate>,
+}
+
+/// How far a target estimate is carried on at its own velocity, s.
+const LONGEST_CARRY: f64 = 0.5;
+
+impl Plans {
+    /// Nothing yet; frames before `since` do not count.
+    #[must_use]
+    pub fn new(since: Time) -> Self {
+        Self { since, newest: None, flown: None, target: None }
+    }
+
+    /// Takes the newest plan. One that is not finite counts as a frame without a choice.
+    pub fn take(&mut self, plan: &Plan) {
+        if self.newest.is_some_and(|(seq, _)| seq == plan.seq) || plan.stamp < self.since {
+            return;
+        }
+        self.newest = Some((plan.seq, plan.stamp));
+        self.target = plan.target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
+        let chosen = plan.chosen.and_then(|index| plan.candidates.get(index));
+        if let Some(candidate) = chosen {
+            let states = [&plan.start, &candidate.end];
+            let whole = states.iter().all(|s| finite(&s.pos) && finite(&s.vel) && finite(&s.acc));
+            if whole && plan.duration.is_finite() && plan.duration > 1e-3 {
+                let quintic = Quintic::new(&plan.start, &candidate.end, plan.duration);
+                self.flown = Some(Flown { seq: plan.seq, stamp: plan.stamp, quintic });
+            }
+        }
+    }
+
+    /// Moves what is known of the target by `jump_world`, m. The trajectory needs no move: only its acceleration is flown.
+    pub fn shift(&mut self, jump_world: Vec3) {
+        if let Some(target) = &mut self.target {
+            target.pos_world += jump_world;
+        }
+    }
+
+    /// The trajectory, unless it has expired: it is over, or it is older than the ladder allows, or frames have stopped.
+    #[must_use]
+    pub fn flyable(&self, ladder: &LadderConfig, task: Task, now: Time) -> Option<&Flown> {
+        let longest = if task == Task::Track { ladder.missed_detection } else { ladder.plan_stale };
+        self.flown.as_ref().filter(|flown| {
+            let age = now.since(flown.stamp);
+            age >= 0.0 && age <= flown.quintic.duration() && age <= longest && self.frames_arrive(ladder, now)
+        })
+    }
+
+    /// Plans arrive, whether they choose or not.
+    #[must_use]
+    pub fn frames_arrive(&self, ladder: &LadderConfig, now: Time) -> bool {
+        self.newest.is_some_and(|(_, stamp)| now.since(stamp) <= ladder.plan_stale)
+    }
+
+    /// Seconds since the last plan's frame, or since the beginning.
+    #[must_use]
+    pub fn silence(&self, now: Time) -> f64 {
+        now.since(self.newest.map_or(self.since, |(_, stamp)| stamp))
+    }
+
+    /// The newest target estimate.
+    #[must_use]
+    pub fn target(&self) -> Option<&TargetEstimate> {
+        self.target.as_ref()
+    }
+
+    /// The newest estimate carried on to `now` while it is believed; velocity 0 once it is not.
+    #[must_use]
+    pub fn target_at(&self, now: Time) -> Option<FlatState> {
+        self.target.map(|t| {
+            if t.confirmed {
+                let carry = now.since(t.stamp).clamp(0.0, LONGEST_CARRY);
+                FlatState { pos: t.pos_world + t.vel_world * carry, vel: t.vel_world, acc: Vec3::zeros() }
+            } else {
+                FlatState { pos: t.pos_world, ..FlatState::default() }
+            }
+        })
+    }
+}
+
+fn finite(v: &Vec3) -> bool {
+    v.iter().all(|x| x.is_finite())
+}
