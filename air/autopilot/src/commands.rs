@@ -2,7 +2,7 @@
 
 use crate::messages::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
 use crate::mode::Px4Mode;
-use goshawk_core::controller::Request;
+use goshawk_core::Request;
 use goshawk_core::types::Time;
 use std::collections::VecDeque;
 use std::fmt;
@@ -156,35 +156,20 @@ impl Commands {
     pub fn submit(&mut self, command: Command) {
         match command {
             Command::Stream { .. } => {}
-            _ => self
-                .pending
-                .retain(|pending| pending.command.id() != command.id()),
+            _ => self.pending.retain(|pending| pending.command.id() != command.id()),
         }
         if self.pending.len() < WAITING {
-            self.pending.push_back(Pending {
-                command,
-                attempts: 0,
-                sent: Time(0),
-            });
+            self.pending.push_back(Pending { command, attempts: 0, sent: Time(0) });
         }
     }
 
     /// The next message that is due now; call until none.
-    pub fn due(
-        &mut self,
-        now: Time,
-        target_system: u8,
-        target_component: u8,
-    ) -> Option<MavMessage> {
+    pub fn due(&mut self, now: Time, target_system: u8, target_component: u8) -> Option<MavMessage> {
         let mut index = 0;
         while index < self.pending.len() {
             let pending = self.pending[index];
             let id = pending.command.id();
-            let waits = self
-                .pending
-                .iter()
-                .take(index)
-                .any(|earlier| earlier.command.id() == id);
+            let waits = self.pending.iter().take(index).any(|earlier| earlier.command.id() == id);
             if waits || (pending.attempts > 0 && now.since(pending.sent) < REPEAT_AFTER_S) {
                 index += 1;
             } else if pending.attempts == ATTEMPTS {
@@ -192,11 +177,7 @@ impl Commands {
             } else {
                 self.pending[index].attempts += 1;
                 self.pending[index].sent = now;
-                return Some(pending.command.message(
-                    target_system,
-                    target_component,
-                    pending.attempts,
-                ));
+                return Some(pending.command.message(target_system, target_component, pending.attempts));
             }
         }
         None
@@ -204,10 +185,8 @@ impl Commands {
 
     /// Takes an answer; gives what it settled.
     pub fn answered(&mut self, now: Time, ack: &COMMAND_ACK_DATA) -> Option<Ack> {
-        let index = self
-            .pending
-            .iter()
-            .position(|pending| pending.attempts > 0 && pending.command.id() == ack.command)?;
+        let index =
+            self.pending.iter().position(|pending| pending.attempts > 0 && pending.command.id() == ack.command)?;
         let outcome = match ack.result {
             MavResult::MAV_RESULT_IN_PROGRESS => {
                 self.pending[index].sent = now;
@@ -234,11 +213,7 @@ impl Commands {
     }
 
     fn finish(&mut self, index: usize, outcome: Outcome, stamp: Time) -> Option<Ack> {
-        let ack = Ack {
-            command: self.pending.remove(index)?.command,
-            outcome,
-            stamp,
-        };
+        let ack = Ack { command: self.pending.remove(index)?.command, outcome, stamp };
         if self.answers.len() == ANSWERS_KEPT {
             self.answers.pop_front();
         }
@@ -260,11 +235,7 @@ mod tests {
     }
 
     fn ack(command: MavCmd, result: MavResult) -> COMMAND_ACK_DATA {
-        COMMAND_ACK_DATA {
-            command,
-            result,
-            ..COMMAND_ACK_DATA::default()
-        }
+        COMMAND_ACK_DATA { command, result, ..COMMAND_ACK_DATA::default() }
     }
 
     #[test]
@@ -285,62 +256,29 @@ mod tests {
     #[test]
     fn requests_have_the_parameters_that_px4_takes() {
         let cases = [
-            (
-                Request::Offboard,
-                MavCmd::MAV_CMD_DO_SET_MODE,
-                [1.0, 6.0, 0.0],
-            ),
-            (
-                Request::HandBack,
-                MavCmd::MAV_CMD_DO_SET_MODE,
-                [1.0, 4.0, 6.0],
-            ),
-            (
-                Request::Arm,
-                MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-                [1.0, 0.0, 0.0],
-            ),
-            (
-                Request::Disarm,
-                MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-                [0.0, 0.0, 0.0],
-            ),
+            (Request::Offboard, MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 6.0, 0.0]),
+            (Request::HandBack, MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 4.0, 6.0]),
+            (Request::Arm, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0, 0.0]),
+            (Request::Disarm, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [0.0, 0.0, 0.0]),
         ];
         for (request, id, params) in cases {
             let mut commands = Commands::default();
             commands.submit(request.into());
             let long = due(&mut commands, 1.0).unwrap();
-            assert_eq!(
-                (long.command, [long.param1, long.param2, long.param3]),
-                (id, params),
-                "{request:?}"
-            );
+            assert_eq!((long.command, [long.param1, long.param2, long.param3]), (id, params), "{request:?}");
         }
     }
 
     #[test]
     fn streams_are_asked_for_one_by_one() {
         let mut commands = Commands::default();
-        commands.submit(Command::Stream {
-            message: 331,
-            hz: 100.0,
-        });
-        commands.submit(Command::Stream {
-            message: 31,
-            hz: 125.0,
-        });
+        commands.submit(Command::Stream { message: 331, hz: 100.0 });
+        commands.submit(Command::Stream { message: 31, hz: 125.0 });
         let first = due(&mut commands, 0.0).unwrap();
         assert_eq!((first.param1, first.param2), (331.0, 10_000.0));
         assert!(due(&mut commands, 0.01).is_none());
-        let accepted = ack(
-            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
-            MavResult::MAV_RESULT_ACCEPTED,
-        );
-        assert!(
-            commands
-                .answered(Time::from_secs(0.02), &accepted)
-                .is_some()
-        );
+        let accepted = ack(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, MavResult::MAV_RESULT_ACCEPTED);
+        assert!(commands.answered(Time::from_secs(0.02), &accepted).is_some());
         assert_eq!(due(&mut commands, 0.02).unwrap().param2, 8_000.0);
     }
 
@@ -357,10 +295,7 @@ mod tests {
     #[test]
     fn an_answer_to_nothing_is_ignored() {
         let mut commands = Commands::default();
-        let stray = ack(
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-            MavResult::MAV_RESULT_ACCEPTED,
-        );
+        let stray = ack(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, MavResult::MAV_RESULT_ACCEPTED);
         assert!(commands.answered(Time(0), &stray).is_none());
         commands.submit(Command::Arm);
         assert!(commands.answered(Time(0), &stray).is_none(), "not sent yet");

@@ -33,10 +33,7 @@ impl AutopilotEvent {
     /// The event of an EVENT message's `id`.
     #[must_use]
     pub fn from_id(id: u32) -> Self {
-        TABLE
-            .iter()
-            .find(|row| row.1 == id)
-            .map_or(Self::Other(id), |row| row.0)
+        TABLE.iter().find(|row| row.1 == id).map_or(Self::Other(id), |row| row.0)
     }
 
     /// The `id` of this event.
@@ -44,10 +41,7 @@ impl AutopilotEvent {
     pub fn id(self) -> u32 {
         match self {
             Self::Other(id) => id,
-            known => TABLE
-                .iter()
-                .find(|row| row.0 == known)
-                .map_or(0, |row| row.1),
+            known => TABLE.iter().find(|row| row.0 == known).map_or(0, |row| row.1),
         }
     }
 }

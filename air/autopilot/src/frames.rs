@@ -69,66 +69,32 @@ mod tests {
 
     #[test]
     fn each_axis_of_the_world_has_its_sign() {
-        assert_eq!(
-            ned_from_enu(Vec3::new(1.0, 0.0, 0.0)),
-            Vec3::new(0.0, 1.0, 0.0)
-        ); // east
-        assert_eq!(
-            ned_from_enu(Vec3::new(0.0, 1.0, 0.0)),
-            Vec3::new(1.0, 0.0, 0.0)
-        ); // north
-        assert_eq!(
-            ned_from_enu(Vec3::new(0.0, 0.0, 1.0)),
-            Vec3::new(0.0, 0.0, -1.0)
-        ); // up
-        assert_eq!(
-            enu_from_ned(Vec3::new(1.0, 0.0, 0.0)),
-            Vec3::new(0.0, 1.0, 0.0)
-        );
-        assert_eq!(
-            enu_from_ned(Vec3::new(0.0, 1.0, 0.0)),
-            Vec3::new(1.0, 0.0, 0.0)
-        );
-        assert_eq!(
-            enu_from_ned(Vec3::new(0.0, 0.0, 1.0)),
-            Vec3::new(0.0, 0.0, -1.0)
-        );
+        assert_eq!(ned_from_enu(Vec3::new(1.0, 0.0, 0.0)), Vec3::new(0.0, 1.0, 0.0)); // east
+        assert_eq!(ned_from_enu(Vec3::new(0.0, 1.0, 0.0)), Vec3::new(1.0, 0.0, 0.0)); // north
+        assert_eq!(ned_from_enu(Vec3::new(0.0, 0.0, 1.0)), Vec3::new(0.0, 0.0, -1.0)); // up
+        assert_eq!(enu_from_ned(Vec3::new(1.0, 0.0, 0.0)), Vec3::new(0.0, 1.0, 0.0));
+        assert_eq!(enu_from_ned(Vec3::new(0.0, 1.0, 0.0)), Vec3::new(1.0, 0.0, 0.0));
+        assert_eq!(enu_from_ned(Vec3::new(0.0, 0.0, 1.0)), Vec3::new(0.0, 0.0, -1.0));
     }
 
     #[test]
     fn each_axis_of_the_body_has_its_sign() {
-        assert_eq!(
-            frd_from_flu(Vec3::new(1.0, 2.0, 3.0)),
-            Vec3::new(1.0, -2.0, -3.0)
-        );
-        assert_eq!(
-            flu_from_frd(Vec3::new(1.0, 2.0, 3.0)),
-            Vec3::new(1.0, -2.0, -3.0)
-        );
+        assert_eq!(frd_from_flu(Vec3::new(1.0, 2.0, 3.0)), Vec3::new(1.0, -2.0, -3.0));
+        assert_eq!(flu_from_frd(Vec3::new(1.0, 2.0, 3.0)), Vec3::new(1.0, -2.0, -3.0));
     }
 
     #[test]
     fn cardinal_headings_are_golden() {
         let s = FRAC_1_SQRT_2;
         // Facing north, west, south, east: ENU yaw from east, anticlockwise; (w, x, y, z) on the wire.
-        for (enu_yaw, wire) in [
-            (FRAC_PI_2, [1.0, 0.0, 0.0, 0.0]),
-            (PI, [s, 0.0, 0.0, -s]),
-            (0.0, [s, 0.0, 0.0, s]),
-        ] {
+        for (enu_yaw, wire) in [(FRAC_PI_2, [1.0, 0.0, 0.0, 0.0]), (PI, [s, 0.0, 0.0, -s]), (0.0, [s, 0.0, 0.0, s])] {
             let q = ned_from_frd(&yaw(enu_yaw));
             for (got, want) in [q.w, q.i, q.j, q.k].iter().zip(wire) {
-                assert!(
-                    (got - want).abs() < 1e-12,
-                    "yaw {enu_yaw}: {q:?} is not {wire:?}"
-                );
+                assert!((got - want).abs() < 1e-12, "yaw {enu_yaw}: {q:?} is not {wire:?}");
             }
         }
         let south = ned_from_frd(&yaw(-FRAC_PI_2));
-        assert!(
-            south.w.abs() < 1e-12 && (south.k.abs() - 1.0).abs() < 1e-12,
-            "{south:?}"
-        );
+        assert!(south.w.abs() < 1e-12 && (south.k.abs() - 1.0).abs() < 1e-12, "{south:?}");
     }
 
     #[test]
@@ -139,23 +105,15 @@ mod tests {
             let nose_down = heading * Rot::from_axis_angle(&nalgebra::Vector3::y_axis(), 0.2);
             let right_down = heading * Rot::from_axis_angle(&nalgebra::Vector3::x_axis(), 0.2);
             let (roll, pitch, _) = ned_euler_deg(&nose_down);
-            assert!(
-                (pitch + 0.2_f64.to_degrees()).abs() < 1e-9 && roll.abs() < 1e-9,
-                "{roll} {pitch}"
-            );
+            assert!((pitch + 0.2_f64.to_degrees()).abs() < 1e-9 && roll.abs() < 1e-9, "{roll} {pitch}");
             let (roll, pitch, _) = ned_euler_deg(&right_down);
-            assert!(
-                (roll - 0.2_f64.to_degrees()).abs() < 1e-9 && pitch.abs() < 1e-9,
-                "{roll} {pitch}"
-            );
+            assert!((roll - 0.2_f64.to_degrees()).abs() < 1e-9 && pitch.abs() < 1e-9, "{roll} {pitch}");
         }
     }
 
     fn any_rot() -> impl Strategy<Value = Rot> {
         (-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64)
-            .prop_filter("not near zero", |(w, x, y, z)| {
-                w * w + x * x + y * y + z * z > 1e-3
-            })
+            .prop_filter("not near zero", |(w, x, y, z)| w * w + x * x + y * y + z * z > 1e-3)
             .prop_map(|(w, x, y, z)| Rot::new_normalize(Quaternion::new(w, x, y, z)))
     }
 

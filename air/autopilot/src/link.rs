@@ -5,13 +5,13 @@ use crate::error::AutopilotError;
 use crate::events::AutopilotEvent;
 use crate::frames::ned_from_frd;
 use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, AttitudeTargetTypemask, CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA,
-    HEARTBEAT_DATA, HIGHRES_IMU_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType,
-    ODOMETRY_DATA, SET_ATTITUDE_TARGET_DATA,
+    ATTITUDE_QUATERNION_DATA, AttitudeTargetTypemask, CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA,
+    HIGHRES_IMU_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType, ODOMETRY_DATA,
+    SET_ATTITUDE_TARGET_DATA,
 };
 use crate::view::{Imu, Status, StatusText, View};
 use crate::wire::{Encoder, Packet, for_each_packet};
-use goshawk_core::controller::Request;
+use goshawk_core::Request;
 use goshawk_core::types::{AttitudeThrust, Odometry, Time};
 use mavlink::MessageData;
 use std::io::ErrorKind;
@@ -53,12 +53,7 @@ pub struct StreamRates {
 
 impl Default for StreamRates {
     fn default() -> Self {
-        Self {
-            odometry_hz: 100.0,
-            attitude_hz: 100.0,
-            imu_hz: 100.0,
-            state_hz: 10.0,
-        }
+        Self { odometry_hz: 100.0, attitude_hz: 100.0, imu_hz: 100.0, state_hz: 10.0 }
     }
 }
 
@@ -101,36 +96,19 @@ impl LinkConfig {
 
     fn validate(&self) -> Result<(), AutopilotError> {
         let rates = &self.rates;
-        let ids = [
-            self.system_id,
-            self.component_id,
-            self.target_system,
-            self.target_component,
-        ];
+        let ids = [self.system_id, self.component_id, self.target_system, self.target_component];
         if ids.contains(&0) {
-            return Err(AutopilotError::Config(
-                "system and component ids are 1 to 255; 0 means everyone".to_owned(),
-            ));
+            return Err(AutopilotError::Config("system and component ids are 1 to 255; 0 means everyone".to_owned()));
         }
-        for hz in [
-            rates.odometry_hz,
-            rates.attitude_hz,
-            rates.imu_hz,
-            rates.state_hz,
-        ] {
+        for hz in [rates.odometry_hz, rates.attitude_hz, rates.imu_hz, rates.state_hz] {
             if !(hz.is_finite() && hz > 0.0 && hz <= 1000.0) {
-                return Err(AutopilotError::Config(format!(
-                    "stream rate {hz} Hz is not above 0 and up to 1000"
-                )));
+                return Err(AutopilotError::Config(format!("stream rate {hz} Hz is not above 0 and up to 1000")));
             }
         }
         if let Some(peer) = self.peer
             && peer.is_ipv4() != self.bind.is_ipv4()
         {
-            return Err(AutopilotError::Config(format!(
-                "peer {peer} cannot be reached from {}",
-                self.bind
-            )));
+            return Err(AutopilotError::Config(format!("peer {peer} cannot be reached from {}", self.bind)));
         }
         Ok(())
     }
@@ -167,24 +145,14 @@ impl AutopilotLink {
     ///
     /// # Errors
     /// The port is in use or cannot be bound, a config value is unusable, the thread does not start.
-    pub fn open(
-        config: LinkConfig,
-        clock: impl Fn() -> Time + Send + Sync + 'static,
-    ) -> Result<Self, AutopilotError> {
+    pub fn open(config: LinkConfig, clock: impl Fn() -> Time + Send + Sync + 'static) -> Result<Self, AutopilotError> {
         config.validate()?;
         let socket = UdpSocket::bind(config.bind).map_err(|source| match source.kind() {
             ErrorKind::AddrInUse => AutopilotError::PortInUse(config.bind),
-            _ => AutopilotError::Bind {
-                address: config.bind,
-                source,
-            },
+            _ => AutopilotError::Bind { address: config.bind, source },
         })?;
-        socket
-            .set_read_timeout(Some(RECEIVE_WAIT))
-            .map_err(AutopilotError::Receiver)?;
-        socket
-            .set_write_timeout(Some(SEND_WAIT))
-            .map_err(AutopilotError::Receiver)?;
+        socket.set_read_timeout(Some(RECEIVE_WAIT)).map_err(AutopilotError::Receiver)?;
+        socket.set_write_timeout(Some(SEND_WAIT)).map_err(AutopilotError::Receiver)?;
         let shared = Arc::new(Shared {
             config,
             socket,
@@ -206,10 +174,7 @@ impl AutopilotLink {
             .name("autopilot".to_owned())
             .spawn(move || for_thread.receive())
             .map_err(AutopilotError::Receiver)?;
-        Ok(Self {
-            shared,
-            receiver: Some(receiver),
-        })
+        Ok(Self { shared, receiver: Some(receiver) })
     }
 
     /// The address that we listen at, with the port that the system chose if the config said 0.
@@ -217,10 +182,7 @@ impl AutopilotLink {
     /// # Errors
     /// The socket does not say.
     pub fn local_address(&self) -> Result<SocketAddr, AutopilotError> {
-        self.shared
-            .socket
-            .local_addr()
-            .map_err(AutopilotError::Receiver)
+        self.shared.socket.local_addr().map_err(AutopilotError::Receiver)
     }
 
     /// The autopilot's address, configured or learned.
@@ -257,11 +219,7 @@ impl AutopilotLink {
     /// The setpoint is not finite, no peer is known, or the datagram did not go out (counted; the next one may).
     pub fn send_setpoint(&self, setpoint: &AttitudeThrust) -> Result<(), AutopilotError> {
         let thrust = setpoint.thrust.0;
-        let finite = setpoint
-            .world_from_body
-            .coords
-            .iter()
-            .all(|value| value.is_finite());
+        let finite = setpoint.world_from_body.coords.iter().all(|value| value.is_finite());
         if !finite || !(0.0..=1.0).contains(&thrust) {
             return Err(AutopilotError::BadSetpoint);
         }
@@ -332,10 +290,7 @@ impl Shared {
     }
 
     fn send(&self, peer: SocketAddr, message: &MavMessage) -> Result<(), AutopilotError> {
-        match self
-            .socket
-            .send_to(self.encoder.encode(message).raw_bytes(), peer)
-        {
+        match self.socket.send_to(self.encoder.encode(message).raw_bytes(), peer) {
             Ok(_) => {
                 self.sent.fetch_add(1, Ordering::Relaxed);
                 Ok(())
@@ -360,8 +315,7 @@ impl Shared {
         while !self.stop.load(Ordering::Relaxed) {
             match self.socket.recv_from(&mut buffer) {
                 Ok((length, from)) => self.datagram(&buffer[..length], from),
-                Err(error)
-                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => {
                     tracing::warn!(%error, "receiving from the autopilot failed");
@@ -412,8 +366,7 @@ impl Shared {
         if state.peer == Some(from) {
             return true;
         }
-        let heartbeat =
-            matches!(packet.message, MavMessage::HEARTBEAT(_)) && state.view.is_target(packet);
+        let heartbeat = matches!(packet.message, MavMessage::HEARTBEAT(_)) && state.view.is_target(packet);
         if self.config.peer.is_none() && heartbeat && !state.view.status(now).connected {
             state.peer = Some(from);
             return true;
@@ -458,8 +411,7 @@ impl Shared {
 
     fn housekeeping(&self) {
         let now = self.now();
-        let is_due =
-            |sent: Option<Time>, every: f64| sent.is_none_or(|sent| now.since(sent) >= every);
+        let is_due = |sent: Option<Time>, every: f64| sent.is_none_or(|sent| now.since(sent) >= every);
         let (heartbeat, timesync) = {
             let mut state = self.lock();
             if state.peer.is_none() {
@@ -506,9 +458,7 @@ impl Shared {
                 if state.peer.is_none() {
                     return;
                 }
-                state
-                    .commands
-                    .due(now, self.config.target_system, self.config.target_component)
+                state.commands.due(now, self.config.target_system, self.config.target_component)
             };
             match message {
                 Some(message) => self.send_counted(&message),

@@ -51,10 +51,7 @@ impl Px4Mode {
     #[must_use]
     pub fn from_custom_mode(custom_mode: u32) -> Self {
         let [_, _, main, sub] = custom_mode.to_le_bytes();
-        TABLE
-            .iter()
-            .find(|row| (row.1, row.2) == (main, sub))
-            .map_or(Self::Other(custom_mode), |row| row.0)
+        TABLE.iter().find(|row| (row.1, row.2) == (main, sub)).map_or(Self::Other(custom_mode), |row| row.0)
     }
 
     /// The `custom_mode` field of this mode.
@@ -76,10 +73,7 @@ impl Px4Mode {
             let [_, _, main, sub] = raw.to_le_bytes();
             return (main, sub);
         }
-        TABLE
-            .iter()
-            .find(|row| row.0 == self)
-            .map_or((0, 0), |row| (row.1, row.2))
+        TABLE.iter().find(|row| row.0 == self).map_or((0, 0), |row| (row.1, row.2))
     }
 }
 
@@ -98,11 +92,7 @@ mod tests {
 
     #[test]
     fn the_recorded_custom_modes_have_their_names() {
-        for (raw, name) in [
-            (0x0006_0000, "OFFBOARD"),
-            (0x0304_0000, "AUTO.LOITER"),
-            (0x0003_0000, "POSCTL"),
-        ] {
+        for (raw, name) in [(0x0006_0000, "OFFBOARD"), (0x0304_0000, "AUTO.LOITER"), (0x0003_0000, "POSCTL")] {
             let mode = Px4Mode::from_custom_mode(raw);
             assert_eq!(mode.to_string(), name);
             assert_eq!(mode.custom_mode(), raw);

@@ -1,9 +1,7 @@
 //! The autopilot's motion messages to ENU and FLU, validated: what leaves here is finite.
 
 use crate::frames::{enu_from_ned, flu_from_frd, world_from_body};
-use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA,
-};
+use crate::messages::{ATTITUDE_QUATERNION_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA};
 use crate::view::Imu;
 use goshawk_core::types::{Odometry, Rot, Time, Vec3};
 use nalgebra::Quaternion;
@@ -31,9 +29,7 @@ pub(crate) fn odometry(message: &ODOMETRY_DATA, stamp: Time) -> Result<Odometry,
     // MAV_FRAME_BODY_NED: the name of BODY_FRD that older autopilots still send
     let vel_world = match message.child_frame_id {
         MavFrame::MAV_FRAME_LOCAL_NED => enu_from_ned(velocity),
-        MavFrame::MAV_FRAME_BODY_FRD | MavFrame::MAV_FRAME_BODY_NED => {
-            world_from_body * flu_from_frd(velocity)
-        }
+        MavFrame::MAV_FRAME_BODY_FRD | MavFrame::MAV_FRAME_BODY_NED => world_from_body * flu_from_frd(velocity),
         _ => return Err(Unusable::Frame),
     };
     Ok(Odometry {
@@ -41,11 +37,7 @@ pub(crate) fn odometry(message: &ODOMETRY_DATA, stamp: Time) -> Result<Odometry,
         pos_world: enu_from_ned(vector([message.x, message.y, message.z])?),
         vel_world,
         world_from_body,
-        ang_vel_body: flu_from_frd(vector([
-            message.rollspeed,
-            message.pitchspeed,
-            message.yawspeed,
-        ])?),
+        ang_vel_body: flu_from_frd(vector([message.rollspeed, message.pitchspeed, message.yawspeed])?),
         reset_counter: u32::from(message.reset_counter),
     })
 }
@@ -58,10 +50,7 @@ pub(crate) struct Position {
     vel_world: Vec3,
 }
 
-pub(crate) fn position(
-    message: &LOCAL_POSITION_NED_DATA,
-    stamp: Time,
-) -> Result<Position, Unusable> {
+pub(crate) fn position(message: &LOCAL_POSITION_NED_DATA, stamp: Time) -> Result<Position, Unusable> {
     Ok(Position {
         stamp,
         pos_world: enu_from_ned(vector([message.x, message.y, message.z])?),
@@ -81,11 +70,7 @@ pub(crate) fn combined(
         pos_world: position.pos_world + position.vel_world * stamp.since(position.stamp),
         vel_world: position.vel_world,
         world_from_body: attitude([message.q1, message.q2, message.q3, message.q4])?,
-        ang_vel_body: flu_from_frd(vector([
-            message.rollspeed,
-            message.pitchspeed,
-            message.yawspeed,
-        ])?),
+        ang_vel_body: flu_from_frd(vector([message.rollspeed, message.pitchspeed, message.yawspeed])?),
         reset_counter,
     })
 }
@@ -101,11 +86,7 @@ pub(crate) fn imu(message: &HIGHRES_IMU_DATA, stamp: Time) -> Result<Imu, Unusab
 
 fn vector(values: [f32; 3]) -> Result<Vec3, Unusable> {
     let vector = Vec3::from(values.map(f64::from));
-    if vector.iter().all(|value| value.is_finite()) {
-        Ok(vector)
-    } else {
-        Err(Unusable::NotFinite)
-    }
+    if vector.iter().all(|value| value.is_finite()) { Ok(vector) } else { Err(Unusable::NotFinite) }
 }
 
 fn attitude(wxyz: [f32; 4]) -> Result<Rot, Unusable> {
@@ -151,16 +132,10 @@ mod tests {
         let in_body = facing_east(MavFrame::MAV_FRAME_BODY_FRD, [0.0, -3.0, -1.0]);
         for message in [in_ned, in_body] {
             let odometry = odometry(&message, Time(7)).unwrap();
-            assert!(
-                (odometry.vel_world - Vec3::new(0.0, 3.0, 1.0)).norm() < 1e-6,
-                "{odometry:?}"
-            );
+            assert!((odometry.vel_world - Vec3::new(0.0, 3.0, 1.0)).norm() < 1e-6, "{odometry:?}");
             assert!((odometry.pos_world - Vec3::new(20.0, 10.0, 30.0)).norm() < 1e-6);
             assert!((odometry.ang_vel_body - Vec3::new(0.1, -0.2, 0.3)).norm() < 1e-6);
-            assert!(
-                odometry.world_from_body.angle() < 1e-6,
-                "facing east is ENU's zero yaw"
-            );
+            assert!(odometry.world_from_body.angle() < 1e-6, "facing east is ENU's zero yaw");
             assert_eq!((odometry.reset_counter, odometry.stamp), (15, Time(7)));
         }
     }
@@ -178,26 +153,11 @@ mod tests {
     fn what_is_not_finite_is_refused() {
         let good = facing_east(MavFrame::MAV_FRAME_LOCAL_NED, [0.0; 3]);
         let bad = [
-            ODOMETRY_DATA {
-                x: f32::NAN,
-                ..good.clone()
-            },
-            ODOMETRY_DATA {
-                vz: f32::INFINITY,
-                ..good.clone()
-            },
-            ODOMETRY_DATA {
-                q: [0.0; 4],
-                ..good.clone()
-            },
-            ODOMETRY_DATA {
-                q: [f32::NAN, 0.0, 0.0, 1.0],
-                ..good.clone()
-            },
-            ODOMETRY_DATA {
-                yawspeed: f32::NAN,
-                ..good
-            },
+            ODOMETRY_DATA { x: f32::NAN, ..good.clone() },
+            ODOMETRY_DATA { vz: f32::INFINITY, ..good.clone() },
+            ODOMETRY_DATA { q: [0.0; 4], ..good.clone() },
+            ODOMETRY_DATA { q: [f32::NAN, 0.0, 0.0, 1.0], ..good.clone() },
+            ODOMETRY_DATA { yawspeed: f32::NAN, ..good },
         ];
         for message in bad {
             assert_eq!(odometry(&message, Time(0)), Err(Unusable::NotFinite));
@@ -206,17 +166,9 @@ mod tests {
 
     #[test]
     fn the_position_is_carried_to_the_attitude_it_is_joined_with() {
-        let at = LOCAL_POSITION_NED_DATA {
-            x: 1.0,
-            vx: 2.0,
-            vz: -4.0,
-            ..LOCAL_POSITION_NED_DATA::default()
-        };
+        let at = LOCAL_POSITION_NED_DATA { x: 1.0, vx: 2.0, vz: -4.0, ..LOCAL_POSITION_NED_DATA::default() };
         let position = position(&at, Time::from_secs(1.0)).unwrap();
-        let level = ATTITUDE_QUATERNION_DATA {
-            q1: 1.0,
-            ..ATTITUDE_QUATERNION_DATA::default()
-        };
+        let level = ATTITUDE_QUATERNION_DATA { q1: 1.0, ..ATTITUDE_QUATERNION_DATA::default() };
         let odometry = combined(&level, &position, Time::from_secs(1.5), 3).unwrap();
         assert!((odometry.pos_world - Vec3::new(0.0, 2.0, 2.0)).norm() < 1e-9);
         assert_eq!(odometry.stamp, Time::from_secs(1.5));
@@ -224,10 +176,7 @@ mod tests {
 
     #[test]
     fn at_rest_the_accelerometer_points_up() {
-        let rest = HIGHRES_IMU_DATA {
-            zacc: -9.8,
-            ..HIGHRES_IMU_DATA::default()
-        };
+        let rest = HIGHRES_IMU_DATA { zacc: -9.8, ..HIGHRES_IMU_DATA::default() };
         assert!(imu(&rest, Time(0)).unwrap().specific_force_body.z > 9.0);
     }
 }

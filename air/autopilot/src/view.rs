@@ -4,13 +4,13 @@ use crate::clock::ClockMap;
 use crate::commands::{Ack, Command, Outcome};
 use crate::events::AutopilotEvent;
 use crate::messages::{
-    CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage,
-    MavModeFlag, MavState, STATUSTEXT_DATA, TIMESYNC_DATA,
+    CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage, MavModeFlag, MavState,
+    STATUSTEXT_DATA, TIMESYNC_DATA,
 };
 use crate::mode::Px4Mode;
 use crate::pose::{self, Position, Unusable};
 use crate::wire::{Packet, Reject};
-use goshawk_core::controller::AutopilotStatus;
+use goshawk_core::AutopilotStatus;
 use goshawk_core::types::{Odometry, Time, Vec3};
 use std::collections::VecDeque;
 
@@ -75,7 +75,7 @@ pub struct Status {
     pub battery_fraction: Option<f64>,
     /// Age of its newest heartbeat, s; none: never heard.
     pub heartbeat_age_s: Option<f64>,
-    /// Best TIMESYNC round trip of the last seconds, s; none: stamps are from arrival times.
+    /// TIMESYNC round trip that the clocks are set by, s; none: stamps are from arrival times.
     pub round_trip_s: Option<f64>,
     /// Traffic.
     pub counters: Counters,
@@ -85,12 +85,7 @@ impl Status {
     /// What the controller wants to know of it.
     #[must_use]
     pub fn core(&self) -> AutopilotStatus {
-        AutopilotStatus {
-            connected: self.connected,
-            armed: self.armed,
-            offboard: self.offboard,
-            landed: self.landed,
-        }
+        AutopilotStatus { connected: self.connected, armed: self.armed, offboard: self.offboard, landed: self.landed }
     }
 }
 
@@ -183,8 +178,7 @@ impl View {
     /// Is this packet the autopilot's?
     #[must_use]
     pub fn is_target(&self, packet: &Packet) -> bool {
-        packet.header.system_id == u32::from(self.target_system)
-            && packet.header.component_id == self.target_component
+        packet.header.system_id == u32::from(self.target_system) && packet.header.component_id == self.target_component
     }
 
     /// Counts what was no packet.
@@ -215,12 +209,8 @@ impl View {
             MavMessage::HEARTBEAT(heartbeat) => accepted.greet = self.heartbeat(now, heartbeat),
             MavMessage::CURRENT_MODE(mode) => self.current_mode(mode),
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = landed(state),
-            MavMessage::SYS_STATUS(status) => {
-                self.battery_fraction = percent(status.battery_remaining)
-            }
-            MavMessage::BATTERY_STATUS(battery) => {
-                self.battery_fraction = percent(battery.battery_remaining)
-            }
+            MavMessage::SYS_STATUS(status) => self.battery_fraction = percent(status.battery_remaining),
+            MavMessage::BATTERY_STATUS(battery) => self.battery_fraction = percent(battery.battery_remaining),
             MavMessage::EVENT(event) => self.event(now, AutopilotEvent::from_id(event.id)),
             MavMessage::STATUSTEXT(text) => self.text(now, text),
             MavMessage::TIMESYNC(sync) => accepted.reply = self.timesync(now, sync),
@@ -263,7 +253,7 @@ impl View {
             intended_mode: self.intended_mode,
             battery_fraction: self.battery_fraction,
             heartbeat_age_s,
-            round_trip_s: self.clock.round_trip(),
+            round_trip_s: self.clock.round_trip(now),
             counters: self.counters,
         }
     }
@@ -294,16 +284,11 @@ impl View {
     fn heartbeat(&mut self, now: Time, heartbeat: &HEARTBEAT_DATA) -> bool {
         let greet = !self.status(now).connected;
         self.heartbeat = Some(now);
-        self.armed = heartbeat
-            .base_mode
-            .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
+        self.armed = heartbeat.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
         let mode = Px4Mode::from_custom_mode(heartbeat.custom_mode);
         self.mode = Some(mode);
         self.offboard = mode == Px4Mode::Offboard;
-        self.failsafe = matches!(
-            heartbeat.system_status,
-            MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY
-        );
+        self.failsafe = matches!(heartbeat.system_status, MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY);
         greet
     }
 
@@ -333,20 +318,8 @@ impl View {
     }
 
     fn text(&mut self, now: Time, text: &STATUSTEXT_DATA) {
-        let line = text
-            .text
-            .to_str()
-            .unwrap_or("(text that is not UTF-8)")
-            .trim_end_matches('\0')
-            .to_owned();
-        keep(
-            &mut self.texts,
-            StatusText {
-                stamp: now,
-                severity: text.severity as u8,
-                text: line,
-            },
-        );
+        let line = text.text.to_str().unwrap_or("(text that is not UTF-8)").trim_end_matches('\0').to_owned();
+        keep(&mut self.texts, StatusText { stamp: now, severity: text.severity as u8, text: line });
     }
 
     fn timesync(&mut self, now: Time, sync: &TIMESYNC_DATA) -> Option<MavMessage> {
@@ -369,9 +342,7 @@ impl View {
         let outcome = match message {
             MavMessage::ODOMETRY(odometry) => self.odometry_message(now, odometry),
             MavMessage::LOCAL_POSITION_NED(local) => {
-                let stamp = self
-                    .clock
-                    .local(u64::from(local.time_boot_ms) * 1_000_000, now);
+                let stamp = self.clock.local(u64::from(local.time_boot_ms) * 1_000_000, now);
                 pose::position(local, stamp).map(|position| self.position = Some(position))
             }
             MavMessage::ATTITUDE_QUATERNION(attitude) => self.attitude_message(now, attitude),
@@ -388,11 +359,7 @@ impl View {
         }
     }
 
-    fn odometry_message(
-        &mut self,
-        now: Time,
-        message: &crate::messages::ODOMETRY_DATA,
-    ) -> Result<(), Unusable> {
+    fn odometry_message(&mut self, now: Time, message: &crate::messages::ODOMETRY_DATA) -> Result<(), Unusable> {
         let remote_ns = message.time_usec.saturating_mul(1000);
         let odometry = pose::odometry(message, self.clock.local(remote_ns, now))?;
         self.odometry_arrival = Some(now);
@@ -407,28 +374,19 @@ impl View {
     ) -> Result<(), Unusable> {
         let remote_ns = u64::from(message.time_boot_ms) * 1_000_000;
         let stamp = self.clock.local(remote_ns, now);
-        let streamed = self
-            .odometry_arrival
-            .is_some_and(|heard| now.since(heard) < ODOMETRY_SILENCE_S);
-        let Some(position) = self
-            .position
-            .filter(|position| stamp.since(position.stamp).abs() < POSITION_AGE_S)
-        else {
+        let streamed = self.odometry_arrival.is_some_and(|heard| now.since(heard) < ODOMETRY_SILENCE_S);
+        let Some(position) = self.position.filter(|position| stamp.since(position.stamp).abs() < POSITION_AGE_S) else {
             return Ok(());
         };
         if !streamed {
             let resets = self.odometry.map_or(0, |odometry| odometry.reset_counter);
-            self.keep_odometry(
-                remote_ns,
-                pose::combined(message, &position, stamp, resets)?,
-            );
+            self.keep_odometry(remote_ns, pose::combined(message, &position, stamp, resets)?);
         }
         Ok(())
     }
 
     fn keep_odometry(&mut self, remote_ns: u64, odometry: Odometry) {
-        let late =
-            remote_ns < self.odometry_remote_ns && self.odometry_remote_ns - remote_ns < REORDER_NS;
+        let late = remote_ns < self.odometry_remote_ns && self.odometry_remote_ns - remote_ns < REORDER_NS;
         if !late {
             self.odometry_remote_ns = remote_ns;
             self.odometry = Some(odometry);
@@ -453,9 +411,7 @@ fn landed(state: &EXTENDED_SYS_STATE_DATA) -> Option<bool> {
 
 /// Percent on the wire, -1 for unknown.
 fn percent(remaining: i8) -> Option<f64> {
-    (0..=100)
-        .contains(&remaining)
-        .then(|| f64::from(remaining) / 100.0)
+    (0..=100).contains(&remaining).then(|| f64::from(remaining) / 100.0)
 }
 
 #[cfg(test)]

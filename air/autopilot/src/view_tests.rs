@@ -1,29 +1,17 @@
 use super::*;
 use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, EVENT_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA,
-    SYS_STATUS_DATA,
+    ATTITUDE_QUATERNION_DATA, EVENT_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA, SYS_STATUS_DATA,
 };
 use mavlink::MavHeader;
 
 fn packet(message: MavMessage) -> Packet {
-    Packet {
-        header: MavHeader {
-            system_id: 1,
-            component_id: 1,
-            sequence: 0,
-        },
-        message,
-    }
+    Packet { header: MavHeader { system_id: 1, component_id: 1, sequence: 0 }, message }
 }
 
 fn heartbeat(mode: Px4Mode, armed: bool) -> MavMessage {
     MavMessage::HEARTBEAT(HEARTBEAT_DATA {
         custom_mode: mode.custom_mode(),
-        base_mode: if armed {
-            MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED
-        } else {
-            MavModeFlag::empty()
-        },
+        base_mode: if armed { MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { MavModeFlag::empty() },
         system_status: MavState::MAV_STATE_ACTIVE,
         ..HEARTBEAT_DATA::default()
     })
@@ -37,66 +25,31 @@ fn at(seconds: f64) -> Time {
 fn connected_is_a_function_of_the_heartbeats_age() {
     let mut view = View::new(1, 1);
     assert!(!view.status(at(1.0)).connected);
-    assert!(
-        view.accept(at(1.0), &packet(heartbeat(Px4Mode::Hold, false)))
-            .greet
-    );
+    assert!(view.accept(at(1.0), &packet(heartbeat(Px4Mode::Hold, false))).greet);
     assert!(view.status(at(3.9)).connected);
     assert!(!view.status(at(4.0)).connected);
-    assert!(
-        !view
-            .accept(at(3.0), &packet(heartbeat(Px4Mode::Hold, false)))
-            .greet,
-        "still in contact"
-    );
-    assert!(
-        view.accept(at(7.0), &packet(heartbeat(Px4Mode::Hold, false)))
-            .greet,
-        "contact again"
-    );
+    assert!(!view.accept(at(3.0), &packet(heartbeat(Px4Mode::Hold, false))).greet, "still in contact");
+    assert!(view.accept(at(7.0), &packet(heartbeat(Px4Mode::Hold, false))).greet, "contact again");
 }
 
 #[test]
 fn other_systems_are_counted_and_change_nothing() {
     let mut view = View::new(1, 1);
     for (system_id, component_id) in [(2, 1), (1, 2), (255, 190)] {
-        let header = MavHeader {
-            system_id,
-            component_id,
-            sequence: 0,
-        };
-        view.accept(
-            at(1.0),
-            &Packet {
-                header,
-                message: heartbeat(Px4Mode::Offboard, true),
-            },
-        );
+        let header = MavHeader { system_id, component_id, sequence: 0 };
+        view.accept(at(1.0), &Packet { header, message: heartbeat(Px4Mode::Offboard, true) });
     }
     let status = view.status(at(1.0));
     assert_eq!(status.counters.foreign, 3);
-    assert_eq!(
-        (status.connected, status.armed, status.mode),
-        (false, false, None)
-    );
+    assert_eq!((status.connected, status.armed, status.mode), (false, false, None));
 }
 
 #[test]
 fn lost_packets_are_counted_by_their_sequence() {
     let mut view = View::new(1, 1);
     for sequence in [253, 254, 1, 0, 2] {
-        let header = MavHeader {
-            system_id: 1,
-            component_id: 1,
-            sequence,
-        };
-        view.accept(
-            at(1.0),
-            &Packet {
-                header,
-                message: heartbeat(Px4Mode::Hold, false),
-            },
-        );
+        let header = MavHeader { system_id: 1, component_id: 1, sequence };
+        view.accept(at(1.0), &Packet { header, message: heartbeat(Px4Mode::Hold, false) });
     }
     // 255 and 0 are missing at 1; the 0 that then comes late is not counted back; after it, 1 seems missing at 2.
     assert_eq!(view.status(at(1.0)).counters.lost, 3);
@@ -124,27 +77,17 @@ fn a_failsafe_is_not_a_pilots_choice() {
 fn events_tell_at_once_what_the_heartbeat_tells_late() {
     let mut view = View::new(1, 1);
     view.accept(at(1.0), &packet(heartbeat(Px4Mode::Offboard, false)));
-    let event = |event: AutopilotEvent| {
-        packet(MavMessage::EVENT(EVENT_DATA {
-            id: event.id(),
-            ..EVENT_DATA::default()
-        }))
-    };
+    let event =
+        |event: AutopilotEvent| packet(MavMessage::EVENT(EVENT_DATA { id: event.id(), ..EVENT_DATA::default() }));
     view.accept(at(1.1), &event(AutopilotEvent::Armed));
     view.accept(at(1.2), &event(AutopilotEvent::TakeoffDetected));
     let status = view.status(at(1.2));
-    assert_eq!(
-        (status.armed, status.landed, status.offboard),
-        (true, Some(false), true)
-    );
+    assert_eq!((status.armed, status.landed, status.offboard), (true, Some(false), true));
     view.accept(at(1.3), &event(AutopilotEvent::FailsafeEntered));
     assert!(view.status(at(1.3)).failsafe && !view.status(at(1.3)).offboard);
     view.accept(at(1.4), &event(AutopilotEvent::LandingDetected));
     view.accept(at(1.5), &event(AutopilotEvent::Disarmed));
-    assert_eq!(
-        (view.status(at(1.5)).armed, view.status(at(1.5)).landed),
-        (false, Some(true))
-    );
+    assert_eq!((view.status(at(1.5)).armed, view.status(at(1.5)).landed), (false, Some(true)));
     assert_eq!(view.take_events().len(), 5);
 }
 
@@ -183,22 +126,12 @@ fn without_odometry_messages_position_and_attitude_are_joined() {
     assert!((view.odometry().unwrap().pos_world.y - 5.0).abs() < 1e-9);
     view.accept(at(10.03), &odometry(1_030_000, 7.0));
     view.accept(at(10.04), &attitude(1_040));
-    assert!(
-        (view.odometry().unwrap().pos_world.y - 7.0).abs() < 1e-9,
-        "ODOMETRY is preferred while it streams"
-    );
+    assert!((view.odometry().unwrap().pos_world.y - 7.0).abs() < 1e-9, "ODOMETRY is preferred while it streams");
     view.accept(at(10.59), &position(1_590));
     view.accept(at(10.60), &attitude(1_600));
-    assert!(
-        (view.odometry().unwrap().pos_world.y - 5.0).abs() < 1e-9,
-        "and replaced when it stops"
-    );
+    assert!((view.odometry().unwrap().pos_world.y - 5.0).abs() < 1e-9, "and replaced when it stops");
     view.accept(at(11.5), &attitude(2_500));
-    assert_eq!(
-        view.odometry().unwrap().stamp,
-        at(10.6),
-        "a stale position is not carried on"
-    );
+    assert_eq!(view.odometry().unwrap().stamp, at(10.6), "a stale position is not carried on");
 }
 
 #[test]
@@ -214,34 +147,18 @@ fn odometry_that_comes_late_does_not_replace_newer() {
 fn unusable_odometry_is_counted_and_not_used() {
     let mut view = View::new(1, 1);
     view.accept(at(1.0), &odometry(1, f32::NAN));
-    let MavMessage::ODOMETRY(mut message) = odometry(2, 0.0).message else {
-        unreachable!()
-    };
+    let MavMessage::ODOMETRY(mut message) = odometry(2, 0.0).message else { unreachable!() };
     message.frame_id = MavFrame::MAV_FRAME_LOCAL_FLU;
     view.accept(at(1.0), &packet(MavMessage::ODOMETRY(message)));
     let counters = view.status(at(1.0)).counters;
-    assert_eq!(
-        (
-            counters.not_finite,
-            counters.odometry_frame,
-            view.odometry()
-        ),
-        (1, 1, None)
-    );
+    assert_eq!((counters.not_finite, counters.odometry_frame, view.odometry()), (1, 1, None));
 }
 
 #[test]
 fn a_timesync_question_is_answered_with_our_clock() {
     let mut view = View::new(1, 1);
-    let question = TIMESYNC_DATA {
-        tc1: 0,
-        ts1: 77,
-        ..TIMESYNC_DATA::default()
-    };
-    match view
-        .accept(Time(123), &packet(MavMessage::TIMESYNC(question)))
-        .reply
-    {
+    let question = TIMESYNC_DATA { tc1: 0, ts1: 77, ..TIMESYNC_DATA::default() };
+    match view.accept(Time(123), &packet(MavMessage::TIMESYNC(question))).reply {
         Some(MavMessage::TIMESYNC(answer)) => assert_eq!((answer.tc1, answer.ts1), (123, 77)),
         other => panic!("{other:?}"),
     }
@@ -251,10 +168,7 @@ fn a_timesync_question_is_answered_with_our_clock() {
 fn an_unknown_battery_is_none() {
     let mut view = View::new(1, 1);
     let battery = |remaining: i8| {
-        packet(MavMessage::SYS_STATUS(SYS_STATUS_DATA {
-            battery_remaining: remaining,
-            ..SYS_STATUS_DATA::default()
-        }))
+        packet(MavMessage::SYS_STATUS(SYS_STATUS_DATA { battery_remaining: remaining, ..SYS_STATUS_DATA::default() }))
     };
     view.accept(at(1.0), &battery(42));
     assert_eq!(view.status(at(1.0)).battery_fraction, Some(0.42));

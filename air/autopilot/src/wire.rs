@@ -78,10 +78,7 @@ pub fn for_each_packet(bytes: &[u8], mut each: impl FnMut(Result<Packet, Reject>
 }
 
 fn next_magic(bytes: &[u8]) -> usize {
-    bytes
-        .iter()
-        .position(|byte| *byte == MAGIC)
-        .unwrap_or(bytes.len())
+    bytes.iter().position(|byte| *byte == MAGIC).unwrap_or(bytes.len())
 }
 
 /// `frame` is one whole frame, as [`frame_length`] measures it.
@@ -94,23 +91,14 @@ fn parse_frame(frame: &[u8]) -> Result<Packet, Reject> {
     let sent = u16::from_le_bytes([frame[payload_end], frame[payload_end + 1]]);
     if calculate_crc(&frame[1..payload_end], MavMessage::extra_crc(id)) != sent {
         let known = MavMessage::default_message_from_id(id).is_some();
-        return Err(if known {
-            Reject::Checksum
-        } else {
-            Reject::Unknown
-        });
+        return Err(if known { Reject::Checksum } else { Reject::Unknown });
     }
-    let message = MavMessage::parse(MavlinkVersion::V2, id, &frame[HEADER..payload_end]).map_err(
-        |error| match error {
+    let message =
+        MavMessage::parse(MavlinkVersion::V2, id, &frame[HEADER..payload_end]).map_err(|error| match error {
             mavlink::error::ParserError::UnknownMessage { .. } => Reject::Unknown,
             _ => Reject::Payload,
-        },
-    )?;
-    let header = MavHeader {
-        system_id: u32::from(frame[5]),
-        component_id: frame[6],
-        sequence: frame[4],
-    };
+        })?;
+    let header = MavHeader { system_id: u32::from(frame[5]), component_id: frame[6], sequence: frame[4] };
     Ok(Packet { header, message })
 }
 
@@ -126,22 +114,14 @@ impl Encoder {
     /// An encoder for the component that sends.
     #[must_use]
     pub fn new(system_id: u8, component_id: u8) -> Self {
-        Self {
-            system_id,
-            component_id,
-            sequence: AtomicU8::new(0),
-        }
+        Self { system_id, component_id, sequence: AtomicU8::new(0) }
     }
 
     /// The frame of `message`; `raw_bytes()` of it is what goes into a datagram.
     #[must_use]
     pub fn encode(&self, message: &MavMessage) -> MAVLinkV2MessageRaw {
         let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
-        let header = MavHeader {
-            system_id: u32::from(self.system_id),
-            component_id: self.component_id,
-            sequence,
-        };
+        let header = MavHeader { system_id: u32::from(self.system_id), component_id: self.component_id, sequence };
         let mut raw = MAVLinkV2MessageRaw::new();
         raw.serialize_message(header, message);
         raw
@@ -162,15 +142,8 @@ mod tests {
 
     fn frames() -> Vec<u8> {
         let encoder = Encoder::new(1, 1);
-        let mut bytes = encoder
-            .encode(&MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()))
-            .raw_bytes()
-            .to_vec();
-        let timesync = TIMESYNC_DATA {
-            tc1: 0,
-            ts1: 0x00FD_1234_5678,
-            ..TIMESYNC_DATA::default()
-        };
+        let mut bytes = encoder.encode(&MavMessage::HEARTBEAT(HEARTBEAT_DATA::default())).raw_bytes().to_vec();
+        let timesync = TIMESYNC_DATA { tc1: 0, ts1: 0x00FD_1234_5678, ..TIMESYNC_DATA::default() };
         bytes.extend_from_slice(encoder.encode(&MavMessage::TIMESYNC(timesync)).raw_bytes());
         bytes
     }
@@ -179,10 +152,7 @@ mod tests {
     fn one_datagram_may_hold_several_packets() {
         let got = parse(&frames());
         assert_eq!(got.len(), 2);
-        let sequences: Vec<u8> = got
-            .iter()
-            .map(|packet| packet.as_ref().unwrap().header.sequence)
-            .collect();
+        let sequences: Vec<u8> = got.iter().map(|packet| packet.as_ref().unwrap().header.sequence).collect();
         assert_eq!(sequences, [0, 1]);
     }
 
@@ -195,8 +165,7 @@ mod tests {
             bytes[bit / 8] ^= 1 << (bit % 8);
             let good: Vec<_> = parse(&bytes).into_iter().flatten().collect();
             assert!(
-                good.iter()
-                    .all(|packet| matches!(packet.message, MavMessage::TIMESYNC(_))),
+                good.iter().all(|packet| matches!(packet.message, MavMessage::TIMESYNC(_))),
                 "bit {bit} made a packet: {good:?}"
             );
             assert_eq!(good.len(), 1, "bit {bit} hid the next packet");
@@ -208,11 +177,7 @@ mod tests {
         let bytes = frames();
         let first = frame_length(&bytes).unwrap();
         for length in 1..first {
-            assert_eq!(
-                parse(&bytes[..length])[0].as_ref().unwrap_err(),
-                &Reject::Truncated,
-                "{length}"
-            );
+            assert_eq!(parse(&bytes[..length])[0].as_ref().unwrap_err(), &Reject::Truncated, "{length}");
         }
     }
 
