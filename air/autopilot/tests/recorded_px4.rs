@@ -206,7 +206,8 @@ fn the_recorded_odometry_is_consistent_in_our_frames() {
     }
     let rms = (error / count).map(f64::sqrt);
     assert!(rms.max() < 0.3, "slope against velocity, m/s: {rms:?}");
-    // Until synchronised, stamps come from the fastest arrival: never ahead, seldom far behind.
+    // Nobody asked this PX4 for its clock, so stamps come from the fastest arrival. Never ahead; behind by what its
+    // simulated clock loses in stalls of up to 0.1 s (1.8 % over the flight, 1 s at its end if it were not followed).
     let mut ages: Vec<f64> = all.iter().map(|(arrival, odometry)| arrival - odometry.stamp.0 as f64 * 1e-9).collect();
     ages.sort_by(f64::total_cmp);
     let (median, late) = (ages[ages.len() / 2], ages[ages.len() * 99 / 100]);
@@ -215,7 +216,7 @@ fn the_recorded_odometry_is_consistent_in_our_frames() {
         median * 1e3,
         late * 1e3
     );
-    assert!(ages[0] > -1e-6 && late < 0.05, "{} {late}", ages[0]);
+    assert!(ages[0] > -1e-6 && late < 0.1, "{} {late}", ages[0]);
     let resets: Vec<u32> =
         all.windows(2).filter(|w| w[0].1.reset_counter != w[1].1.reset_counter).map(|w| w[1].1.reset_counter).collect();
     assert_eq!(resets, [16], "the estimator was reset once in this flight");
