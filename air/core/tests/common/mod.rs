@@ -1,0 +1,310 @@
+//! A point mass with attitude lag, a stand-in autopilot and a planner that flies straight: enough to close the loop.
+
+#![allow(dead_code, unreachable_pub, missing_docs)]
+
+use goshawk_core::*;
+
+pub const DT: f64 = 0.005;
+
+pub fn config() -> ControllerConfig {
+    ControllerConfig {
+        vehicle: VehicleModel {
+            mass: 0.85,
+            hover_thrust: 0.25,
+            min_thrust: 0.03,
+            max_thrust: 1.0,
+            max_tilt: 45_f64.to_radians(),
+        },
+        observer: ObserverConfig { alpha1: 3.0, alpha2: 2.0, zeta: 0.2, limit: 6.0 },
+        lead: LeadConfig { tau: 0.1, limit: 6.0 },
+        yaw: YawConfig {
+            max_rate: 2.5,
+            max_acc: 10.0,
+            lag: 0.0,
+            search_rate: 1.0,
+            search_delay: 1.5,
+            along_velocity_speed: 1.0,
+        },
+        hold: HoldConfig {
+            kp: 2.0,
+            kv: 2.5,
+            max_acc_horizontal: 6.0,
+            max_acc_vertical: 4.0,
+            stopped_speed: 0.5,
+        },
+        ladder: LadderConfig {
+            missed_detection: 0.6,
+            plan_stale: 0.3,
+            no_plan_land: 20.0,
+            odometry_stale: 0.2,
+            descend_acc: 0.3,
+            hand_back: 1.5,
+        },
+        mission: MissionConfig {
+            stream_before_offboard: 1.2,
+            request_period: 1.0,
+            request_timeout: 5.0,
+            climb_speed: 1.0,
+            hold_distance: 2.0,
+            resume_distance: 3.0,
+            goal_radius: 1.5,
+            search_timeout: 60.0,
+            descent_speed: 0.7,
+            touchdown_speed: 0.35,
+            slow_height: 1.0,
+            touchdown_time: 0.4,
+        },
+    }
+}
+
+pub fn track() -> Profile {
+    Profile { task: Task::Track, speed: 6.0, height: 1.5, goal: None }
+}
+
+pub fn navigate(goal: Vec3) -> Profile {
+    Profile { task: Task::Navigate, speed: 6.0, height: 1.5, goal: Some(goal) }
+}
+
+/// What the camera frames say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Frames {
+    /// The planner is dead.
+    None,
+    /// Frames without a choice.
+    Blank,
+    /// A target here.
+    Target(Vec3),
+    /// A straight plan to the demand's goal.
+    Goal,
+}
+
+/// The world, the vehicle and its autopilot.
+pub struct Loop {
+    pub controller: Controller,
+    pub now: Time,
+    pub pos: Vec3,
+    pub vel: Vec3,
+    /// Felt acceleration besides gravity and thrust, m/s².
+    pub wind: Vec3,
+    /// What the vehicle weighs, relative to what the controller believes.
+    pub heaviness: f64,
+    pub attitude: Rot,
+    /// First-order lag of the attitude, s.
+    pub lag: f64,
+    pub autopilot: AutopilotStatus,
+    pub accepts_offboard: bool,
+    pub accepts_arming: bool,
+    pub has_landed_detector: bool,
+    pub frames: Frames,
+    pub odometry_works: bool,
+    /// Added to the odometry's position.
+    pub odometry_offset: Vec3,
+    pub reset_counter: u32,
+    pub ready: bool,
+    pub ground: f64,
+    pub output: Option<ControllerOutput>,
+    pub transitions: Vec<Transition>,
+    pub requests: Vec<(f64, Request)>,
+    odometry: Option<Odometry>,
+    plan: Option<Plan>,
+    ticks: u64,
+    thrust: f64,
+    still: f64,
+    last_seen: Time,
+}
+
+impl Loop {
+    pub fn new() -> Self {
+        Self::with(config())
+    }
+
+    pub fn with(config: ControllerConfig) -> Self {
+        Self {
+            controller: Controller::new(config).unwrap(),
+            now: Time::from_secs(100.0),
+            pos: Vec3::new(3.0, -2.0, 0.0),
+            vel: Vec3::zeros(),
+            wind: Vec3::zeros(),
+            heaviness: 1.0,
+            attitude: Rot::from_axis_angle(&Vec3::z_axis(), 0.5),
+            lag: 0.1,
+            autopilot: AutopilotStatus { connected: true, armed: false, offboard: false, landed: Some(true) },
+            accepts_offboard: true,
+            accepts_arming: true,
+            has_landed_detector: true,
+            frames: Frames::None,
+            odometry_works: true,
+            odometry_offset: Vec3::zeros(),
+            reset_counter: 0,
+            ready: true,
+            ground: 0.0,
+            output: None,
+            transitions: Vec::new(),
+            requests: Vec::new(),
+            odometry: None,
+            plan: None,
+            ticks: 0,
+            thrust: 0.0,
+            still: 0.0,
+            last_seen: Time(0),
+        }
+    }
+
+    pub fn out(&self) -> &ControllerOutput {
+        self.output.as_ref().unwrap()
+    }
+
+    pub fn mode(&self) -> Mode {
+        self.out().mode
+    }
+
+    pub fn seconds(&self) -> f64 {
+        self.now.since(Time(0))
+    }
+
+    /// The last change of mode.
+    pub fn last_cause(&self) -> Cause {
+        self.transitions.last().unwrap().cause
+    }
+
+    pub fn tick(&mut self, command: Option<Command>) -> ControllerOutput {
+        self.now = self.now.plus(DT);
+        self.ticks += 1;
+        if self.ticks.is_multiple_of(2) && self.odometry_works {
+            self.odometry = Some(Odometry {
+                stamp: self.now,
+                pos_world: self.pos + self.odometry_offset,
+                vel_world: self.vel,
+                world_from_body: self.attitude,
+                ang_vel_body: Vec3::zeros(),
+                reset_counter: self.reset_counter,
+            });
+        }
+        if self.ticks.is_multiple_of(6) {
+            self.plan = self.make_plan().or(self.plan.take());
+        }
+        let input = ControllerInput {
+            odometry: self.odometry.as_ref(),
+            plan: self.plan.as_ref(),
+            autopilot: self.autopilot,
+            command,
+            ready: self.ready,
+        };
+        let output = self.controller.step(self.now, &input);
+        self.autopilot_takes(&output);
+        self.move_vehicle(&output);
+        self.transitions.extend(output.transition);
+        self.output = Some(output);
+        output
+    }
+
+    pub fn run(&mut self, seconds: f64) {
+        for _ in 0..(seconds / DT).round() as u32 {
+            self.tick(None);
+        }
+    }
+
+    /// Runs until `what` holds; panics after `limit` s.
+    pub fn until(&mut self, limit: f64, what: impl Fn(&Self) -> bool) {
+        for _ in 0..(limit / DT).round() as u32 {
+            self.tick(None);
+            if what(self) {
+                return;
+            }
+        }
+        panic!("not within {limit} s; mode {:?}, transitions {:?}", self.mode(), self.transitions);
+    }
+
+    pub fn start(&mut self, profile: Profile) {
+        self.run(0.1);
+        let output = self.tick(Some(Command::Start(profile)));
+        assert_eq!(output.reply, Some(Ok(())));
+    }
+
+    pub fn stop(&mut self) {
+        let output = self.tick(Some(Command::Stop));
+        assert_eq!(output.reply, Some(Ok(())));
+    }
+
+    fn autopilot_takes(&mut self, output: &ControllerOutput) {
+        if let Some(request) = output.request {
+            self.requests.push((self.seconds(), request));
+            match request {
+                Request::Offboard if self.accepts_offboard => self.autopilot.offboard = true,
+                Request::Arm if self.accepts_arming && self.autopilot.offboard => self.autopilot.armed = true,
+                Request::Disarm if self.pos.z <= self.ground + 0.01 => self.autopilot.armed = false,
+                Request::HandBack => self.autopilot.offboard = false,
+                _ => {}
+            }
+        }
+    }
+
+    fn move_vehicle(&mut self, output: &ControllerOutput) {
+        let setpoint = output.setpoint.filter(|_| self.autopilot.offboard);
+        let running = self.autopilot.armed && setpoint.is_some();
+        if let (Some(setpoint), true) = (setpoint, running) {
+            self.attitude = self.attitude.slerp(&setpoint.world_from_body, DT / self.lag);
+            self.thrust = setpoint.thrust.0 / 0.25 * GRAVITY / self.heaviness;
+        } else {
+            self.thrust = 0.0;
+        }
+        let acc = self.attitude * Vec3::z() * self.thrust - Vec3::z() * GRAVITY + self.wind;
+        self.vel += acc * DT;
+        self.pos += self.vel * DT;
+        if self.pos.z <= self.ground {
+            self.pos.z = self.ground;
+            self.vel = Vec3::zeros();
+        }
+        let resting = self.pos.z <= self.ground + 1e-9 && self.thrust < 0.5 * GRAVITY;
+        self.still = if resting { self.still + DT } else { 0.0 };
+        self.autopilot.landed = self.has_landed_detector.then_some(!self.autopilot.armed || self.still > 1.0);
+    }
+
+    /// A plan from the vehicle's state straight to what the frames show.
+    fn make_plan(&mut self) -> Option<Plan> {
+        let demand = self.controller_demand()?;
+        let pos = self.pos + self.odometry_offset;
+        let (aim, target) = match self.frames {
+            Frames::None => return None,
+            Frames::Blank => (None, None),
+            Frames::Target(at) => (Some(at), Some(at)),
+            Frames::Goal => (demand.goal_world, None),
+        };
+        if target.is_some() {
+            self.last_seen = self.now;
+        }
+        let alpha = demand.speed / 6.0;
+        let end = aim.map_or(FlatState::default(), |aim| {
+            let line = aim - pos;
+            let reach = line.norm().min(10.0);
+            let direction = line.try_normalize(1e-6).unwrap_or_default();
+            FlatState { pos: pos + direction * reach, vel: direction * 2.0, acc: Vec3::zeros() }
+        });
+        let candidate = Candidate { end, cost: 1.0, objectness: 1.0, target_world: target, rejection: None };
+        let estimate = target.map(|at| TargetEstimate {
+            stamp: self.now,
+            pos_world: at,
+            vel_world: Vec3::zeros(),
+            covariance: nalgebra::Matrix6::identity(),
+            confirmed: true,
+            last_seen: self.now,
+        });
+        let old = self.plan.as_ref().and_then(|plan| plan.target);
+        let kept = old.map(|t| TargetEstimate { confirmed: self.now.since(t.last_seen) < 0.5, ..t });
+        Some(Plan {
+            seq: self.ticks,
+            stamp: self.now,
+            start: FlatState { pos, vel: self.vel, acc: self.out().acc_des_world },
+            world_from_cam: self.attitude,
+            duration: 10.0 / (alpha * 6.0),
+            alpha,
+            candidates: [candidate; ANCHORS],
+            chosen: aim.map(|_| 7),
+            target: estimate.or(kept),
+        })
+    }
+
+    fn controller_demand(&self) -> Option<PlanningDemand> {
+        self.output.as_ref()?.planning
+    }
+}

@@ -1,0 +1,271 @@
+//! The mission, flown in a closed loop.
+
+mod common;
+
+use common::{Frames, Loop, navigate, track};
+use goshawk_core::*;
+
+fn hovering_in_search() -> Loop {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(track());
+    sim.until(10.0, |s| s.mode() == Mode::Search);
+    sim
+}
+
+fn chasing(target: Vec3) -> Loop {
+    let mut sim = hovering_in_search();
+    sim.frames = Frames::Target(target);
+    sim.until(1.0, |s| s.mode() == Mode::Track);
+    sim
+}
+
+#[test]
+fn takeoff_streams_then_asks_for_offboard_then_arms_then_climbs_to_the_height() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(track());
+    let begun = sim.seconds();
+    assert_eq!(sim.mode(), Mode::Takeoff);
+    assert_eq!(sim.out().setpoint.unwrap().thrust.0, 0.0);
+    sim.run(1.1);
+    assert!(sim.requests.is_empty() && sim.out().planning.is_none());
+    sim.until(10.0, |s| s.mode() == Mode::Search);
+    assert_eq!(sim.last_cause(), Cause::HeightReached);
+    let asked: Vec<_> = sim.requests.iter().map(|r| r.1).collect();
+    assert_eq!(asked, [Request::Offboard, Request::Arm]);
+    assert!(sim.requests[0].0 - begun >= 1.2);
+    sim.run(2.0);
+    assert!((sim.pos - Vec3::new(3.0, -2.0, 1.5)).norm() < 0.1, "{}", sim.pos);
+    assert!(sim.out().planning.is_some());
+}
+
+#[test]
+fn takeoff_succeeds_with_a_wrong_hover_thrust_and_wind() {
+    for heaviness in [0.8, 1.25, 1.4] {
+        let mut sim = Loop::new();
+        (sim.heaviness, sim.wind) = (heaviness, Vec3::new(1.5, -1.0, 0.0));
+        sim.frames = Frames::Blank;
+        sim.start(track());
+        sim.until(12.0, |s| s.mode() == Mode::Search);
+        sim.run(4.0);
+        assert!((sim.pos - Vec3::new(3.0, -2.0, 1.5)).norm() < 0.1, "{heaviness}: {}", sim.pos);
+    }
+}
+
+#[test]
+fn start_is_refused_with_the_reason() {
+    let refusal = |change: fn(&mut Loop)| {
+        let mut sim = Loop::new();
+        change(&mut sim);
+        sim.run(0.5);
+        sim.tick(Some(Command::Start(track()))).reply.unwrap().unwrap_err()
+    };
+    assert_eq!(refusal(|s| s.autopilot.connected = false), Refusal::AutopilotSilent);
+    assert_eq!(refusal(|s| s.autopilot.armed = true), Refusal::NotOnGround);
+    assert_eq!(refusal(|s| s.odometry_works = false), Refusal::OdometryStale);
+    assert_eq!(refusal(|s| s.ready = false), Refusal::ChecksFailed);
+    let mut sim = Loop::new();
+    sim.run(0.1);
+    let slow = Profile { speed: 0.0, ..track() };
+    assert_eq!(sim.tick(Some(Command::Start(slow))).reply, Some(Err(Refusal::BadProfile)));
+    let nowhere = Profile { task: Task::Navigate, ..track() };
+    assert_eq!(sim.tick(Some(Command::Start(nowhere))).reply, Some(Err(Refusal::BadProfile)));
+    sim.start(track());
+    assert_eq!(sim.tick(Some(Command::Start(track()))).reply, Some(Err(Refusal::Flying)));
+}
+
+#[test]
+fn an_autopilot_that_refuses_offboard_or_arming_ends_in_a_fault_with_its_reason() {
+    for (offboard, cause) in [(false, Cause::OffboardRefused), (true, Cause::ArmRefused)] {
+        let mut sim = Loop::new();
+        (sim.accepts_offboard, sim.accepts_arming) = (offboard, false);
+        sim.start(track());
+        sim.until(8.0, |s| s.mode() == Mode::Fault);
+        assert_eq!(sim.last_cause(), cause);
+        assert_eq!(sim.out().setpoint, None);
+        let asked = if offboard { Request::Arm } else { Request::Offboard };
+        assert!(sim.requests.iter().filter(|r| r.1 == asked).count() >= 5, "asked each second");
+        sim.until(4.0, |s| s.mode() == Mode::Ready);
+    }
+}
+
+#[test]
+fn the_target_is_chased_until_caught_up_and_chased_again_when_it_moves_off() {
+    let mut sim = chasing(Vec3::new(15.0, 3.0, 1.5));
+    assert_eq!(sim.last_cause(), Cause::TargetConfirmed);
+    sim.run(1.0);
+    assert!(sim.vel.norm() > 1.0 && sim.out().plan_seq.is_some() && sim.out().fallback == Fallback::None);
+    sim.until(15.0, |s| s.mode() == Mode::Hold);
+    assert_eq!(sim.last_cause(), Cause::CaughtUp);
+    sim.run(3.0);
+    let line = Vec3::new(15.0, 3.0, 1.5) - sim.pos;
+    assert!(sim.vel.norm() < 0.1 && line.norm() > 0.5, "stands off the target");
+    let nose = sim.attitude * Vec3::x();
+    assert!(nose.dot(&line.normalize()) > 0.98, "faces the target");
+    sim.frames = Frames::Target(Vec3::new(25.0, 0.0, 1.5));
+    sim.until(1.0, |s| s.mode() == Mode::Track);
+    assert_eq!(sim.last_cause(), Cause::TargetMovedOff);
+}
+
+#[test]
+fn a_briefly_missed_target_does_not_interrupt_the_chase() {
+    let mut sim = chasing(Vec3::new(20.0, 0.0, 1.5));
+    sim.run(1.0);
+    let seq = sim.out().plan_seq;
+    sim.frames = Frames::Blank;
+    sim.run(0.4);
+    assert_eq!((sim.mode(), sim.out().fallback), (Mode::Track, Fallback::None));
+    assert!(sim.out().plan_seq >= seq && sim.out().plan_age.unwrap() > 0.3, "flies the last tracked trajectory");
+    sim.frames = Frames::Target(Vec3::new(20.0, 0.0, 1.5));
+    sim.run(0.2);
+    assert!(sim.out().plan_age.unwrap() < 0.1);
+}
+
+#[test]
+fn a_lost_target_brakes_then_is_looked_for_where_it_was_lost_then_all_around() {
+    let target = Vec3::new(3.0, 18.0, 1.5);
+    let mut sim = chasing(target);
+    sim.run(2.0);
+    sim.frames = Frames::Blank;
+    sim.until(1.0, |s| s.out().fallback == Fallback::PlanExpiredBrake);
+    assert_eq!(sim.mode(), Mode::Track);
+    sim.until(4.0, |s| s.mode() == Mode::Search);
+    assert_eq!(sim.last_cause(), Cause::TargetLost);
+    sim.run(1.4);
+    let nose = sim.attitude * Vec3::x();
+    assert!(nose.dot(&(target - sim.pos).normalize()) > 0.97, "looks where it was lost");
+    let held = sim.pos;
+    sim.run(2.0);
+    let turned = sim.attitude * Vec3::x();
+    assert!(turned.dot(&nose) < 0.5, "sweeps");
+    assert!((sim.pos - held).norm() < 0.3 && sim.vel.norm() < 0.1, "holds its place");
+    sim.frames = Frames::Target(target);
+    sim.until(0.2, |s| s.mode() == Mode::Track);
+}
+
+#[test]
+fn a_search_without_end_lands() {
+    let mut config = common::config();
+    config.mission.search_timeout = 5.0;
+    let mut sim = Loop::with(config);
+    sim.frames = Frames::Blank;
+    sim.start(track());
+    sim.until(20.0, |s| s.mode() == Mode::Stopping);
+    assert_eq!(sim.last_cause(), Cause::SearchTimeout);
+    sim.until(20.0, |s| s.mode() == Mode::Landed);
+}
+
+#[test]
+fn the_goal_is_relative_to_the_start_and_is_held_once_reached() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Goal;
+    sim.start(navigate(Vec3::new(20.0, 0.0, 1.5)));
+    sim.until(12.0, |s| s.mode() == Mode::Navigate);
+    let goal = Vec3::new(3.0 + 20.0 * 0.5_f64.cos(), -2.0 + 20.0 * 0.5_f64.sin(), 1.5);
+    assert!((sim.out().planning.unwrap().goal_world.unwrap() - goal).norm() < 1e-6);
+    sim.until(20.0, |s| s.mode() == Mode::Hold);
+    assert_eq!(sim.last_cause(), Cause::GoalReached);
+    assert!((sim.pos - goal).norm() <= 1.5);
+    sim.run(5.0);
+    assert!(sim.mode() == Mode::Hold && sim.vel.norm() < 0.1 && sim.out().planning.is_none());
+}
+
+#[test]
+fn stop_brakes_lands_disarms_and_becomes_ready_again() {
+    for detector in [true, false] {
+        let mut sim = chasing(Vec3::new(30.0, 0.0, 2.0));
+        sim.has_landed_detector = detector;
+        sim.run(2.5);
+        assert!(sim.vel.norm() > 2.0);
+        sim.stop();
+        let mut fastest = 0.0_f64;
+        while sim.mode() == Mode::Stopping {
+            fastest = fastest.max(-sim.vel.z);
+            sim.tick(None);
+            assert!(sim.seconds() < 140.0, "landing never ends: {:?}", sim.out());
+        }
+        assert_eq!((sim.mode(), sim.last_cause()), (Mode::Landed, Cause::TouchedDown));
+        assert!(fastest < 0.9, "descends at {fastest} m/s");
+        assert!(sim.pos.z == 0.0 && !sim.autopilot.armed);
+        sim.autopilot.landed = Some(true);
+        sim.has_landed_detector = true;
+        sim.until(1.0, |s| s.mode() == Mode::Ready);
+        sim.autopilot.offboard = false;
+        sim.start(track());
+        sim.until(12.0, |s| s.mode() == Mode::Search || s.mode() == Mode::Track);
+    }
+}
+
+#[test]
+fn stop_works_in_every_airborne_mode() {
+    type Reach = fn() -> Loop;
+    let modes: [(Mode, Reach); 5] = [
+        (Mode::Takeoff, || {
+            let mut sim = Loop::new();
+            sim.start(track());
+            sim.until(5.0, |s| s.pos.z > 0.5);
+            sim
+        }),
+        (Mode::Search, hovering_in_search),
+        (Mode::Track, || chasing(Vec3::new(20.0, 0.0, 1.5))),
+        (Mode::Hold, || {
+            let mut sim = chasing(Vec3::new(12.0, 0.0, 1.5));
+            sim.until(15.0, |s| s.mode() == Mode::Hold);
+            sim
+        }),
+        (Mode::Navigate, || {
+            let mut sim = Loop::new();
+            sim.frames = Frames::Goal;
+            sim.start(navigate(Vec3::new(40.0, 0.0, 1.5)));
+            sim.until(12.0, |s| s.mode() == Mode::Navigate);
+            sim
+        }),
+    ];
+    for (mode, reach) in modes {
+        let mut sim = reach();
+        assert_eq!(sim.mode(), mode);
+        sim.stop();
+        sim.until(20.0, |s| s.mode() == Mode::Landed);
+        assert!(sim.pos.z == 0.0);
+    }
+}
+
+#[test]
+fn stop_on_the_ground_is_harmless_and_stops_a_take_off_before_arming() {
+    let mut sim = Loop::new();
+    sim.run(0.1);
+    sim.stop();
+    assert_eq!(sim.mode(), Mode::Ready);
+    sim.start(track());
+    sim.run(0.5);
+    sim.stop();
+    assert_eq!(sim.mode(), Mode::Idle);
+    sim.run(3.0);
+    assert!(sim.requests.is_empty() && sim.out().setpoint.is_none());
+}
+
+#[test]
+fn landing_on_ground_higher_or_lower_than_the_start_is_noticed() {
+    for ground in [-2.5, 0.8] {
+        let mut sim = hovering_in_search();
+        sim.ground = ground;
+        sim.has_landed_detector = false;
+        sim.stop();
+        sim.until(30.0, |s| s.mode() == Mode::Landed);
+        assert!((sim.pos.z - ground).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn an_updraught_is_not_taken_for_the_ground() {
+    let mut sim = hovering_in_search();
+    sim.stop();
+    sim.until(5.0, |s| s.vel.z < -0.3);
+    sim.wind = Vec3::new(0.0, 0.0, 3.0);
+    while sim.pos.z > 0.05 {
+        let thrust = sim.tick(None).setpoint.unwrap().thrust.0;
+        assert!(thrust > 0.0, "motors cut at {} m", sim.pos.z);
+    }
+    sim.until(10.0, |s| s.mode() == Mode::Landed);
+}
