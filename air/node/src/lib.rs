@@ -3,6 +3,16 @@
 
 pub mod bus;
 pub mod clock;
+pub mod commands;
 pub mod config;
+pub mod control;
+pub mod convert;
+pub mod flightlog;
+pub mod health;
+pub mod planning;
+pub mod run;
+pub mod sensors;
+pub mod shared;
 pub mod slot;
 pub mod stats;
+pub mod telemetry;

@@ -1,1 +1,64 @@
-fn main() {}
+//! `goshawk-air`: the onboard process.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use color_eyre::eyre::Result;
+use goshawk_air::config::Vehicle;
+use goshawk_air::run::{Overrides, run};
+
+/// The onboard process: chases what its camera sees, obeys start and stop, writes the flight's log.
+#[derive(Parser)]
+#[command(name = "goshawk-air", version, arg_required_else_help = true)]
+#[command(after_help = "Examples:\n  goshawk-air run --config air/vehicles/sim.toml\n  \
+    goshawk-air run --config air/vehicles/sim.toml --listen tcp/0.0.0.0:7448 --mavlink-bind 127.0.0.1:14541\n\n\
+    RUST_LOG=debug shows more.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fly: run until SIGINT or SIGTERM.
+    Run {
+        /// The vehicle file.
+        #[arg(long)]
+        config: PathBuf,
+        /// Zenoh endpoint to listen on, instead of the vehicle file's; may be repeated.
+        #[arg(long, value_name = "ENDPOINT")]
+        listen: Vec<String>,
+        /// Local UDP address for MAVLink, instead of the vehicle file's.
+        #[arg(long, value_name = "ADDRESS:PORT")]
+        mavlink_bind: Option<SocketAddr>,
+        /// Folder for the logs, instead of the vehicle file's.
+        #[arg(long, value_name = "DIR")]
+        log_dir: Option<PathBuf>,
+        /// Policy file, instead of the vehicle file's.
+        #[arg(long, value_name = "ONNX")]
+        policy: Option<PathBuf>,
+    },
+}
+
+fn main() -> ExitCode {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info,zenoh=warn,zenoh_transport=error"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    match start() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("goshawk-air: {}", error.chain().map(ToString::to_string).collect::<Vec<_>>().join(": "));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn start() -> Result<()> {
+    match Arguments::parse().command {
+        Command::Run { config, listen, mavlink_bind, log_dir, policy } => {
+            run(Vehicle::load(&config)?, Overrides { listen, mavlink_bind, log_dir, policy })
+        }
+    }
+}

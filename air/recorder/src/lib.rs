@@ -1,1 +1,14 @@
-//! placeholder
+//! The flight recorder and the log reader: the only Rust crate that knows MCAP.
+
+pub mod channel;
+pub mod error;
+pub mod image;
+pub mod reader;
+pub mod recorder;
+pub mod writer;
+
+pub use channel::Channel;
+pub use error::RecorderError;
+pub use reader::{Entry, LogReader};
+pub use recorder::{Payload, Recorder};
+pub use writer::LogWriter;

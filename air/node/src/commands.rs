@@ -1,0 +1,135 @@
+//! Start and stop: queries from the ground, answered by the controller's own decision. A repeated command id gets its
+//! first answer again and does nothing.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use goshawk_core::{Command, Refusal};
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+use prost::Message;
+use zenoh::Wait;
+use zenoh::query::Query;
+
+use crate::bus::{Bus, BusError};
+use crate::clock;
+use crate::config::Vehicle;
+use crate::shared::{PendingCommand, Report, Shared, lock};
+
+const REMEMBERED: usize = 64;
+const WAIT: Duration = Duration::from_millis(200);
+
+/// A query that waits for its answer.
+pub struct Asked {
+    key: Key,
+    query: Query,
+}
+
+/// Declares the two queryables; queries wait in a short queue for [`serve`], and are dropped when it is full.
+///
+/// # Errors
+/// Zenoh refused a declaration.
+pub fn declare(bus: &Bus) -> Result<Receiver<Asked>, BusError> {
+    let (sender, receiver): (SyncSender<Asked>, _) = sync_channel(16);
+    for key in [Key::CmdStart, Key::CmdStop] {
+        let sender = sender.clone();
+        bus.queryable(key, move |query| {
+            let _ = sender.try_send(Asked { key, query }); // a flood is dropped: the asker times out
+        })?;
+    }
+    Ok(receiver)
+}
+
+/// Answers queries until the process stops.
+pub fn serve(asked: &Receiver<Asked>, shared: &Shared, vehicle: &Vehicle) {
+    let mut answered: VecDeque<v1::CommandReply> = VecDeque::with_capacity(REMEMBERED);
+    while !shared.stopping() {
+        let Ok(Asked { key, query }) = asked.recv_timeout(Duration::from_millis(100)) else { continue };
+        let payload = query.payload().map(|p| p.to_bytes().into_owned()).unwrap_or_default();
+        let reply = match parse(key, &payload, vehicle) {
+            Err((id, why)) => refusal(id, why),
+            Ok(parsed) => answered.iter().find(|r| r.command_id == parsed.id).cloned().unwrap_or_else(|| {
+                let reply = decide(&parsed, shared);
+                if answered.len() == REMEMBERED {
+                    answered.pop_front();
+                }
+                answered.push_back(reply.clone());
+                shared.report(Report::Command(v1::CommandRecord {
+                    stamp_ns: clock::now().0,
+                    verb: if key == Key::CmdStart { "start" } else { "stop" }.to_owned(),
+                    profile: parsed.profile,
+                    reply: Some(reply.clone()),
+                }));
+                reply
+            }),
+        };
+        if let Err(e) = query.reply(query.key_expr().clone(), reply.encode_to_vec()).wait() {
+            tracing::warn!("a command's reply could not be sent: {e}");
+        }
+    }
+}
+
+struct Parsed {
+    id: String,
+    profile: String,
+    command: Command,
+}
+
+fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (String, String)> {
+    let malformed = |_| (String::new(), "malformed request".to_owned());
+    let (id, profile, command) = if key == Key::CmdStart {
+        let m = v1::StartRequest::decode(payload).map_err(malformed)?;
+        let name = if m.profile.is_empty() { vehicle.default_profile.clone() } else { m.profile };
+        let Some(profile) = vehicle.profile(Some(&name)) else {
+            let known = vehicle.profile_names().join(", ");
+            return Err((m.command_id, format!("no profile {name:?}: the vehicle file has {known}")));
+        };
+        (m.command_id, name, Command::Start(profile))
+    } else {
+        (v1::StopRequest::decode(payload).map_err(malformed)?.command_id, String::new(), Command::Stop)
+    };
+    if id.is_empty() || id.len() > 64 {
+        return Err((id.chars().take(64).collect(), "command_id must have 1 to 64 bytes".to_owned()));
+    }
+    Ok(Parsed { id, profile, command })
+}
+
+fn decide(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
+    let mut reply = ask_controller(parsed, shared);
+    reply.mode = shared.mode.load(Ordering::Relaxed);
+    reply
+}
+
+fn ask_controller(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
+    let (answer, verdict) = sync_channel(1);
+    {
+        let mut slot = lock(&shared.command);
+        // A stop is never held up: it replaces a start that the controller has not taken yet.
+        if slot.is_some() && parsed.command != Command::Stop {
+            return refusal(parsed.id.clone(), "another command is being carried out: ask again".to_owned());
+        }
+        *slot = Some(PendingCommand { command: parsed.command, answer });
+    }
+    let verdict: Result<(), Refusal> = match verdict.recv_timeout(WAIT) {
+        Ok(verdict) => verdict,
+        Err(_) => return refusal(parsed.id.clone(), "the controller did not answer".to_owned()),
+    };
+    match verdict {
+        Ok(()) => v1::CommandReply {
+            command_id: parsed.id.clone(),
+            accepted: true,
+            reason: match parsed.command {
+                Command::Start(_) => format!("taking off with profile {}", parsed.profile),
+                Command::Stop => "stopping and landing".to_owned(),
+            },
+            mode: v1::Mode::Unspecified.into(),
+        },
+        Err(why) => refusal(parsed.id.clone(), why.to_string()),
+    }
+}
+
+fn refusal(command_id: String, reason: String) -> v1::CommandReply {
+    v1::CommandReply { command_id, accepted: false, reason, mode: v1::Mode::Unspecified.into() }
+}

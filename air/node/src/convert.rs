@@ -1,0 +1,143 @@
+//! From the core's values to the messages of the wire and the log.
+
+use goshawk_core as core;
+use goshawk_proto::v1;
+
+/// World- or body-frame vector.
+#[must_use]
+pub fn vec3(v: core::Vec3) -> v1::Vec3 {
+    v1::Vec3 { x: v.x, y: v.y, z: v.z }
+}
+
+fn vec3f(v: core::Vec3) -> v1::Vec3f {
+    v1::Vec3f { x: v.x as f32, y: v.y as f32, z: v.z as f32 }
+}
+
+/// (w, x, y, z).
+#[must_use]
+pub fn quat(q: core::Rot) -> v1::Quat {
+    v1::Quat { w: q.w, x: q.i, y: q.j, z: q.k }
+}
+
+/// The mode's wire value.
+#[must_use]
+pub fn mode(mode: core::Mode) -> v1::Mode {
+    match mode {
+        core::Mode::Idle => v1::Mode::Idle,
+        core::Mode::Ready => v1::Mode::Ready,
+        core::Mode::Takeoff => v1::Mode::Takeoff,
+        core::Mode::Track => v1::Mode::Track,
+        core::Mode::Navigate => v1::Mode::Navigate,
+        core::Mode::Search => v1::Mode::Search,
+        core::Mode::Hold => v1::Mode::Hold,
+        core::Mode::Stopping => v1::Mode::Stopping,
+        core::Mode::Landed => v1::Mode::Landed,
+        core::Mode::Fault => v1::Mode::Fault,
+    }
+}
+
+fn fallback(fallback: core::Fallback) -> v1::Fallback {
+    match fallback {
+        core::Fallback::None => v1::Fallback::None,
+        core::Fallback::PlanExpiredBrake => v1::Fallback::PlanExpiredBrake,
+        core::Fallback::HoldPosition => v1::Fallback::HoldPosition,
+        core::Fallback::OdometryStaleDescend => v1::Fallback::OdometryStaleDescend,
+        core::Fallback::HandBack => v1::Fallback::HandBack,
+    }
+}
+
+fn rejection(rejection: Option<core::Rejection>) -> v1::Rejection {
+    match rejection {
+        None => v1::Rejection::None,
+        Some(core::Rejection::Objectness) => v1::Rejection::Objectness,
+        Some(core::Rejection::Gate) => v1::Rejection::Gate,
+        Some(core::Rejection::Cost) => v1::Rejection::Cost,
+    }
+}
+
+fn candidate(c: &core::Candidate) -> v1::Candidate {
+    v1::Candidate {
+        end_pos_world: Some(vec3f(c.end.pos)),
+        end_vel_world: Some(vec3f(c.end.vel)),
+        end_acc_world: Some(vec3f(c.end.acc)),
+        cost: c.cost as f32,
+        objectness: c.objectness as f32,
+        target_pos_world: c.target_world.map(vec3f),
+        rejection: rejection(c.rejection).into(),
+    }
+}
+
+/// The plan, ready at `ready`.
+#[must_use]
+pub fn plan(plan: &core::Plan, ready: core::Time) -> v1::Plan {
+    v1::Plan {
+        seq: plan.seq,
+        frame_ns: plan.stamp.0,
+        ready_ns: ready.0,
+        start_pos_world: Some(vec3(plan.start.pos)),
+        start_vel_world: Some(vec3(plan.start.vel)),
+        start_acc_world: Some(vec3(plan.start.acc)),
+        world_from_cam: Some(quat(plan.world_from_cam)),
+        duration_s: plan.duration,
+        alpha: plan.alpha,
+        candidates: plan.candidates.iter().map(candidate).collect(),
+        chosen: plan.chosen.map(|index| index as u32),
+    }
+}
+
+/// The target filter after the frame `seq`, at `now`.
+#[must_use]
+pub fn target(seq: u64, target: &core::TargetEstimate, now: core::Time) -> v1::Target {
+    v1::Target {
+        seq,
+        stamp_ns: target.stamp.0,
+        pos_world: Some(vec3(target.pos_world)),
+        vel_world: Some(vec3(target.vel_world)),
+        covariance: target.covariance.transpose().iter().map(|c| *c as f32).collect(),
+        confirmed: target.confirmed,
+        since_seen_s: now.since(target.last_seen).max(0.0),
+    }
+}
+
+/// One controller step.
+#[must_use]
+pub fn control(
+    seq: u64,
+    stamp: core::Time,
+    output: &core::ControllerOutput,
+    odometry: Option<&core::Odometry>,
+) -> v1::Control {
+    v1::Control {
+        seq,
+        stamp_ns: stamp.0,
+        mode: mode(output.mode).into(),
+        fallback: fallback(output.fallback).into(),
+        pos_world: odometry.map(|o| vec3(o.pos_world)),
+        vel_world: odometry.map(|o| vec3(o.vel_world)),
+        world_from_body: odometry.map(|o| quat(o.world_from_body)),
+        acc_des_world: Some(vec3(output.acc_des_world)),
+        acc_att_world: Some(vec3(output.acc_att_world)),
+        acc_disturbance_world: Some(vec3(output.acc_disturbance_world)),
+        acc_meas_world: Some(vec3(output.acc_meas_world)),
+        world_from_body_des: output.setpoint.map(|s| quat(s.world_from_body)),
+        thrust_n: output.thrust.0,
+        thrust_norm: output.setpoint.map_or(0.0, |s| s.thrust.0),
+        yaw_des_rad: output.yaw_des,
+        plan_seq: output.plan_seq,
+        plan_age_s: output.plan_age,
+    }
+}
+
+/// One odometry sample.
+#[must_use]
+pub fn odometry(seq: u64, o: &core::Odometry) -> v1::Odometry {
+    v1::Odometry {
+        seq,
+        stamp_ns: o.stamp.0,
+        pos_world: Some(vec3(o.pos_world)),
+        vel_world: Some(vec3(o.vel_world)),
+        world_from_body: Some(quat(o.world_from_body)),
+        ang_vel_body: Some(vec3(o.ang_vel_body)),
+        reset_counter: o.reset_counter,
+    }
+}

@@ -1,0 +1,159 @@
+//! Readiness and health: what is known of every part, and what to do where one is not right.
+
+use goshawk_autopilot::Status;
+use goshawk_core::Time;
+use goshawk_proto::v1;
+
+use crate::stats::{Quantiles, RateMeter, Window};
+
+const FRAME_STALE_S: f64 = 0.3;
+const ODOMETRY_STALE_S: f64 = 0.15;
+const PLAN_STALE_S: f64 = 0.5;
+const BATTERY_LEAST: f64 = 0.2;
+
+/// Newest facts of every part, gathered by the telemetry thread.
+#[derive(Default)]
+pub struct Facts {
+    /// Last image.
+    pub frame: Option<Time>,
+    /// Last odometry's own stamp.
+    pub odometry: Option<Time>,
+    /// Last plan.
+    pub plan: Option<Time>,
+    /// Why the last frame got no plan; none after a plan.
+    pub plan_failed: Option<String>,
+    /// The log cannot be written, and why.
+    pub recorder_failed: Option<String>,
+    /// Images a second.
+    pub camera_rate: RateMeter,
+    /// Plans a second.
+    pub planner_rate: RateMeter,
+    /// Controller steps a second.
+    pub controller_rate: RateMeter,
+    /// Odometry samples a second.
+    pub odometry_rate: RateMeter,
+    /// Exposure to plan.
+    pub frame_to_plan: Window,
+    /// The network alone.
+    pub inference: Window,
+    /// One controller step.
+    pub controller_step: Window,
+    /// How late controller steps begin.
+    pub controller_late: Window,
+}
+
+/// Every readiness check with its reason.
+#[must_use]
+pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), now: Time) -> Vec<v1::Check> {
+    let age = |stamp: Option<Time>| stamp.map(|stamp| now.since(stamp));
+    let check =
+        |name: &str, problem: Option<String>| v1::Check { name: name.to_owned(), ok: problem.is_none(), reason: problem.unwrap_or_default() };
+    vec![
+        check("camera", stale("image", "in/rgbd", age(facts.frame), FRAME_STALE_S, refused.0)),
+        check("odometry", stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1)),
+        check("autopilot", autopilot_problem(autopilot)),
+        check("policy", policy_problem(facts, age(facts.plan))),
+        check(
+            "battery",
+            autopilot
+                .battery_fraction
+                .filter(|f| *f < BATTERY_LEAST)
+                .map(|f| format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, BATTERY_LEAST * 100.0)),
+        ),
+        check("recorder", facts.recorder_failed.clone()),
+    ]
+}
+
+fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u64) -> Option<String> {
+    let refused = if refused > 0 { format!(" ({refused} refused as malformed or implausible)") } else { String::new() };
+    match age_s {
+        None => Some(format!("no {what} has come yet: is {source} running?{refused}")),
+        Some(age) if age > limit_s => Some(format!("the last {what} is {age:.1} s old: is {source} running?{refused}")),
+        Some(_) => None,
+    }
+}
+
+fn autopilot_problem(status: &Status) -> Option<String> {
+    match status.heartbeat_age_s {
+        None => Some("no autopilot has been heard: check the MAVLink port and the wiring".to_owned()),
+        Some(age) if !status.connected => Some(format!("its last heartbeat is {age:.1} s old: check the link")),
+        Some(_) => None,
+    }
+}
+
+fn policy_problem(facts: &Facts, plan_age_s: Option<f64>) -> Option<String> {
+    match (&facts.plan_failed, plan_age_s) {
+        (Some(why), _) => Some(format!("the last frame got no plan: {why}")),
+        (None, None) => Some("no frame has been planned from yet".to_owned()),
+        (None, Some(age)) if age > PLAN_STALE_S => Some(format!("the last plan is {age:.1} s old")),
+        (None, Some(_)) => None,
+    }
+}
+
+/// Rates since the last call.
+pub fn rates(facts: &mut Facts, now: Time) -> Vec<v1::Rate> {
+    let rate = |name: &str, meter: &mut RateMeter| v1::Rate { name: name.to_owned(), hz: meter.read(now) };
+    vec![
+        rate("camera", &mut facts.camera_rate),
+        rate("planner", &mut facts.planner_rate),
+        rate("controller", &mut facts.controller_rate),
+        rate("odometry", &mut facts.odometry_rate),
+    ]
+}
+
+/// Latencies of the last samples.
+pub fn latencies(facts: &mut Facts) -> Vec<v1::Latency> {
+    let latency = |name: &str, q: Quantiles| v1::Latency {
+        name: name.to_owned(),
+        p50_ms: q.p50_s * 1e3,
+        p99_ms: q.p99_s * 1e3,
+        max_ms: q.max_s * 1e3,
+        count: q.count,
+    };
+    vec![
+        latency("frame_to_plan", facts.frame_to_plan.quantiles()),
+        latency("inference", facts.inference.quantiles()),
+        latency("controller_step", facts.controller_step.quantiles()),
+        latency("controller_late", facts.controller_late.quantiles()),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn good() -> (Facts, Status, Time) {
+        let now = Time::from_secs(10.0);
+        let facts = Facts { frame: Some(now), odometry: Some(now), plan: Some(now), ..Facts::default() };
+        let status = Status { connected: true, heartbeat_age_s: Some(0.1), ..Status::default() };
+        (facts, status, now)
+    }
+
+    fn failing(facts: &Facts, status: &Status, now: Time) -> Vec<(String, String)> {
+        checks(facts, status, (0, 0), now).into_iter().filter(|c| !c.ok).map(|c| (c.name, c.reason)).collect()
+    }
+
+    #[test]
+    fn all_parts_fresh_means_ready() {
+        let (facts, status, now) = good();
+        assert_eq!(failing(&facts, &status, now), vec![]);
+    }
+
+    #[test]
+    fn each_missing_part_is_named_with_a_reason() {
+        let (facts, status, now) = good();
+        let only = |facts: &Facts, status: &Status, now: Time, name: &str| {
+            let failing = failing(facts, status, now);
+            assert_eq!(failing.len(), 1, "{failing:?}");
+            assert_eq!(failing[0].0, name);
+            assert!(!failing[0].1.is_empty());
+        };
+        only(&Facts { frame: None, ..good().0 }, &status, now, "camera");
+        only(&Facts { frame: Some(Time::from_secs(9.0)), ..good().0 }, &status, now, "camera");
+        only(&Facts { odometry: None, ..good().0 }, &status, now, "odometry");
+        only(&Facts { plan_failed: Some("NaN".to_owned()), ..good().0 }, &status, now, "policy");
+        only(&Facts { recorder_failed: Some("disk full".to_owned()), ..good().0 }, &status, now, "recorder");
+        only(&facts, &Status { connected: false, heartbeat_age_s: None, ..status }, now, "autopilot");
+        only(&facts, &Status { battery_fraction: Some(0.1), ..status }, now, "battery");
+    }
+}

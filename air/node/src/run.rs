@@ -1,0 +1,169 @@
+//! Builds every part from the vehicle file, starts the threads, and waits for the signal to stop.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use color_eyre::eyre::{Result, WrapErr, bail};
+use goshawk_autopilot::{AutopilotLink, HeartbeatKind, LinkConfig, StreamRates};
+use goshawk_core::{Controller, Planner, PlanningDemand, Profile};
+use goshawk_policy::{Policy, Preprocessor};
+use goshawk_proto::keys::Key;
+
+use crate::bus::Bus;
+use crate::config::{OdometrySource, Vehicle};
+use crate::control::Control;
+use crate::flightlog::FlightLog;
+use crate::planning::Planning;
+use crate::sensors;
+use crate::shared::Shared;
+use crate::telemetry::{Identity, Telemetry};
+use crate::{clock, commands};
+
+/// What the command line may change of the vehicle file.
+#[derive(Clone, Debug, Default)]
+pub struct Overrides {
+    /// Zenoh endpoints instead of `network.listen`.
+    pub listen: Vec<String>,
+    /// Instead of `autopilot.bind`.
+    pub mavlink_bind: Option<std::net::SocketAddr>,
+    /// Instead of `recorder.directory`.
+    pub log_dir: Option<PathBuf>,
+    /// Instead of `policy.model`.
+    pub policy: Option<PathBuf>,
+}
+
+const REPORT_QUEUE: usize = 2048;
+
+/// Runs the onboard process until SIGINT or SIGTERM.
+///
+/// # Errors
+/// Anything that keeps it from starting: one line that says what to do.
+pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
+    if let Some(bind) = overrides.mavlink_bind {
+        vehicle.autopilot.bind = bind;
+    }
+    if !overrides.listen.is_empty() {
+        vehicle.network.listen = overrides.listen;
+    }
+    let model = overrides.policy.unwrap_or_else(|| vehicle.resolve(&vehicle.policy.model));
+    let log_dir = overrides.log_dir.unwrap_or_else(|| vehicle.resolve(&vehicle.recorder.directory));
+
+    let policy = Policy::load(&model, vehicle.policy.library.as_deref(), vehicle.policy.threads)?;
+    let preprocessor = Preprocessor::new(policy.contract());
+    let planner = Planner::new(vehicle.planner_config(policy.contract().policy_model()))
+        .wrap_err_with(|| format!("the policy {} does not fit the vehicle file", model.display()))?;
+    let controller = Controller::new(vehicle.controller_config())?;
+    let idle_demand = idle_demand(&vehicle, &policy)?;
+    let link = Arc::new(AutopilotLink::open(link_config(&vehicle), clock::now)?);
+    let bus = Bus::listen(vehicle.name.parse()?, &vehicle.network.listen)?;
+
+    let (sender, reports) = sync_channel(REPORT_QUEUE);
+    let shared = Arc::new(Shared::new(sender));
+    subscribe(&bus, &vehicle, &shared)?;
+    let asked = commands::declare(&bus)?;
+    let log = FlightLog::new(log_dir, &vehicle, &policy);
+    let identity = Identity {
+        vehicle: vehicle.name.clone(),
+        profiles: vehicle.profile_names(),
+        policy_sha256: policy.sha256().to_owned(),
+    };
+    let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, identity)?;
+    let _alive = bus.declare_alive()?;
+    tracing::info!("listening on {}; policy {}", vehicle.network.listen.join(", "), model.display());
+
+    let control =
+        Control { controller, link, source: vehicle.sensors.odometry, rate_hz: vehicle.controller.rate_hz };
+    let planning = Planning { policy, preprocessor, planner, idle_demand };
+    let threads = [
+        spawn("control", &shared, move |shared| control.run(shared))?,
+        spawn("planner", &shared, move |shared| planning.run(shared))?,
+        spawn("telemetry", &shared, move |shared| telemetry.run(&reports, shared))?,
+        spawn("commands", &shared, move |shared| commands::serve(&asked, shared, &vehicle))?,
+    ];
+    wait(&shared, threads)
+}
+
+fn spawn(
+    name: &str,
+    shared: &Arc<Shared>,
+    body: impl FnOnce(&Shared) + Send + 'static,
+) -> Result<JoinHandle<()>> {
+    let shared = Arc::clone(shared);
+    thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(move || body(&shared))
+        .wrap_err_with(|| format!("cannot start the {name} thread"))
+}
+
+fn wait(shared: &Shared, threads: [JoinHandle<()>; 4]) -> Result<()> {
+    let asked_to_stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&asked_to_stop)).wrap_err("cannot handle signals")?;
+    }
+    // A thread that ended by itself is a defect. In flight the others go on: the controller's ladder brings the vehicle
+    // down without a planner, and the autopilot's own failsafe does without a controller.
+    let mut told = false;
+    while !asked_to_stop.load(Ordering::Relaxed) {
+        thread::sleep(Duration::from_millis(50));
+        if !told && let Some(ended) = threads.iter().find(|thread| thread.is_finished()) {
+            tracing::error!("the {} thread ended unexpectedly", ended.thread().name().unwrap_or("unnamed"));
+            told = true;
+        }
+    }
+    tracing::info!("stopping");
+    shared.stop.store(true, Ordering::Relaxed);
+    let failed: Vec<String> = threads
+        .into_iter()
+        .filter_map(|thread| {
+            let name = thread.thread().name().unwrap_or("unnamed").to_owned();
+            thread.join().err().map(|_| name)
+        })
+        .collect();
+    if failed.is_empty() { Ok(()) } else { bail!("these threads failed: {}", failed.join(", ")) }
+}
+
+fn link_config(vehicle: &Vehicle) -> LinkConfig {
+    let a = &vehicle.autopilot;
+    LinkConfig {
+        bind: a.bind,
+        peer: None,
+        system_id: a.system_id,
+        component_id: a.component_id,
+        target_system: a.target_system,
+        target_component: a.target_component,
+        heartbeat: HeartbeatKind::default(),
+        rates: StreamRates::default(),
+    }
+}
+
+fn idle_demand(vehicle: &Vehicle, policy: &Policy) -> Result<PlanningDemand> {
+    let task = policy.contract().policy_model().task;
+    for name in vehicle.profile_names() {
+        let Some(Profile { task: wanted, .. }) = vehicle.profile(Some(&name)) else { continue };
+        if wanted != task {
+            bail!("profile {name:?} asks for {wanted:?}, but the policy was trained to {task:?}: name a policy that fits");
+        }
+    }
+    let Some(Profile { task, speed, .. }) = vehicle.profile(None) else { bail!("no default profile") };
+    Ok(PlanningDemand { task, speed, goal_world: None })
+}
+
+fn subscribe(bus: &Bus, vehicle: &Vehicle, shared: &Arc<Shared>) -> Result<()> {
+    let frames = Arc::clone(shared);
+    bus.subscribe(Key::Rgbd, move |payload| match sensors::frame(payload, clock::now()) {
+        Ok(frame) => frames.frame.put(Arc::new(frame)),
+        Err(_) => frames.refused_frames.count(),
+    })?;
+    if vehicle.sensors.odometry == OdometrySource::Zenoh {
+        let samples = Arc::clone(shared);
+        bus.subscribe(Key::Odometry, move |payload| match sensors::odometry(payload, clock::now()) {
+            Ok(sample) => samples.odometry.put(Arc::new(sample)),
+            Err(_) => samples.refused_odometry.count(),
+        })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,129 @@
+//! What the onboard threads share: latest-value slots and one bounded queue. No thread waits for another.
+
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use goshawk_core::{Command, ControllerOutput, History, Odometry, Plan, PlanningDemand, Refusal, Time};
+use goshawk_proto::v1;
+
+use crate::sensors::{Frame, Refused};
+use crate::slot::Slot;
+
+/// A command on its way to the controller, with where its answer goes.
+pub struct PendingCommand {
+    /// What to do.
+    pub command: Command,
+    /// Takes the controller's answer; never blocks it.
+    pub answer: SyncSender<Result<(), Refusal>>,
+}
+
+/// One fact for telemetry, log and health.
+pub enum Report {
+    /// An image arrived.
+    Frame(Arc<Frame>),
+    /// The planner answered one.
+    Plan {
+        /// Its answer.
+        plan: Arc<Plan>,
+        /// When it was handed to the controller.
+        ready: Time,
+        /// Time in the network, s.
+        inference_s: f64,
+    },
+    /// The planner could not answer a frame, and why.
+    PlanFailed(String),
+    /// Odometry was taken.
+    Odometry(Odometry),
+    /// A controller step.
+    Control {
+        /// Counts steps.
+        seq: u64,
+        /// When.
+        stamp: Time,
+        /// What it decided.
+        output: Box<ControllerOutput>,
+        /// What it saw.
+        odometry: Option<Odometry>,
+        /// Its duration, s.
+        step_s: f64,
+        /// How late it began, s.
+        late_s: f64,
+    },
+    /// A command and its reply.
+    Command(v1::CommandRecord),
+    /// Something to read.
+    Event(v1::Severity, &'static str, String),
+}
+
+/// Everything that threads share.
+pub struct Shared {
+    /// Newest image.
+    pub frame: Slot<Frame>,
+    /// Newest plan.
+    pub plan: Slot<Plan>,
+    /// Newest odometry from Zenoh, where the vehicle takes it from there.
+    pub odometry: Slot<Odometry>,
+    /// What the planner plans for.
+    pub demand: Slot<PlanningDemand>,
+    /// The last second of motion.
+    pub history: Mutex<History>,
+    /// A command that the controller has not taken yet.
+    pub command: Mutex<Option<PendingCommand>>,
+    /// All readiness checks hold.
+    pub ready: AtomicBool,
+    /// The mission's mode, as [`v1::Mode`].
+    pub mode: AtomicI32,
+    /// Set once: wind up.
+    pub stop: AtomicBool,
+    /// Samples refused at the edge.
+    pub refused_frames: Refused,
+    /// Samples refused at the edge.
+    pub refused_odometry: Refused,
+    /// Reports dropped because the queue was full.
+    pub dropped_reports: AtomicU64,
+    /// Frames that were overwritten before the planner took them.
+    pub skipped_frames: AtomicU64,
+    reports: SyncSender<Report>,
+}
+
+impl Shared {
+    /// Empty slots; reports go to `reports`.
+    #[must_use]
+    pub fn new(reports: SyncSender<Report>) -> Self {
+        Shared {
+            frame: Slot::default(),
+            plan: Slot::default(),
+            odometry: Slot::default(),
+            demand: Slot::default(),
+            history: Mutex::new(History::new()),
+            command: Mutex::new(None),
+            ready: AtomicBool::new(false),
+            mode: AtomicI32::new(v1::Mode::Idle.into()),
+            stop: AtomicBool::new(false),
+            refused_frames: Refused::default(),
+            refused_odometry: Refused::default(),
+            dropped_reports: AtomicU64::new(0),
+            skipped_frames: AtomicU64::new(0),
+            reports,
+        }
+    }
+
+    /// Hands a report on, or drops and counts it. Never blocks.
+    pub fn report(&self, report: Report) {
+        if let Err(TrySendError::Full(_)) = self.reports.try_send(report) {
+            self.dropped_reports.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether to wind up.
+    #[must_use]
+    pub fn stopping(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Locks; a panic elsewhere does not make the value unusable here.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

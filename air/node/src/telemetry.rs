@@ -1,0 +1,291 @@
+//! One thread that turns reports into telemetry, log records and health. It alone encodes, publishes and records, so
+//! that planner and controller never wait for a network or a disk.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use goshawk_autopilot::{AutopilotLink, Outcome};
+use goshawk_core::{ControllerOutput, Mode, Odometry, Time};
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+use goshawk_recorder::Channel;
+
+use crate::bus::{Bus, BusError, Publisher};
+use crate::flightlog::FlightLog;
+use crate::health::{self, Facts};
+use crate::sensors::Frame;
+use crate::shared::{Report, Shared};
+use crate::{clock, convert};
+
+const CONTROL_PERIOD_S: f64 = 0.02;
+const CHECK_PERIOD_S: f64 = 0.1;
+const HEALTH_PERIOD_S: f64 = 0.5;
+const PREVIEW_PERIOD_S: f64 = 0.1;
+const PREVIEW_QUALITY: u8 = 60;
+
+/// What never changes in `health`.
+pub struct Identity {
+    /// The vehicle's name.
+    pub vehicle: String,
+    /// The default profile first.
+    pub profiles: Vec<String>,
+    /// Of the policy file.
+    pub policy_sha256: String,
+}
+
+struct Publishers {
+    plan: Publisher,
+    control: Publisher,
+    target: Publisher,
+    health: Publisher,
+    event: Publisher,
+    preview: Publisher,
+}
+
+#[derive(Default)]
+struct Sequences {
+    control: u64,
+    target: u64,
+    health: u64,
+    preview: u64,
+    odometry: u64,
+}
+
+/// The thread's state.
+pub struct Telemetry {
+    publishers: Publishers,
+    link: Arc<AutopilotLink>,
+    log: FlightLog,
+    identity: Identity,
+    facts: Facts,
+    sequences: Sequences,
+    profile: String,
+    checks: Vec<v1::Check>,
+    last_control: Time,
+    last_check: Time,
+    last_health: Time,
+    last_preview: Time,
+}
+
+impl Telemetry {
+    /// Declares the publishers.
+    ///
+    /// # Errors
+    /// Zenoh refused a declaration.
+    pub fn new(bus: &Bus, link: Arc<AutopilotLink>, log: FlightLog, identity: Identity) -> Result<Self, BusError> {
+        Ok(Telemetry {
+            publishers: Publishers {
+                plan: bus.publisher(Key::Plan)?,
+                control: bus.publisher(Key::Control)?,
+                target: bus.publisher(Key::Target)?,
+                health: bus.publisher(Key::Health)?,
+                event: bus.publisher(Key::Event)?,
+                preview: bus.publisher(Key::Preview)?,
+            },
+            link,
+            log,
+            profile: identity.profiles.first().cloned().unwrap_or_default(),
+            identity,
+            facts: Facts::default(),
+            sequences: Sequences::default(),
+            checks: Vec::new(),
+            last_control: Time(0),
+            last_check: Time(0),
+            last_health: Time(0),
+            last_preview: Time(0),
+        })
+    }
+
+    /// Works until the process stops, then finishes the log.
+    pub fn run(mut self, reports: &Receiver<Report>, shared: &Shared) {
+        loop {
+            match reports.recv_timeout(Duration::from_millis(20)) {
+                Ok(report) => self.take(report),
+                Err(RecvTimeoutError::Timeout) if shared.stopping() => break,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            self.periodic(shared, clock::now());
+        }
+        self.log.close();
+    }
+
+    fn take(&mut self, report: Report) {
+        match report {
+            Report::Frame(frame) => self.take_frame(&frame),
+            Report::Plan { plan, ready, inference_s } => {
+                self.facts.plan = Some(ready);
+                self.facts.plan_failed = None;
+                self.facts.planner_rate.tick();
+                self.facts.frame_to_plan.push(ready.since(plan.stamp));
+                self.facts.inference.push(inference_s);
+                let message = convert::plan(&plan, ready);
+                self.publishers.plan.put(&message);
+                self.log.record(Key::Plan, ready, message);
+                if let Some(target) = &plan.target {
+                    let message = convert::target(self.sequences.target, target, plan.stamp);
+                    self.sequences.target += 1;
+                    self.publishers.target.put(&message);
+                    self.log.record(Key::Target, ready, message);
+                }
+            }
+            Report::PlanFailed(why) => self.facts.plan_failed = Some(why),
+            Report::Odometry(odometry) => {
+                self.facts.odometry = Some(odometry.stamp);
+                self.facts.odometry_rate.tick();
+                let message = convert::odometry(self.sequences.odometry, &odometry);
+                self.sequences.odometry += 1;
+                self.log.record_on(Channel::ODOMETRY, odometry.stamp, message);
+            }
+            Report::Control { seq, stamp, output, odometry, step_s, late_s } => {
+                self.facts.controller_rate.tick();
+                self.facts.controller_step.push(step_s);
+                self.facts.controller_late.push(late_s);
+                self.take_control(seq, stamp, &output, odometry.as_ref());
+            }
+            Report::Command(record) => self.take_command(record),
+            Report::Event(severity, kind, text) => self.event(severity, kind, text),
+        }
+    }
+
+    fn take_frame(&mut self, frame: &Arc<Frame>) {
+        self.facts.frame = Some(frame.stamp);
+        self.facts.camera_rate.tick();
+        self.log.record_frame(frame);
+        let now = clock::now();
+        if now.since(self.last_preview) < PREVIEW_PERIOD_S {
+            return;
+        }
+        self.last_preview = now;
+        let mut jpeg = Vec::with_capacity(8 * 1024);
+        let encoded = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, PREVIEW_QUALITY).encode(
+            &frame.rgb,
+            frame.width as u32,
+            frame.height as u32,
+            image::ExtendedColorType::Rgb8,
+        );
+        if encoded.is_err() {
+            return;
+        }
+        let message = v1::Preview {
+            seq: self.sequences.preview,
+            stamp_ns: frame.stamp.0,
+            width: frame.width as u32,
+            height: frame.height as u32,
+            jpeg,
+        };
+        self.sequences.preview += 1;
+        self.publishers.preview.put(&message);
+    }
+
+    fn take_control(&mut self, seq: u64, stamp: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
+        let message = convert::control(seq, stamp, output, odometry);
+        if stamp.since(self.last_control) >= CONTROL_PERIOD_S {
+            self.last_control = stamp;
+            // On the wire the sequence counts what was sent, so that the ground can count what was lost.
+            self.publishers.control.put(&v1::Control { seq: self.sequences.control, ..message });
+            self.sequences.control += 1;
+        }
+        self.log.record(Key::Control, stamp, message);
+        if output.transition.is_some() && matches!(output.mode, Mode::Landed | Mode::Idle | Mode::Ready) {
+            self.log.finish_soon(stamp);
+        }
+    }
+
+    fn take_command(&mut self, record: v1::CommandRecord) {
+        let accepted = record.reply.as_ref().is_some_and(|reply| reply.accepted);
+        if record.verb == "start" && accepted {
+            self.profile.clone_from(&record.profile);
+            let opened = self.log.open(&record.profile);
+            self.facts.recorder_failed = opened.err();
+        }
+        let reply = record.reply.as_ref().map_or(String::new(), |reply| reply.reason.clone());
+        let text = format!("{} {}: {reply}", record.verb, if accepted { "accepted" } else { "refused" });
+        self.log.record_on(Channel::COMMAND, Time(record.stamp_ns), record);
+        self.event(v1::Severity::Info, "command", text);
+    }
+
+    fn event(&mut self, severity: v1::Severity, kind: &str, text: String) {
+        tracing::info!("{kind}: {text}");
+        let stamp = clock::now();
+        let message = v1::Event { stamp_ns: stamp.0, severity: severity.into(), kind: kind.to_owned(), text };
+        self.publishers.event.put(&message);
+        self.log.record(Key::Event, stamp, message);
+    }
+
+    fn periodic(&mut self, shared: &Shared, now: Time) {
+        if now.since(self.last_check) >= CHECK_PERIOD_S {
+            self.last_check = now;
+            self.check(shared, now);
+        }
+        if now.since(self.last_health) >= HEALTH_PERIOD_S {
+            self.last_health = now;
+            self.publish_health(shared, now);
+        }
+    }
+
+    fn check(&mut self, shared: &Shared, now: Time) {
+        if let Some(why) = self.log.poll(now) {
+            self.event(v1::Severity::Error, "recorder", format!("recording stopped: {why}; the flight goes on"));
+            self.facts.recorder_failed = Some(why);
+        }
+        for ack in self.link.take_acks() {
+            let good = ack.outcome == Outcome::Accepted;
+            let severity = if good { v1::Severity::Info } else { v1::Severity::Warning };
+            self.event(severity, "autopilot", format!("{:?} {}", ack.command, ack.outcome));
+        }
+        for text in self.link.take_texts() {
+            self.event(v1::Severity::Info, "autopilot", text.text);
+        }
+        let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
+        let checks = health::checks(&self.facts, &self.link.status(now), refused, now);
+        for check in &checks {
+            let before = self.checks.iter().find(|c| c.name == check.name).map(|c| c.ok);
+            match (before, check.ok) {
+                (Some(true), false) => {
+                    self.event(v1::Severity::Warning, "readiness", format!("{}: {}", check.name, check.reason));
+                }
+                (Some(false), true) => self.event(v1::Severity::Info, "readiness", format!("{}: good", check.name)),
+                _ => {}
+            }
+        }
+        shared.ready.store(checks.iter().all(|check| check.ok), Ordering::Relaxed);
+        self.checks = checks;
+    }
+
+    fn publish_health(&mut self, shared: &Shared, now: Time) {
+        let status = self.link.status(now);
+        let drops = |name: &str, count: u64| v1::Drops { name: name.to_owned(), count };
+        let message = v1::Health {
+            seq: self.sequences.health,
+            stamp_ns: now.0,
+            mode: shared.mode.load(Ordering::Relaxed),
+            ready: self.checks.iter().all(|check| check.ok),
+            faults: self.checks.iter().filter(|c| !c.ok).map(|c| format!("{}: {}", c.name, c.reason)).collect(),
+            checks: self.checks.clone(),
+            rates: health::rates(&mut self.facts, now),
+            latencies: health::latencies(&mut self.facts),
+            drops: vec![
+                drops("frames_skipped", shared.skipped_frames.load(Ordering::Relaxed)),
+                drops("frames_refused", shared.refused_frames.total()),
+                drops("odometry_refused", shared.refused_odometry.total()),
+                drops("reports_dropped", shared.dropped_reports.load(Ordering::Relaxed)),
+                drops("log_dropped", self.log.dropped()),
+                drops("mavlink_lost", status.counters.lost),
+            ],
+            vehicle: self.identity.vehicle.clone(),
+            profile: self.profile.clone(),
+            policy_sha256: self.identity.policy_sha256.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            battery_fraction: status.battery_fraction,
+            log_path: self.log.path(),
+            autopilot: status.mode.map_or_else(|| "not heard".to_owned(), |mode| format!("{mode:?}")),
+            profiles: self.identity.profiles.clone(),
+        };
+        self.sequences.health += 1;
+        self.publishers.health.put(&message);
+        self.log.record(Key::Health, now, message);
+    }
+}

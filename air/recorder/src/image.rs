@@ -1,0 +1,47 @@
+//! RGB-D compression for the log: JPEG colour, 16-bit PNG depth.
+
+use goshawk_proto::v1;
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::error::RecorderError;
+
+const JPEG_QUALITY: u8 = 85;
+
+/// Compresses one image: `rgb` height × width × 3, `depth_mm` height × width, 0 where nothing was measured.
+///
+/// # Errors
+/// A buffer does not fit the size.
+pub fn compress(rgb: &[u8], depth_mm: &[u16], width: u32, height: u32) -> Result<v1::CompressedRgbd, RecorderError> {
+    let error = |cause: String| RecorderError::Image { width, height, cause };
+    let pixels = width as usize * height as usize;
+    if rgb.len() != 3 * pixels || depth_mm.len() != pixels {
+        return Err(error(format!("{} bytes of colour and {} of depth", rgb.len(), 2 * depth_mm.len())));
+    }
+    let mut rgb_jpeg = Vec::with_capacity(8 * 1024);
+    JpegEncoder::new_with_quality(&mut rgb_jpeg, JPEG_QUALITY)
+        .encode(rgb, width, height, ExtendedColorType::Rgb8)
+        .map_err(|e| error(e.to_string()))?;
+    let depth: Vec<u8> = depth_mm.iter().flat_map(|mm| mm.to_ne_bytes()).collect();
+    let mut depth_png = Vec::with_capacity(16 * 1024);
+    PngEncoder::new_with_quality(&mut depth_png, CompressionType::Fast, FilterType::Up)
+        .write_image(&depth, width, height, ExtendedColorType::L16)
+        .map_err(|e| error(e.to_string()))?;
+    Ok(v1::CompressedRgbd { width, height, rgb_jpeg, depth_png, ..Default::default() })
+}
+
+/// Undoes [`compress`]: colour approximately, depth exactly.
+///
+/// # Errors
+/// The bytes are not such images.
+pub fn decompress(message: &v1::CompressedRgbd) -> Result<(Vec<u8>, Vec<u16>), RecorderError> {
+    let error = |e: image::ImageError| RecorderError::Image {
+        width: message.width,
+        height: message.height,
+        cause: e.to_string(),
+    };
+    let rgb = image::load_from_memory(&message.rgb_jpeg).map_err(error)?.into_rgb8().into_raw();
+    let depth = image::load_from_memory(&message.depth_png).map_err(error)?.into_luma16().into_raw();
+    Ok((rgb, depth))
+}

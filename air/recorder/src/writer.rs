@@ -1,0 +1,71 @@
+//! Writes records into an MCAP file: protobuf channels with their schemas, zstd chunks. Knows no thread.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+use mcap::records::MessageHeader;
+use mcap::{Compression, WriteOptions, Writer};
+
+use crate::channel::Channel;
+
+const CHUNK_BYTES: u64 = 1 << 20;
+
+/// An open MCAP file.
+pub struct LogWriter<W: Write + Seek> {
+    writer: Writer<W>,
+    channels: BTreeMap<Channel, (u16, u32)>,
+}
+
+impl<W: Write + Seek> LogWriter<W> {
+    /// Begins a file in `sink`.
+    ///
+    /// # Errors
+    /// The sink refused the first bytes.
+    pub fn new(sink: W) -> Result<Self, mcap::McapError> {
+        let writer = WriteOptions::new()
+            .compression(Some(Compression::Zstd))
+            .compression_level(1)
+            .chunk_size(Some(CHUNK_BYTES))
+            .library(concat!("goshawk-recorder ", env!("CARGO_PKG_VERSION")))
+            .create(sink)?;
+        Ok(LogWriter { writer, channels: BTreeMap::new() })
+    }
+
+    /// Adds one record; `time_ns` is on the vehicle's monotonic clock.
+    ///
+    /// # Errors
+    /// The sink refused.
+    pub fn write(&mut self, channel: Channel, time_ns: u64, payload: &[u8]) -> Result<(), mcap::McapError> {
+        let (id, sequence) = match self.channels.get_mut(&channel) {
+            Some((id, sequence)) => {
+                *sequence = sequence.wrapping_add(1);
+                (*id, *sequence)
+            }
+            None => {
+                let schema = self.writer.add_schema(channel.message, "protobuf", goshawk_proto::FILE_DESCRIPTOR_SET)?;
+                let id = self.writer.add_channel(schema, channel.topic, "protobuf", &BTreeMap::new())?;
+                self.channels.insert(channel, (id, 0));
+                (id, 0)
+            }
+        };
+        let header = MessageHeader { channel_id: id, sequence, log_time: time_ns, publish_time: time_ns };
+        self.writer.write_to_known_channel(&header, payload)
+    }
+
+    /// Ends the current chunk and hands it to the sink: what was written so far can be read after a crash.
+    ///
+    /// # Errors
+    /// The sink refused.
+    pub fn flush(&mut self) -> Result<(), mcap::McapError> {
+        self.writer.flush()
+    }
+
+    /// Writes the summary and gives the sink back.
+    ///
+    /// # Errors
+    /// The sink refused.
+    pub fn finish(mut self) -> Result<W, mcap::McapError> {
+        self.writer.finish()?;
+        Ok(self.writer.into_inner())
+    }
+}

@@ -1,0 +1,170 @@
+//! The recorder over real files, full disks and killed writers.
+
+use std::fs::File;
+use std::io::{BufWriter, Cursor, Error, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+use goshawk_recorder::{Channel, LogReader, LogWriter, Recorder, RecorderError};
+use proptest::prelude::*;
+use prost::Message;
+
+fn event(k: u64) -> v1::Event {
+    v1::Event { stamp_ns: k, severity: 1, kind: "test".to_owned(), text: format!("event {k}") }
+}
+
+fn events() -> Channel {
+    Channel::of(Key::Event).unwrap()
+}
+
+fn record(recorder: &Recorder, k: u64) {
+    recorder.record(events(), k, Box::new(move || Some(event(k).encode_to_vec())));
+}
+
+#[test]
+fn what_was_recorded_is_read_back_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("new/folder/flight.mcap");
+    let mut recorder = Recorder::create(&path).unwrap();
+    for k in 0..100 {
+        record(&recorder, k);
+    }
+    recorder.record(events(), 1000, Box::new(|| None));
+    recorder.close();
+    assert_eq!((recorder.dropped(), recorder.failure()), (0, None));
+    let log = LogReader::open(&path).unwrap();
+    let back: Vec<v1::Event> = log.entries().filter_map(|entry| entry.decode(events())).collect();
+    assert_eq!(back, (0..100).map(event).collect::<Vec<_>>());
+    assert!(log.entries().all(|entry| entry.decode::<v1::Event>(Channel::HEADER).is_none()));
+}
+
+#[test]
+fn an_existing_log_is_never_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.mcap");
+    std::fs::write(&path, "precious").unwrap();
+    assert!(matches!(Recorder::create(&path), Err(RecorderError::Exists(_))));
+    assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_an_error_that_names_it() {
+    let error = Recorder::create(Path::new("/dev/null/flight.mcap")).err().unwrap().to_string();
+    assert!(error.contains("/dev/null/flight.mcap"), "{error}");
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_and_says_so() {
+    let full = File::options().write(true).open("/dev/full").unwrap();
+    let mut recorder = Recorder::over(BufWriter::new(NoSeek(full)), Box::new(|| Ok(())), Path::new("full")).unwrap();
+    let mut k = 0;
+    while recorder.failure().is_none() {
+        record(&recorder, k);
+        k += 1;
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(recorder.failure().unwrap().contains("space"), "{:?}", recorder.failure());
+    record(&recorder, k); // harmless
+    assert!(recorder.dropped() >= 1);
+    recorder.close();
+}
+
+// /dev/full cannot seek; the file format asks where it is.
+struct NoSeek(File);
+impl Write for NoSeek {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Error> {
+        self.0.write(bytes)
+    }
+    fn flush(&mut self) -> Result<(), Error> {
+        self.0.flush()
+    }
+}
+impl Seek for NoSeek {
+    fn seek(&mut self, _: SeekFrom) -> Result<u64, Error> {
+        Ok(0)
+    }
+}
+
+#[test]
+fn a_full_queue_drops_and_counts_and_does_not_block() {
+    let folder = tempfile::tempdir().unwrap();
+    let (open, gate) = std::sync::mpsc::channel::<()>();
+    let mut recorder = Recorder::create(&folder.path().join("flight.mcap")).unwrap();
+    recorder.record(events(), 0, Box::new(move || gate.recv().ok().map(|()| event(0).encode_to_vec())));
+    for k in 1..5000 {
+        record(&recorder, k);
+    }
+    let dropped = recorder.dropped();
+    assert!(dropped > 3000, "{dropped}");
+    open.send(()).unwrap();
+    recorder.close();
+    let kept = LogReader::open(recorder.path()).unwrap().entries().count() as u64;
+    assert_eq!(kept + dropped, 5000);
+}
+
+fn in_chunks() -> (Vec<u8>, Vec<usize>) {
+    let mut log = LogWriter::new(Cursor::new(Vec::new())).unwrap();
+    for k in 0..300 {
+        log.write(events(), k, &event(k).encode_to_vec()).unwrap();
+        if k % 100 == 99 {
+            log.flush().unwrap();
+        }
+    }
+    let bytes = log.finish().unwrap().into_inner();
+    // Where each chunk ends: the length of a file that holds just it and those before.
+    let ends = (1..=3)
+        .map(|chunks| {
+            let mut log = LogWriter::new(Cursor::new(Vec::new())).unwrap();
+            for k in 0..chunks * 100 {
+                log.write(events(), k, &event(k).encode_to_vec()).unwrap();
+                if k % 100 == 99 {
+                    log.flush().unwrap();
+                }
+            }
+            let summary_free = log.finish().unwrap().into_inner();
+            summary_free.iter().zip(&bytes).take_while(|(a, b)| a == b).count()
+        })
+        .collect();
+    (bytes, ends)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn a_killed_log_keeps_every_chunk_that_was_ended(cut in 0.0f64..1.0) {
+        let (bytes, ends) = in_chunks();
+        let length = 8 + ((bytes.len() - 8) as f64 * cut) as usize;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("killed.mcap");
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        let whole = ends.iter().filter(|end| **end <= length).count() as u64 * 100;
+        let log = LogReader::open(&path).unwrap();
+        let back: Vec<v1::Event> = log.entries().filter_map(|entry| entry.decode(events())).collect();
+        prop_assert!(back.len() as u64 >= whole, "{} of {whole}", back.len());
+        prop_assert_eq!(&back[..], &(0..back.len() as u64).map(event).collect::<Vec<_>>()[..]);
+    }
+
+    #[test]
+    fn no_file_panics_the_reader(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("garbage.mcap");
+        std::fs::write(&path, [mcap::MAGIC, &bytes].concat()).unwrap();
+        let _ = LogReader::open(&path).unwrap().entries().count();
+        std::fs::write(&path, &bytes).unwrap();
+        let _ = LogReader::open(&path).map(|log| log.entries().count());
+    }
+}
+
+#[test]
+fn compressed_depth_is_exact_and_colour_close() {
+    let rgb: Vec<u8> = (0..48 * 32).flat_map(|k| [(k % 48) as u8 * 5, (k / 48) as u8 * 7, 90]).collect();
+    let depth: Vec<u16> = (0..48 * 32).map(|k| (k * 13 % 20_000) as u16).collect();
+    let message = goshawk_recorder::image::compress(&rgb, &depth, 48, 32).unwrap();
+    let (rgb_back, depth_back) = goshawk_recorder::image::decompress(&message).unwrap();
+    assert_eq!(depth_back, depth);
+    let worst = rgb.iter().zip(&rgb_back).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    assert!(worst < 40, "{worst}");
+    assert!(goshawk_recorder::image::compress(&rgb[3..], &depth, 48, 32).is_err());
+}
