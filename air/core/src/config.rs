@@ -172,9 +172,7 @@ impl ControllerConfig {
         check("vehicle.max_thrust", v.max_thrust, "above hover_thrust and at most 1", |x| {
             x > v.hover_thrust && x <= 1.0
         })?;
-        check("vehicle.max_tilt", v.max_tilt, "above 0 and below 80 degrees", |x| {
-            x > 0.0 && x < 80_f64.to_radians()
-        })
+        check("vehicle.max_tilt", v.max_tilt, "above 0 and below 80 degrees", |x| x > 0.0 && x < 80_f64.to_radians())
     }
 
     fn validate_loops(&self) -> Result<(), ConfigError> {

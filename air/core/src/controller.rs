@@ -210,9 +210,8 @@ impl Controller {
             mode_taken: flight.is_some_and(|f| f.was_offboard && !input.autopilot.offboard),
             odometry_lost: self.odometry_lost(now),
             refused: flight.and_then(|f| f.takeoff.refused(mission, now)),
-            takeoff_timeout: climbing.is_some_and(|f| {
-                f.takeoff.elapsed(now) > 2.0 * f.profile.height / mission.climb_speed + CLIMB_GRACE
-            }),
+            takeoff_timeout: climbing
+                .is_some_and(|f| f.takeoff.elapsed(now) > 2.0 * f.profile.height / mission.climb_speed + CLIMB_GRACE),
             height_reached: climbing.zip(odometry).is_some_and(|(f, o)| {
                 (o.pos_world.z - f.height()).abs() < HEIGHT_REACHED.0 && o.vel_world.norm() < HEIGHT_REACHED.1
             }),
@@ -243,7 +242,8 @@ impl Controller {
     fn odometry_lost(&self, now: Time) -> bool {
         let Some(flight) = &self.flight else { return false };
         let ladder = &self.config.ladder;
-        let grace = if self.mode == Mode::Takeoff && flight.takeoff.stage() != Stage::Climb { 0.0 } else { ladder.hand_back };
+        let grace =
+            if self.mode == Mode::Takeoff && flight.takeoff.stage() != Stage::Climb { 0.0 } else { ladder.hand_back };
         let on_ground = self.mode == Mode::Stopping && flight.landing.phase() == Phase::Cut;
         !on_ground && self.motion.age(now).is_none_or(|age| age > ladder.odometry_stale + grace)
     }

@@ -25,11 +25,7 @@ pub(crate) fn check(
     need: &'static str,
     ok: impl Fn(f64) -> bool,
 ) -> Result<(), ConfigError> {
-    if value.is_finite() && ok(value) {
-        Ok(())
-    } else {
-        Err(ConfigError::OutOfRange { name, value, need })
-    }
+    if value.is_finite() && ok(value) { Ok(()) } else { Err(ConfigError::OutOfRange { name, value, need }) }
 }
 
 /// `value` must be finite and above zero.

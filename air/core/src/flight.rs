@@ -121,7 +121,8 @@ impl Controller {
                 if !self.hover.is_stopped() {
                     self.hover.hold(flight.start_world);
                 }
-                let climb = (hold.kp / hold.kv * (flight.height() - pos.z)).clamp(-mission.climb_speed, mission.climb_speed);
+                let climb =
+                    (hold.kp / hold.kv * (flight.height() - pos.z)).clamp(-mission.climb_speed, mission.climb_speed);
                 self.hover.step_vertical(hold, pos, vel, climb)
             }
             (Mode::Stopping, Some(flight)) if flight.landing.phase() == Phase::Descend => {
@@ -184,7 +185,13 @@ impl Controller {
         self.output(request, &intent, &command, yaw)
     }
 
-    fn output(&mut self, request: Option<Request>, intent: &Intent, command: &FlatCommand, yaw: f64) -> ControllerOutput {
+    fn output(
+        &mut self,
+        request: Option<Request>,
+        intent: &Intent,
+        command: &FlatCommand,
+        yaw: f64,
+    ) -> ControllerOutput {
         let thrust = self.config.vehicle.normalised(command.force);
         self.force = command.force;
         ControllerOutput {

@@ -43,8 +43,8 @@ impl Lattice {
             let (row, column) = (index / COLUMNS, index % COLUMNS);
             let azimuth = hfov * (0.5 - (column as f64 + 0.5) / COLUMNS as f64);
             let elevation = vfov * (0.5 - (row as f64 + 0.5) / ROWS as f64);
-            let cam_from_cell = Rot::from_axis_angle(&Vec3::z_axis(), azimuth)
-                * Rot::from_axis_angle(&Vec3::y_axis(), -elevation);
+            let cam_from_cell =
+                Rot::from_axis_angle(&Vec3::z_axis(), azimuth) * Rot::from_axis_angle(&Vec3::y_axis(), -elevation);
             Anchor { azimuth, elevation, cam_from_cell }
         });
         Self { anchors, radius }

@@ -11,6 +11,7 @@ pub mod disturbance;
 pub mod error;
 pub mod flatness;
 mod flight;
+pub mod history;
 pub mod hover;
 pub mod interface;
 pub mod landing;
@@ -32,6 +33,7 @@ pub use config::{
 };
 pub use controller::Controller;
 pub use error::ConfigError;
+pub use history::History;
 pub use interface::{
     AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request, Transition,
 };

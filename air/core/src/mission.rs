@@ -46,10 +46,7 @@ impl Mode {
     /// Setpoints are sent: from the take-off's stream to the landing's disarming.
     #[must_use]
     pub fn has_authority(self) -> bool {
-        matches!(
-            self,
-            Mode::Takeoff | Mode::Track | Mode::Navigate | Mode::Search | Mode::Hold | Mode::Stopping
-        )
+        matches!(self, Mode::Takeoff | Mode::Track | Mode::Navigate | Mode::Search | Mode::Hold | Mode::Stopping)
     }
 }
 
@@ -222,10 +219,9 @@ pub fn transition(mode: Mode, facts: &Facts) -> Option<(Mode, Cause)> {
             (facts.caught_up, Mode::Hold, Cause::CaughtUp),
             (facts.target_lost, Mode::Search, Cause::TargetLost),
         ],
-        Mode::Navigate => &[
-            (facts.no_plan, Mode::Stopping, Cause::NoPlan),
-            (facts.goal_reached, Mode::Hold, Cause::GoalReached),
-        ],
+        Mode::Navigate => {
+            &[(facts.no_plan, Mode::Stopping, Cause::NoPlan), (facts.goal_reached, Mode::Hold, Cause::GoalReached)]
+        }
         Mode::Search => &[
             (facts.no_plan, Mode::Stopping, Cause::NoPlan),
             (facts.target_chosen, Mode::Track, Cause::TargetConfirmed),

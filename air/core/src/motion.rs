@@ -122,7 +122,10 @@ mod tests {
         motion.take(&at(1.0, 0.0), GRAVITY);
         for bad in [
             Odometry { pos_world: Vec3::new(f64::NAN, 0.0, 0.0), ..at(1.1, 0.0) },
-            Odometry { world_from_body: Rot::new_unchecked(nalgebra::Quaternion::new(0.0, 0.0, 0.0, 0.0)), ..at(1.1, 0.0) },
+            Odometry {
+                world_from_body: Rot::new_unchecked(nalgebra::Quaternion::new(0.0, 0.0, 0.0, 0.0)),
+                ..at(1.1, 0.0)
+            },
             at(0.9, 3.0),
         ] {
             motion.take(&bad, GRAVITY);
@@ -139,11 +142,8 @@ mod tests {
         assert_eq!(motion.take(&at(1.02, 0.1), GRAVITY), None);
         let jump = motion.take(&at(1.04, 4.2), GRAVITY).unwrap();
         assert!((jump.pos_world - Vec3::new(4.0, 0.0, 0.0)).norm() < 1e-9);
-        let turned = Odometry {
-            reset_counter: 1,
-            world_from_body: Rot::from_axis_angle(&Vec3::z_axis(), 0.3),
-            ..at(1.06, 4.3)
-        };
+        let turned =
+            Odometry { reset_counter: 1, world_from_body: Rot::from_axis_angle(&Vec3::z_axis(), 0.3), ..at(1.06, 4.3) };
         let jump = motion.take(&turned, GRAVITY).unwrap();
         assert!(jump.pos_world.norm() < 1e-9 && (jump.yaw - 0.3).abs() < 1e-9);
     }

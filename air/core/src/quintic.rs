@@ -97,11 +97,8 @@ mod tests {
     fn scaling_time_keeps_the_shape() {
         // f(alpha t): velocities grow with alpha, accelerations with alpha squared (eq. 5).
         let start = FlatState { vel: Vec3::new(2.0, 0.3, 0.0), ..Default::default() };
-        let end = FlatState {
-            pos: Vec3::new(5.0, 1.0, -0.5),
-            vel: Vec3::new(3.0, 0.0, 0.2),
-            acc: Vec3::new(1.0, -1.0, 0.0),
-        };
+        let end =
+            FlatState { pos: Vec3::new(5.0, 1.0, -0.5), vel: Vec3::new(3.0, 0.0, 0.2), acc: Vec3::new(1.0, -1.0, 0.0) };
         let scale = |s: &FlatState, a: f64| FlatState { pos: s.pos, vel: s.vel * a, acc: s.acc * a * a };
         let slow = Quintic::new(&start, &end, 2.0);
         let fast = Quintic::new(&scale(&start, 1.7), &scale(&end, 1.7), 2.0 / 1.7);

@@ -57,11 +57,8 @@ impl Axis {
         let [pp, pv, vv] = self.var;
         self.pos += self.vel * dt;
         let noise = acc_variance * dt * dt;
-        self.var = [
-            pp + 2.0 * dt * pv + dt * dt * vv + 0.25 * noise * dt * dt,
-            pv + dt * vv + 0.5 * noise * dt,
-            vv + noise,
-        ];
+        self.var =
+            [pp + 2.0 * dt * pv + dt * dt * vv + 0.25 * noise * dt * dt, pv + dt * vv + 0.5 * noise * dt, vv + noise];
     }
 
     fn update(&mut self, measured: f64, variance: f64) {
@@ -219,12 +216,7 @@ impl TargetFilter {
 
     /// One frame at `now` with the detections that passed the objectness filter (`None`: no detection there). Marks in
     /// `consistent` which of them are of the target; all false while there is no believed target.
-    pub fn step<const N: usize>(
-        &mut self,
-        now: Time,
-        detections: &[Option<Detection>; N],
-        consistent: &mut [bool; N],
-    ) {
+    pub fn step<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
         *consistent = [false; N];
         if let Some(track) = &mut self.track {
             track.predict(&self.config, now);
@@ -334,7 +326,12 @@ mod tests {
     }
 
     /// Frames at 30 Hz; `what(t)` is the detection.
-    fn run(filter: &mut TargetFilter, from: f64, frames: u32, what: impl Fn(f64) -> [Option<Detection>; 2]) -> [bool; 2] {
+    fn run(
+        filter: &mut TargetFilter,
+        from: f64,
+        frames: u32,
+        what: impl Fn(f64) -> [Option<Detection>; 2],
+    ) -> [bool; 2] {
         let mut consistent = [false; 2];
         for k in 0..frames {
             let t = from + f64::from(k) / 30.0;

@@ -25,13 +25,7 @@ pub fn config() -> ControllerConfig {
             search_delay: 1.5,
             along_velocity_speed: 1.0,
         },
-        hold: HoldConfig {
-            kp: 2.0,
-            kv: 2.5,
-            max_acc_horizontal: 6.0,
-            max_acc_vertical: 4.0,
-            stopped_speed: 0.5,
-        },
+        hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
         ladder: LadderConfig {
             missed_detection: 0.6,
             plan_stale: 0.3,
