@@ -1,0 +1,120 @@
+"""Whole flights over three real processes: simulator, vehicle, ground."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import statistics
+import subprocess
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+from conftest import BIN, Rig
+from goshawk_dashboards.snapshot import Snapshot
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+GOSHAWK = Path(BIN).parents[1] / ".venv/bin/goshawk"
+FLYING = {"track", "search", "hold"}
+
+
+def rate_hz(stamps_ns: list[int]) -> float:
+    """Median rate: pauses of the machine do not count, a slow loop does."""
+    return 1e9 / statistics.median(b - a for a, b in zip(stamps_ns, stamps_ns[1:], strict=False))
+
+
+def read_log(path: Path) -> dict[str, list[object]]:
+    by_topic: dict[str, list[object]] = defaultdict(list)
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        assert summary is not None
+        for channel in summary.channels.values():
+            schema = summary.schemas[channel.schema_id]
+            assert schema.name.startswith("goshawk.v1.")
+            assert schema.encoding == "protobuf"
+        for _, channel, _, message in reader.iter_decoded_messages():
+            by_topic[channel.topic].append(message)
+    return by_topic
+
+
+def test_the_demo_flies_and_its_log_opens_in_the_stock_reader(tmp_path: Path) -> None:
+    command = [GOSHAWK, "demo", "--headless", "--seed", "3", "--log-dir", tmp_path]
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stdout + done.stderr
+    logs = list(tmp_path.rglob("*.mcap"))
+    assert len(logs) == 1
+    assert logs[0].name in re.sub(r"\s", "", done.stdout)
+    topics = read_log(logs[0])
+    for topic in ["tel/plan", "tel/control", "tel/target", "tel/health", "tel/event", "log/header", "log/rgbd",
+                  "log/odometry", "log/command"]:  # fmt: skip
+        assert topics[topic], topic
+    assert rate_hz([m.ready_ns for m in topics["tel/plan"]]) >= 29.0  # pyright: ignore[reportAttributeAccessIssue]
+    assert rate_hz([m.stamp_ns for m in topics["tel/control"]]) >= 190.0  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def airborne_and(modes: set[str]):
+    def condition(snap: Snapshot) -> bool:
+        return snap.mode in modes and snap.truth is not None and snap.truth.pos_world_3[2] > 0.8
+
+    return condition
+
+
+@pytest.fixture
+def flying(rig: Rig) -> Rig:
+    """A flight under way: airborne and past the take-off."""
+    rig.air()
+    rig.sim("--seed", "5", "--spacing", "6", "--speed", "2")
+    with rig.link() as link:
+        ready = link.wait_for(lambda s: s.health is not None and s.health.ready, 40.0)
+        assert ready is not None, rig.output("air") + rig.output("sim")
+        reply = link.start()
+        assert reply.accepted, reply.text
+        assert link.wait_for(airborne_and(FLYING), 30.0) is not None, rig.output("air")
+    return rig
+
+
+def test_the_ground_is_killed_and_the_flight_goes_on(flying: Rig) -> None:
+    ground = flying.spawn("ground", GOSHAWK, "ground", "--connect", flying.endpoint, "--port", "0")
+    with flying.link() as link:
+        assert link.wait_for(airborne_and(FLYING), 5.0) is not None
+    os.killpg(ground.pid, signal.SIGKILL)
+    ground.wait()
+    # Nobody from the ground is connected now. Look again later: it must still fly, with a stream of fresh plans.
+    with flying.link() as link:
+        first = link.wait_for(lambda s: s.plan is not None and airborne_and(FLYING)(s), 10.0)
+        assert first is not None and first.plan is not None, flying.output("air")
+        seq = first.plan.seq
+        later = link.wait_for(lambda s: s.plan is not None and s.plan.seq > seq + 60, 10.0)
+        assert later is not None
+        assert airborne_and(FLYING)(later)
+        reply = link.stop()
+        assert reply.accepted, reply.text
+        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0) is not None, flying.output("air")
+
+
+def test_a_repeated_start_is_refused_in_flight_and_stop_lands(flying: Rig) -> None:
+    with flying.link() as link:
+        again = link.start()
+        assert again.answered
+        assert not again.accepted
+        assert "flying" in again.text
+        assert link.stop().accepted
+        down = link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0)
+        assert down is not None, flying.output("air")
+
+
+def test_the_simulator_dies_in_flight_and_the_vehicle_says_why(flying: Rig) -> None:
+    sim = flying.processes["sim"]
+    os.killpg(sim.pid, signal.SIGKILL)
+    with flying.link() as link:
+        down = link.wait_for(
+            lambda s: s.control is not None and s.control.fallback in {"odometry_stale_descend", "hand_back"}, 10.0
+        )
+        assert down is not None, flying.output("air")
+        fault = link.wait_for(lambda s: s.mode in {"fault", "idle"}, 10.0)
+        assert fault is not None, flying.output("air")
+    assert flying.processes["air"].poll() is None
+    assert "panicked" not in flying.output("air")

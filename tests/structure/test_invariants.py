@@ -1,0 +1,116 @@
+"""The design's absences, checked: who may depend on what."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _dependencies() -> dict[str, set[str]]:
+    """Direct, non-dev dependencies of each workspace crate."""
+    command = ["cargo", "metadata", "--format-version", "1", "--no-deps", "--locked", "--offline"]
+    metadata = json.loads(subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout)
+    return {p["name"]: {d["name"] for d in p["dependencies"] if d["kind"] != "dev"} for p in metadata["packages"]}
+
+
+DEPENDENCIES = _dependencies()
+
+
+def test_core_depends_on_nalgebra_and_thiserror_only() -> None:
+    assert DEPENDENCIES["goshawk-core"] == {"nalgebra", "thiserror"}
+
+
+@pytest.mark.parametrize(
+    ("library", "allowed"),
+    [
+        ("mcap", {"goshawk-recorder"}),
+        ("ort", {"goshawk-policy"}),
+        ("zenoh", {"goshawk-air", "goshawk-sim"}),
+        ("mavlink", {"goshawk-autopilot", "goshawk-sim"}),
+    ],
+)
+def test_a_library_stays_in_its_room(library: str, allowed: set[str]) -> None:
+    assert {crate for crate, libraries in DEPENDENCIES.items() if library in libraries} == allowed
+
+
+def test_adapters_do_not_import_each_other() -> None:
+    adapters = {"goshawk-policy", "goshawk-autopilot", "goshawk-recorder"}
+    for crate in adapters:
+        assert not DEPENDENCIES[crate] & (adapters - {crate}), crate
+        assert not DEPENDENCIES[crate] & {"goshawk-air", "goshawk-sim"}, crate
+
+
+def test_core_reaches_nothing_outside() -> None:
+    outside = re.compile(r"std::(fs|net|thread|env|process|time::(Instant|SystemTime))|println!|tracing::|\brand\b")
+    for path in sorted((ROOT / "air/core/src").rglob("*.rs")):
+        code = re.sub(r"//.*", "", path.read_text())
+        assert not outside.search(code), path
+
+
+def test_only_the_autopilot_and_its_stand_in_know_ned_and_frd() -> None:
+    word = re.compile(r"\b\w*_(ned|frd)\b|\b(ned|frd)_\w*\b", re.IGNORECASE)
+    for folder in ["air/core", "air/policy", "air/recorder", "air/node", "ground/sim", "proto/src"]:
+        for path in sorted((ROOT / folder).rglob("*.rs")):
+            if "px4" in path.as_posix():
+                continue
+            assert not word.search(re.sub(r"//.*", "", path.read_text())), path
+
+
+def test_only_proto_names_a_key() -> None:
+    suffix = re.compile(r"[\"'](tel|cmd|alive|sim)/[a-z_]+[\"']|[\"']in/(rgbd|odometry)[\"']")
+    folders = ["air", "ground", "dashboards"]
+    for path in sorted(p for f in folders for e in ("*.rs", "*.py") for p in (ROOT / f).rglob(e)):
+        if "tests" in path.parts or "test_" in path.name:
+            continue
+        code = re.sub(r"(//|#).*", "", path.read_text())
+        assert not suffix.search(code), path
+
+
+def _imports(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module.split(".")[0])
+    return names
+
+
+@pytest.mark.parametrize(
+    ("folder", "forbidden"),
+    [
+        ("dashboards/goshawk_dashboards", {"zenoh", "goshawk_ground", "goshawk_train", "torch"}),
+        ("ground/station/goshawk_ground", {"torch", "goshawk_train"}),
+        ("ground/train/goshawk_train", {"zenoh", "viser", "goshawk_ground", "goshawk_dashboards"}),
+        ("proto/python/goshawk_proto", {"goshawk_ground", "goshawk_dashboards", "goshawk_train", "viser"}),
+    ],
+)
+def test_python_packages_do_not_import_what_they_must_not_know(folder: str, forbidden: set[str]) -> None:
+    files = sorted((ROOT / folder).rglob("*.py"))
+    assert files
+    for path in files:
+        assert not _imports(path) & forbidden, path
+
+
+def test_the_top_level_is_the_design_and_nothing_else() -> None:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    top = {line.split("/")[0] for line in listed.splitlines()}
+    files = {
+        "Cargo.toml", "Cargo.lock", "Makefile", "README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md",
+        "LICENSE", "clippy.toml", "rustfmt.toml", ".gitignore",
+    }  # fmt: skip
+    assert top <= files | {"air", "ground", "proto", "dashboards", "tests", "docs", ".ci"}
+
+
+def test_no_file_is_over_15_megabytes() -> None:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    for name in filter(None, listed.split("\0")):
+        path = ROOT / name
+        assert not path.exists() or path.stat().st_size <= 15_000_000, name
