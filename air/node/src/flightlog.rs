@@ -57,8 +57,7 @@ impl FlightLog {
         tracing::info!("recording to {}", recorder.path().display());
         self.recorder = Some(recorder);
         let stamp = clock::now();
-        let header =
-            v1::LogHeader { wall_time, stamp_ns: stamp.0, profile: profile.to_owned(), ..self.header.clone() };
+        let header = v1::LogHeader { wall_time, stamp_ns: stamp.0, profile: profile.to_owned(), ..self.header.clone() };
         self.record_on(Channel::HEADER, stamp, header);
         Ok(())
     }

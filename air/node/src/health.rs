@@ -46,19 +46,24 @@ pub struct Facts {
 #[must_use]
 pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), now: Time) -> Vec<v1::Check> {
     let age = |stamp: Option<Time>| stamp.map(|stamp| now.since(stamp));
-    let check =
-        |name: &str, problem: Option<String>| v1::Check { name: name.to_owned(), ok: problem.is_none(), reason: problem.unwrap_or_default() };
+    let check = |name: &str, problem: Option<String>| v1::Check {
+        name: name.to_owned(),
+        ok: problem.is_none(),
+        reason: problem.unwrap_or_default(),
+    };
     vec![
         check("camera", stale("image", "in/rgbd", age(facts.frame), FRAME_STALE_S, refused.0)),
-        check("odometry", stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1)),
+        check(
+            "odometry",
+            stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1),
+        ),
         check("autopilot", autopilot_problem(autopilot)),
         check("policy", policy_problem(facts, age(facts.plan))),
         check(
             "battery",
-            autopilot
-                .battery_fraction
-                .filter(|f| *f < BATTERY_LEAST)
-                .map(|f| format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, BATTERY_LEAST * 100.0)),
+            autopilot.battery_fraction.filter(|f| *f < BATTERY_LEAST).map(|f| {
+                format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, BATTERY_LEAST * 100.0)
+            }),
         ),
         check("recorder", facts.recorder_failed.clone()),
     ]

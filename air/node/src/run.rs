@@ -75,8 +75,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let _alive = bus.declare_alive()?;
     tracing::info!("listening on {}; policy {}", vehicle.network.listen.join(", "), model.display());
 
-    let control =
-        Control { controller, link, source: vehicle.sensors.odometry, rate_hz: vehicle.controller.rate_hz };
+    let control = Control { controller, link, source: vehicle.sensors.odometry, rate_hz: vehicle.controller.rate_hz };
     let planning = Planning { policy, preprocessor, planner, idle_demand };
     let threads = [
         spawn("control", &shared, move |shared| control.run(shared))?,
@@ -87,11 +86,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     wait(&shared, threads)
 }
 
-fn spawn(
-    name: &str,
-    shared: &Arc<Shared>,
-    body: impl FnOnce(&Shared) + Send + 'static,
-) -> Result<JoinHandle<()>> {
+fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + 'static) -> Result<JoinHandle<()>> {
     let shared = Arc::clone(shared);
     thread::Builder::new()
         .name(name.to_owned())
@@ -145,7 +140,9 @@ fn idle_demand(vehicle: &Vehicle, policy: &Policy) -> Result<PlanningDemand> {
     for name in vehicle.profile_names() {
         let Some(Profile { task: wanted, .. }) = vehicle.profile(Some(&name)) else { continue };
         if wanted != task {
-            bail!("profile {name:?} asks for {wanted:?}, but the policy was trained to {task:?}: name a policy that fits");
+            bail!(
+                "profile {name:?} asks for {wanted:?}, but the policy was trained to {task:?}: name a policy that fits"
+            );
         }
     }
     let Some(Profile { task, speed, .. }) = vehicle.profile(None) else { bail!("no default profile") };
