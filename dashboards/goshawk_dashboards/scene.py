@@ -1,0 +1,305 @@
+"""The 3-D view: what the vehicle sees, considers and flies, in the world frame (ENU, z up).
+
+Every node is made once; a snapshot only moves, recolours or hides them. Stale things turn grey, then go.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+from PIL import Image, UnidentifiedImageError
+
+from goshawk_dashboards import curves, shapes, theme
+from goshawk_dashboards.snapshot import ELIGIBLE, ControlView, PlanView, PreviewView, Snapshot, TargetView, WorldView
+
+SAMPLES = 24
+"""Points along a drawn trajectory."""
+VEHICLE_DRAWN = 3.0
+"""The vehicle is drawn this many times its size: 155 mm cannot be seen across a forest."""
+PLAN_STALE_S = 1.0
+CONTROL_STALE_S = 1.0
+TARGET_STALE_S = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """What the viewer asked to see."""
+
+    rejected: bool = True
+    trees: bool = True
+    trails: bool = True
+    truth: bool = True
+    frustum: bool = True
+
+
+class LiveScene:
+    """Draws snapshots into a viser server's scene."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        scene = server.scene
+        scene.set_up_direction("+z")
+        scene.world_axes.visible = False
+        scene.configure_fog(45.0, 130.0, color=theme.BACKGROUND)
+        scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
+        scene.configure_default_lights(True, cast_shadow=False)
+        scene.add_light_hemisphere("/light", sky_color=(210, 222, 255), ground_color=(70, 66, 60), intensity=0.7)
+        scene.add_grid(
+            "/ground",
+            infinite_grid=True,
+            cell_size=1.0,
+            section_size=5.0,
+            cell_color=theme.GRID,
+            section_color=theme.GRID_SECTION,
+            cell_thickness=0.6,
+            fade_distance=90.0,
+        )
+        self._plan_seq: int | None = None
+        self._preview_seq: int | None = None
+        self._world: WorldView | None = None
+        self._vehicle_trail = shapes.Trail()
+        self._target_trail = shapes.Trail()
+        self._make_vehicle()
+        self._make_plan()
+        self._make_target()
+
+    def _make_vehicle(self) -> None:
+        scene = self._server.scene
+        self.vehicle = scene.add_frame("/vehicle", show_axes=False, visible=False)
+        scene.add_mesh_trimesh("/vehicle/model", shapes.quadrotor(VEHICLE_DRAWN, theme.vivid(theme.VEHICLE)))
+        self._label = scene.add_label("/vehicle/label", "", position=(0.0, 0.0, 0.55))
+        self._disturbance = scene.add_arrows(
+            "/disturbance", np.zeros((1, 2, 3)), theme.vivid(theme.DISTURBANCE), shaft_radius=0.025, head_radius=0.06, visible=False
+        )
+        self.camera = scene.add_frame("/camera", show_axes=False, visible=False)
+        self._frustum = scene.add_camera_frustum(
+            "/camera/frustum",
+            fov=2.0 * np.arctan(48.0 / 80.0),
+            aspect=160.0 / 96.0,
+            scale=0.3,
+            thickness=1.5,
+            thickness_units="screen",
+            color=theme.vivid(theme.VEHICLE),
+            wxyz=shapes.CV_FROM_FLU_WXYZ,
+            cast_shadow=False,
+        )
+        segments = self._vehicle_trail.segments_M23()
+        self._vehicle_line = scene.add_line_segments(
+            "/trail/vehicle",
+            segments,
+            shapes.fading_M23(len(segments), theme.vivid(theme.VEHICLE)),
+            thickness=2.5,
+            thickness_units="screen",
+            visible=False,
+        )
+
+    def _make_plan(self) -> None:
+        scene = self._server.scene
+        self.candidates: viser.LineSegmentsHandle | None = None
+        self.chosen = scene.add_line_segments(
+            "/plan/chosen",
+            np.zeros((SAMPLES - 1, 2, 3)),
+            theme.vivid(theme.GOOD),
+            thickness=7.0,
+            thickness_units="screen",
+            visible=False,
+        )
+
+    def _make_target(self) -> None:
+        scene = self._server.scene
+        self.target = scene.add_frame("/target", show_axes=False, visible=False)
+        self._target_dot = scene.add_icosphere("/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2)
+        self._covariance = scene.add_icosphere(
+            "/target/covariance", radius=1.0, color=theme.vivid(theme.TARGET), opacity=0.22, subdivisions=3, cast_shadow=False
+        )
+        self._target_label = scene.add_label("/target/label", "", position=(0.0, 0.0, 1.2))
+        self._target_arrow = scene.add_arrows(
+            "/target/velocity", np.zeros((1, 2, 3)), theme.vivid(theme.TARGET), shaft_radius=0.035, head_radius=0.09, head_length=0.2
+        )
+        segments = self._target_trail.segments_M23()
+        self._target_line = scene.add_line_segments(
+            "/trail/target",
+            segments,
+            shapes.fading_M23(len(segments), theme.vivid(theme.TARGET)),
+            thickness=2.5,
+            thickness_units="screen",
+            visible=False,
+        )
+        mesh = shapes.person()
+        self._truth = scene.add_mesh_simple(
+            "/truth/target", mesh.vertices, mesh.faces, color=theme.TRUTH, opacity=0.55, visible=False
+        )
+
+    def update(self, snap: Snapshot, options: ViewOptions) -> None:
+        """Shows one snapshot."""
+        if snap.world is not self._world:
+            self._draw_world(snap.world)
+        if snap.control is not None:
+            self._draw_vehicle(snap.control, snap.fresh("control", CONTROL_STALE_S), options)
+        self._draw_plan(snap.plan, snap.fresh("plan", PLAN_STALE_S), options)
+        self._draw_camera(snap, options)
+        self._draw_target(snap, options)
+        truth = snap.truth if options.truth and snap.fresh("sim_truth", CONTROL_STALE_S) else None
+        self._truth.visible = truth is not None
+        if truth is not None:
+            self._truth.position = truth.target_pos_world_3
+        for name in ("/world/trunks", "/world/foliage"):
+            node = self._server.scene.get_handle_by_name(name)
+            if node is not None:
+                node.visible = options.trees
+
+    def clear_trails(self) -> None:
+        """Forgets where vehicle and target have been."""
+        self._vehicle_trail.clear()
+        self._target_trail.clear()
+
+    def _draw_vehicle(self, control: ControlView, fresh: bool, options: ViewOptions) -> None:
+        self.vehicle.visible = True
+        self.vehicle.position = control.pos_world_3
+        self.vehicle.wxyz = control.world_from_body_4
+        self._label.text = control.mode.upper() if fresh else f"{control.mode.upper()}  STALE"
+        push_3 = control.acc_disturbance_world_3
+        size = float(np.linalg.norm(push_3))
+        self._disturbance.visible = fresh and size > 0.2
+        if self._disturbance.visible:
+            # 1 m/s2 is drawn 0.4 m long.
+            tip_3 = control.pos_world_3 + 0.4 * push_3 * min(1.0, 5.0 / size)
+            self._disturbance.points = np.array([[control.pos_world_3, tip_3]], dtype=np.float32)
+        if self._vehicle_trail.add(control.pos_world_3):
+            self._vehicle_line.points = self._vehicle_trail.segments_M23().astype(np.float32)
+        self._vehicle_line.visible = options.trails and len(self._vehicle_trail) > 1
+
+    def _draw_plan(self, plan: PlanView | None, fresh: bool, options: ViewOptions) -> None:
+        if plan is None or not fresh or len(plan.cost_N) == 0:
+            self.chosen.visible = False
+            if self.candidates is not None:
+                self.candidates.visible = False
+            self._plan_seq = None
+            return
+        if plan.seq == self._plan_seq:
+            return
+        self._plan_seq = plan.seq
+        # Drawn from the start state, and the node moved there: a viewer that is slow to take new curves still shows
+        # the ones it has where the vehicle is.
+        curves_NS3 = curves.plan_curves_NS3(plan, SAMPLES) - plan.start_pos_world_3
+        eligible_N = np.array([r == ELIGIBLE or k == plan.chosen for k, r in enumerate(plan.rejections)])
+        # A candidate that was merely dearer keeps its colour: it was a real choice.
+        dearer_N = np.array([r == "cost" for r in plan.rejections])
+        colored_N = eligible_N | dearer_N
+        colors_N3 = np.tile(np.array(theme.REJECTED, dtype=np.uint8), (len(plan.cost_N), 1))
+        colors_N3[colored_N] = theme.cost_colors_N3(plan.cost_N[colored_N])
+        shown_NS3 = curves_NS3 if options.rejected else np.where(colored_N[:, None, None], curves_NS3, curves_NS3[:, :1])
+        points = curves.segments_M23(shown_NS3).astype(np.float32)
+        colors = np.repeat(np.repeat(colors_N3, SAMPLES - 1, axis=0)[:, None, :], 2, axis=1)
+        with self._server.atomic():
+            if self.candidates is None or self.candidates.points.shape != points.shape:
+                self.candidates = self._server.scene.add_line_segments(
+                    "/plan/candidates", points, colors, thickness=2.0, thickness_units="screen"
+                )
+            else:
+                self.candidates.points = points
+                self.candidates.colors = colors
+            self.candidates.position = self.chosen.position = plan.start_pos_world_3
+            self.candidates.visible = True
+            self.chosen.visible = plan.chosen is not None
+            if plan.chosen is not None:
+                self.chosen.points = curves.segments_M23(curves_NS3[plan.chosen : plan.chosen + 1]).astype(np.float32)
+
+    def _draw_camera(self, snap: Snapshot, options: ViewOptions) -> None:
+        self.camera.visible = options.frustum and snap.control is not None
+        if snap.control is None:
+            return
+        self.camera.position = snap.control.pos_world_3
+        if snap.plan is not None and snap.fresh("plan", PLAN_STALE_S):
+            self.camera.wxyz = snap.plan.world_from_cam_4
+        else:
+            self.camera.wxyz = snap.control.world_from_body_4
+        if snap.preview is not None and snap.preview.seq != self._preview_seq:
+            self._preview_seq = snap.preview.seq
+            picture = decode_preview(snap.preview)
+            if picture is not None:
+                self._frustum.aspect = picture.shape[1] / picture.shape[0]
+                self._frustum.image = picture
+
+    def _draw_target(self, snap: Snapshot, options: ViewOptions) -> None:
+        target = snap.target
+        shown = target is not None and snap.fresh("target", TARGET_STALE_S)
+        self.target.visible = shown
+        self._target_line.visible = options.trails and len(self._target_trail) > 1
+        if target is None or not shown:
+            return
+        self.target.position = target.pos_world_3
+        color = theme.vivid(theme.TARGET) if target.confirmed else theme.STALE
+        self._target_dot.color = color
+        self._covariance.color = color
+        self._target_arrow.points = np.array([[np.zeros(3), 0.5 * target.vel_world_3]], dtype=np.float32)
+        self._target_label.text = _target_text(target)
+        self._covariance.visible = target.covariance_66 is not None
+        if target.covariance_66 is not None:
+            semi_3, wxyz = shapes.ellipsoid(target.covariance_66[:3, :3])
+            self._covariance.scale = (float(semi_3[0]), float(semi_3[1]), float(semi_3[2]))
+            self._covariance.wxyz = wxyz
+        if target.confirmed and self._target_trail.add(target.pos_world_3):
+            self._target_line.points = self._target_trail.segments_M23().astype(np.float32)
+
+    def _draw_world(self, world: WorldView | None) -> None:
+        self._world = world
+        scene = self._server.scene
+        for name in ("/world/trunks", "/world/foliage"):
+            scene.remove_by_name(name)
+        if world is None or len(world.radius_m_K) == 0:
+            return
+        axis_K3 = world.top_world_K3 - world.base_world_K3
+        height_K = np.linalg.norm(axis_K3, axis=1)
+        wxyz_K4 = shapes.wxyz_from_up_K4(axis_K3)
+        trunk = shapes.trunk()
+        scene.add_batched_meshes_simple(
+            "/world/trunks",
+            trunk.vertices,
+            trunk.faces,
+            wxyz_K4,
+            world.base_world_K3,
+            batched_scales=np.stack([world.radius_m_K, world.radius_m_K, height_K], axis=1),
+            batched_colors=theme.TRUNK,
+            lod="off",
+            cast_shadow=False,
+        )
+        leafy_K = world.foliage_radius_m_K > 0.0
+        if leafy_K.any():
+            ball = shapes.foliage()
+            scene.add_batched_meshes_simple(
+                "/world/foliage",
+                ball.vertices,
+                ball.faces,
+                wxyz_K4[leafy_K],
+                world.top_world_K3[leafy_K],
+                batched_scales=world.foliage_radius_m_K[leafy_K],
+                batched_colors=theme.FOLIAGE,
+                opacity=0.4,
+                flat_shading=True,
+                lod="off",
+                cast_shadow=False,
+            )
+
+
+def _target_text(target: TargetView) -> str:
+    """Words that rarely change: labels are costly to redraw, and the figures are in the panel."""
+    if not target.confirmed:
+        return "target, unconfirmed"
+    if target.since_seen_s > 0.5:
+        return f"target, unseen for {target.since_seen_s:.0f} s"
+    return "target"
+
+
+def decode_preview(preview: PreviewView) -> np.ndarray | None:
+    """The picture as height x width x 3 bytes; None if the JPEG is broken or larger than 1280 x 960."""
+    try:
+        image = Image.open(io.BytesIO(preview.jpeg), formats=["JPEG"])
+        if image.width > 1280 or image.height > 960:
+            return None
+        return np.asarray(image.convert("RGB"))
+    except (UnidentifiedImageError, OSError):
+        return None

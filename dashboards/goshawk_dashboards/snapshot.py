@@ -1,0 +1,252 @@
+"""Everything a dashboard can show at one instant, as plain immutable values.
+
+Frames: ``*_world`` is ENU, body and camera are FLU; SI and radians; quaternions are (w, x, y, z), unit length.
+Shape suffixes: N candidates, K trees, 3 a vector, 4 a quaternion. Arrays are float64 (unless said) and read-only.
+Absence is ``None``. An ``age_s`` is seconds since the sample arrived on the ground, by the ground's clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ELIGIBLE = "none"
+"""The rejection of a candidate that may be chosen."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanView:
+    """One planning step: N candidate trajectories, each as its end state."""
+
+    seq: int
+    frame_ns: int
+    ready_ns: int
+    start_pos_world_3: Array
+    start_vel_world_3: Array
+    start_acc_world_3: Array
+    world_from_cam_4: Array
+    duration_s: float
+    """Duration of every trajectory, > 0."""
+    alpha: float
+    end_pos_world_N3: Array
+    end_vel_world_N3: Array
+    end_acc_world_N3: Array
+    cost_N: Array
+    objectness_N: Array
+    rejections: tuple[str, ...]
+    """For each candidate "none" (eligible), "objectness", "gate" or "cost"."""
+    target_pos_world_N3: Array | None
+    """Each candidate's detection; None in navigation."""
+    chosen: int | None
+    """Index of the trajectory flown; None: nothing was eligible."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControlView:
+    """One controller step."""
+
+    seq: int
+    stamp_ns: int
+    mode: str
+    """Lower case, as in the wire's enum: "idle", "ready", "takeoff", "track" …"""
+    fallback: str
+    """Rung of the controller's ladder, lower case; "none" is the top."""
+    pos_world_3: Array
+    vel_world_3: Array
+    world_from_body_4: Array
+    acc_des_world_3: Array
+    acc_att_world_3: Array
+    acc_disturbance_world_3: Array
+    acc_meas_world_3: Array
+    thrust_n: float
+    thrust_norm: float
+    yaw_des_rad: float
+    plan_age_s: float | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetView:
+    """The target filter's estimate."""
+
+    seq: int
+    stamp_ns: int
+    pos_world_3: Array
+    vel_world_3: Array
+    covariance_66: Array | None
+    """Position then velocity; None when the vehicle does not send it."""
+    confirmed: bool
+    since_seen_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckView:
+    """One readiness check and why it fails (or what it saw)."""
+
+    name: str
+    ok: bool
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatencyView:
+    """One latency of the vehicle, milliseconds."""
+
+    name: str
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HealthView:
+    """The vehicle's heartbeat."""
+
+    seq: int
+    stamp_ns: int
+    mode: str
+    ready: bool
+    checks: tuple[CheckView, ...]
+    rates_hz: tuple[tuple[str, float], ...]
+    latencies: tuple[LatencyView, ...]
+    drops: tuple[tuple[str, int], ...]
+    faults: tuple[str, ...]
+    vehicle: str
+    profile: str
+    profiles: tuple[str, ...]
+    policy_sha256: str
+    version: str
+    battery_fraction: float | None
+    log_path: str
+    """Empty: not recording."""
+    autopilot: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviewView:
+    """The vehicle's newest small picture, still compressed."""
+
+    seq: int
+    stamp_ns: int
+    width: int
+    height: int
+    jpeg: bytes
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventView:
+    """A state change worth reading."""
+
+    stamp_ns: int
+    severity: str
+    """"info", "warning" or "error"."""
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TruthView:
+    """The simulator's truth; absent in real flight."""
+
+    stamp_ns: int
+    pos_world_3: Array
+    vel_world_3: Array
+    target_pos_world_3: Array
+    target_vel_world_3: Array
+    clearance_m: float
+    collisions: int
+    target_distance_m: float
+    target_path_m: float
+    target_arrived: bool
+    target_visible: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorldView:
+    """The simulator's trees."""
+
+    base_world_K3: Array
+    top_world_K3: Array
+    radius_m_K: Array
+    foliage_radius_m_K: Array
+    seed: int
+    spacing_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelView:
+    """How one telemetry channel arrives, over the last few seconds."""
+
+    name: str
+    count: int
+    """Well-formed samples since the link was opened."""
+    age_s: float | None
+    """Seconds since the last one; None: none yet."""
+    rate_hz: float
+    bytes_per_s: float
+    loss_fraction: float | None
+    """Lost of sent, by the gaps in ``seq``; None: the channel has no ``seq`` or too few samples."""
+    malformed: int
+    """Payloads that could not be read, since the link was opened."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandView:
+    """What became of the last command sent from here."""
+
+    verb: str
+    command_id: str
+    answered: bool
+    """False: no reply came in time; ``text`` says what to check."""
+    accepted: bool
+    text: str
+    mode: str | None
+    """The vehicle's mode when it replied; None without a reply."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Snapshot:
+    """All that is known about one vehicle now."""
+
+    now_s: float
+    """The ground's monotonic clock."""
+    vehicle: str
+    endpoint: str
+    linked: bool
+    """A transport to the endpoint is open."""
+    alive: bool
+    """The vehicle's liveliness token is present."""
+    plan: PlanView | None = None
+    control: ControlView | None = None
+    target: TargetView | None = None
+    health: HealthView | None = None
+    preview: PreviewView | None = None
+    truth: TruthView | None = None
+    world: WorldView | None = None
+    events: tuple[EventView, ...] = ()
+    """The newest last; bounded."""
+    channels: tuple[ChannelView, ...] = ()
+    command: CommandView | None = None
+
+    def age_s(self, channel: str) -> float | None:
+        """Seconds since the channel's last sample; None if none came."""
+        for view in self.channels:
+            if view.name == channel:
+                return view.age_s
+        return None
+
+    def fresh(self, channel: str, limit_s: float) -> bool:
+        """Whether the channel's last sample is at most ``limit_s`` old."""
+        age_s = self.age_s(channel)
+        return age_s is not None and age_s <= limit_s
+
+    @property
+    def mode(self) -> str | None:
+        """The vehicle's mode from whichever of control and health arrived last; None: not heard."""
+        control_age, health_age = self.age_s("control"), self.age_s("health")
+        if self.control is not None and (health_age is None or (control_age or 0.0) <= health_age):
+            return self.control.mode
+        return self.health.mode if self.health is not None else None

@@ -1,0 +1,1 @@
+"""The operator's side: the Zenoh client, the `goshawk` command line, and the demo."""

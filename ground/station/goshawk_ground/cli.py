@@ -1,0 +1,209 @@
+"""The `goshawk` command line. Exit status: 0 done, 1 refused or failed, 2 no reply or wrong usage."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import signal
+import threading
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from goshawk_dashboards.snapshot import CommandView, Snapshot
+from rich.console import Console
+from rich.table import Table
+
+from goshawk_ground.dial import LinkError
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
+
+REFUSED = 1
+NO_REPLY = 2
+
+app = typer.Typer(
+    name="goshawk",
+    help="Start, stop and watch a Goshawk vehicle.",
+    epilog="Typical: goshawk ground, then open the printed address; or goshawk demo, which needs no vehicle.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+
+Vehicle = Annotated[str, typer.Option(help="The vehicle's name, as in its vehicle file.")]
+Connect = Annotated[str, typer.Option(help="A Zenoh endpoint that the vehicle listens on.")]
+Timeout = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for an answer.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of words.")]
+Port = Annotated[int, typer.Option(min=1, max=65535, help="The dashboard's port.")]
+
+
+def fail(text: str, code: int) -> NoReturn:
+    """Ends with one clear line on stderr."""
+    typer.echo(f"goshawk: {text}", err=True)
+    raise typer.Exit(code)
+
+
+def open_link(vehicle: str, connect: str) -> GroundLink:
+    """The link, or one line about what is wrong with the arguments."""
+    try:
+        return GroundLink(vehicle=vehicle, connect=connect)
+    except LinkError as error:
+        fail(f"cannot use --vehicle {vehicle} --connect {connect}: {error}", NO_REPLY)
+
+
+def _report(view: CommandView, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(dataclasses.asdict(view)))
+    if not view.answered:
+        fail(view.text, NO_REPLY)
+    if not view.accepted:
+        fail(f"{view.verb} refused ({view.mode}): {view.text}", REFUSED)
+    if not as_json:
+        typer.echo(f"{view.verb} accepted ({view.mode}): {view.text}")
+
+
+@app.command(epilog="Examples: goshawk start | goshawk start --profile fast --connect tcp/192.168.1.7:7447")
+def start(
+    profile: Annotated[str, typer.Option(help="A start profile of the vehicle file; empty: its default.")] = "",
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    connect: Connect = DEFAULT_CONNECT,
+    timeout: Timeout = 5.0,
+    as_json: Json = False,
+) -> None:
+    """Begin the flight. Exit status 1 if the vehicle refuses, 2 if it does not answer."""
+    with open_link(vehicle, connect) as link:
+        _report(link.start(profile, timeout_s=timeout), as_json)
+
+
+@app.command(epilog="Examples: goshawk stop | goshawk stop --connect tcp/192.168.1.7:7447 --timeout 10")
+def stop(
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    connect: Connect = DEFAULT_CONNECT,
+    timeout: Timeout = 5.0,
+    as_json: Json = False,
+) -> None:
+    """End the flight: brake, land, disarm. Exit status 1 if refused, 2 if there is no answer."""
+    with open_link(vehicle, connect) as link:
+        _report(link.stop(timeout_s=timeout), as_json)
+
+
+@app.command(epilog="Examples: goshawk status | goshawk status --json | jq .ready")
+def status(
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    connect: Connect = DEFAULT_CONNECT,
+    timeout: Timeout = 5.0,
+    as_json: Json = False,
+) -> None:
+    """The newest heartbeat: mode, readiness with reasons, rates. Exit status 1 if not ready, 2 if silent."""
+    with open_link(vehicle, connect) as link:
+        snap = link.wait_for(lambda s: s.health is not None, timeout)
+        if snap is None or snap.health is None:
+            fail(link.why_silent(timeout), NO_REPLY)
+    health = snap.health
+    if as_json:
+        typer.echo(json.dumps(dataclasses.asdict(health)))
+    else:
+        _print_status(snap)
+    flying = health.mode in ("takeoff", "track", "navigate", "search", "hold", "stopping")
+    if not (health.ready or flying):
+        raise typer.Exit(REFUSED)
+
+
+def _print_status(snap: Snapshot) -> None:
+    health = snap.health
+    if health is None:
+        return
+    console = Console(highlight=False)
+    ready = "ready" if health.ready else "not ready"
+    console.print(f"[bold]{health.vehicle}[/bold]  {health.mode}, {ready}; autopilot {health.autopilot or 'unknown'}")
+    checks = Table("", "check", "reason", box=None, pad_edge=False, show_header=False)
+    for check in sorted(health.checks, key=lambda c: c.ok):
+        mark = "[green]ok[/green]" if check.ok else "[red]no[/red]"
+        checks.add_row(mark, check.name, _literal(check.reason))
+    console.print(checks)
+    figures = [f"{name} {hz:.1f} Hz" for name, hz in health.rates_hz]
+    figures += [f"{x.name} p50 {x.p50_ms:.2f} p99 {x.p99_ms:.2f} ms" for x in health.latencies]
+    if health.battery_fraction is not None:
+        figures.append(f"battery {100 * health.battery_fraction:.0f} %")
+    console.print("; ".join(figures))
+    for fault in health.faults:
+        console.print(f"[red]fault[/red] {_literal(fault)}")
+    console.print(
+        f"profile {health.profile or '-'}; version {health.version or '-'}; policy {health.policy_sha256[:12] or '-'}; "
+        f"log {health.log_path or 'not recording'}",
+        markup=False,
+    )
+
+
+def _literal(text: str) -> str:
+    return text.replace("[", r"\[")
+
+
+@app.command(epilog="Examples: goshawk ground | goshawk ground --connect tcp/192.168.1.7:7447 --port 9000")
+def ground(
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    connect: Connect = DEFAULT_CONNECT,
+    host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
+    port: Port = 8080,
+) -> None:
+    """Serve the live dashboard until Ctrl-C."""
+    from goshawk_ground.serve import serve_dashboard  # viser takes a second to import: only where it is used
+
+    with open_link(vehicle, connect) as link:
+        try:
+            dashboard = serve_dashboard(link, host=host, port=port)
+        except OSError as error:
+            fail(f"{error}; choose another with --port", NO_REPLY)
+        typer.echo(f"dashboard: {dashboard.url}  (vehicle '{vehicle}' at {connect}; Ctrl-C ends)")
+        wait_for_interrupt()
+        dashboard.close()
+
+
+def wait_for_interrupt() -> None:
+    """Returns on Ctrl-C or SIGTERM."""
+    done = threading.Event()
+    before = {s: signal.signal(s, lambda *_: done.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        while not done.wait(0.5):
+            pass
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@app.command(epilog="Examples: goshawk demo | goshawk demo --seed 7 --speed 4 | goshawk demo --headless --json out.json")
+def demo(
+    seed: Annotated[int, typer.Option(min=0, help="Forest and runner.")] = 1,
+    headless: Annotated[bool, typer.Option("--headless", help="Do not wait at the end; the exit status tells.")] = False,
+    speed: Annotated[float, typer.Option(min=0.5, help="The runner's speed, m/s.")] = 3.0,
+    spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
+    distance: Annotated[float, typer.Option(min=5.0, help="How far the runner runs, m.")] = 40.0,
+    port: Port = 8080,
+    bin_dir: Annotated[Path, typer.Option(help="Where goshawk-air and goshawk-sim are.")] = Path("target/release"),
+    log_dir: Annotated[Path, typer.Option(help="Flight log and the processes' output.")] = Path("logs"),
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary to this file.")] = None,
+) -> None:
+    """Fly: simulator, vehicle and ground station chase a runner through a forest. Exit status 0 only on success."""
+    from goshawk_ground.demo import DemoError, DemoOptions, run_demo
+
+    options = DemoOptions(
+        seed=seed,
+        headless=headless,
+        speed_mps=speed,
+        spacing_m=spacing,
+        distance_m=distance,
+        port=port,
+        bin_dir=bin_dir,
+        log_dir=log_dir,
+        json_file=json_file,
+    )
+    try:
+        succeeded = run_demo(options)
+    except DemoError as error:
+        fail(str(error), REFUSED)
+    raise typer.Exit(0 if succeeded else REFUSED)
+
+
+def main() -> None:
+    """Entry point."""
+    app()

@@ -1,0 +1,57 @@
+"""Opens a Zenoh session that dials one endpoint, and no other, for as long as it takes."""
+
+from __future__ import annotations
+
+import json
+import threading
+from typing import Any
+
+import zenoh
+
+LEASE_MS = 2000
+ATTEMPT_MS = 1000
+"""One attempt to dial; between attempts the wish to give up is looked at."""
+
+_PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream", "serial")
+
+
+class LinkError(RuntimeError):
+    """The link cannot even be tried: a bad endpoint or vehicle name. One line, says which."""
+
+
+def client_config(connect: str) -> zenoh.Config:
+    """A client of one endpoint: no discovery; once it was connected it redials by itself after a loss.
+
+    A client, not a peer: the vehicle's session then passes on what a simulator beside it publishes.
+    Raises LinkError if ``connect`` is not an endpoint such as tcp/127.0.0.1:7447.
+    """
+    protocol, _, address = connect.partition("/")
+    if protocol not in _PROTOCOLS or not address:
+        raise LinkError(f"'{connect}' is not an endpoint such as tcp/192.168.1.7:7447")
+    settings: dict[str, Any] = {
+        "mode": "client",
+        "connect/endpoints": [connect],
+        "connect/timeout_ms": ATTEMPT_MS,
+        "connect/exit_on_failure": True,
+        "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/lease": LEASE_MS,
+    }
+    config = zenoh.Config()
+    try:
+        for key, value in settings.items():
+            config.insert_json5(key, json.dumps(value))
+    except zenoh.ZError as error:
+        raise LinkError(f"'{connect}' is not a usable endpoint: {' '.join(str(error).split())}") from error
+    return config
+
+
+def open_when_reachable(connect: str, giving_up: threading.Event) -> zenoh.Session | None:
+    """Dials until it is answered, or until ``giving_up`` is set: then None."""
+    while not giving_up.is_set():
+        try:
+            return zenoh.open(client_config(connect))
+        except zenoh.ZError:
+            giving_up.wait(0.1)
+    return None

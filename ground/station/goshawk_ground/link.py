@@ -1,0 +1,280 @@
+"""The ground's Zenoh client: newest telemetry in, commands out.
+
+It dials the vehicle's endpoint and keeps dialling; nothing is discovered by multicast. Each channel keeps only its
+newest sample (events: the newest ``EVENTS``), decoded on the receiving thread, so nothing can queue up and grow stale.
+Losing the vehicle raises nothing: ages grow, and the views say so.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, Self
+
+import zenoh
+from goshawk_dashboards import decode
+from goshawk_dashboards.snapshot import CommandView, EventView, Snapshot, WorldView
+from goshawk_proto import KEYS, goshawk_pb2, key_expression
+from google.protobuf.message import DecodeError, Message
+
+from goshawk_ground.channel import ChannelStats
+from goshawk_ground.dial import LinkError, client_config, open_when_reachable
+
+EVENTS = 200
+DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
+DEFAULT_VEHICLE = "goshawk"
+
+Listener = Callable[[str, Any], None]
+
+_DECODERS: dict[str, tuple[Any, Callable[[Any], Any]]] = {
+    "plan": (goshawk_pb2.Plan, decode.plan),
+    "control": (goshawk_pb2.Control, decode.control),
+    "target": (goshawk_pb2.Target, decode.target),
+    "health": (goshawk_pb2.Health, decode.health),
+    "preview": (goshawk_pb2.Preview, decode.preview),
+    "event": (goshawk_pb2.Event, decode.event),
+    "sim_truth": (goshawk_pb2.SimTruth, decode.truth),
+}
+
+
+class GroundLink:
+    """One vehicle, watched and commanded. Every method may be called from any thread."""
+
+    def __init__(self, *, vehicle: str = DEFAULT_VEHICLE, connect: str = DEFAULT_CONNECT) -> None:
+        """Begins to dial and returns at once. Raises LinkError if the endpoint or the name cannot be one."""
+        self.vehicle = vehicle
+        self.connect = connect
+        self._lock = threading.Lock()
+        self._stats = {name: ChannelStats(name) for name in _DECODERS}
+        self._newest: dict[str, Any] = {}
+        self._events: deque[EventView] = deque(maxlen=EVENTS)
+        self._listeners: list[Listener] = []
+        self._alive = False
+        self._world: WorldView | None = None
+        self._command: CommandView | None = None
+        self._closing = threading.Event()
+        client_config(connect)
+        try:
+            self._keys = {name: key_expression(name, vehicle) for name in KEYS}
+        except ValueError as error:
+            raise LinkError(str(error)) from error
+        self._session: zenoh.Session | None = None
+        self._declared: list[Any] = []
+        self._thread = threading.Thread(target=self._run, name="ground-link", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the session; safe to call twice."""
+        self._closing.set()
+        self._thread.join(timeout=3.0)
+        session, self._session = self._session, None
+        if session is not None:
+            with contextlib.suppress(zenoh.ZError):
+                session.close()
+
+    def _run(self) -> None:
+        session = open_when_reachable(self.connect, self._closing)
+        if session is None:
+            return
+        # Direct callbacks: what they do takes microseconds, and no queue can form between the link and the slot.
+        for name in _DECODERS:
+            callback = zenoh.handlers.Callback(lambda sample, name=name: self._take(name, sample), indirect=False)
+            self._declared.append(session.declare_subscriber(self._keys[name], callback))
+        liveliness = session.liveliness()
+        self._declared.append(liveliness.declare_token(self._keys["alive_ground"]))
+        alive = zenoh.handlers.Callback(self._take_alive, indirect=False)
+        self._declared.append(liveliness.declare_subscriber(self._keys["alive_air"], alive, history=True))
+        self._session = session
+        self._watch_world()
+
+    # ---- telemetry ----
+
+    def add_listener(self, listener: Listener) -> None:
+        """Calls ``listener(channel, view)`` for every well-formed sample, on the receiving thread: be quick."""
+        self._listeners.append(listener)
+
+    def snapshot(self) -> Snapshot:
+        """All that is known now."""
+        linked = self.linked
+        with self._lock:
+            now_s = time.monotonic()
+            return Snapshot(
+                now_s=now_s,
+                vehicle=self.vehicle,
+                endpoint=self.connect,
+                linked=linked,
+                alive=self._alive and linked,
+                plan=self._newest.get("plan"),
+                control=self._newest.get("control"),
+                target=self._newest.get("target"),
+                health=self._newest.get("health"),
+                preview=self._newest.get("preview"),
+                truth=self._newest.get("sim_truth"),
+                world=self._world,
+                events=tuple(self._events),
+                channels=tuple(stats.view(now_s) for stats in self._stats.values()),
+                command=self._command,
+            )
+
+    @property
+    def linked(self) -> bool:
+        """Whether a transport to the endpoint is open now."""
+        session = self._session
+        if session is None or self._closing.is_set():
+            return False
+        info = session.info
+        return bool(info.peers_zid() or info.routers_zid())
+
+    def wait_for(self, condition: Callable[[Snapshot], bool], timeout_s: float) -> Snapshot | None:
+        """The first snapshot for which ``condition`` holds; None if none did in time."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            snap = self.snapshot()
+            if condition(snap):
+                return snap
+            if time.monotonic() >= deadline:
+                return None
+            time.sleep(0.02)
+
+    def _take(self, name: str, sample: zenoh.Sample) -> None:
+        payload = sample.payload.to_bytes()
+        message_type, decoder = _DECODERS[name]
+        try:
+            message = message_type.FromString(payload)
+            view = decoder(message)
+        except (DecodeError, decode.MalformedError):
+            with self._lock:
+                self._stats[name].malformed()
+            return
+        with self._lock:
+            self._stats[name].arrived(time.monotonic(), len(payload), getattr(message, "seq", None))
+            if name == "event":
+                self._events.append(view)
+            else:
+                self._newest[name] = view
+        for listener in self._listeners:
+            listener(name, view)
+
+    def _take_alive(self, sample: zenoh.Sample) -> None:
+        with self._lock:
+            self._alive = sample.kind == zenoh.SampleKind.PUT
+
+    def _watch_world(self) -> None:
+        """Asks a simulator for its trees, once per run of it; a real vehicle is never asked."""
+        asked_stamp_ns: int | None = None
+        while not self._closing.wait(0.5):
+            with self._lock:
+                truth = self._newest.get("sim_truth")
+            if truth is None or (asked_stamp_ns is not None and truth.stamp_ns >= asked_stamp_ns):
+                continue
+            stamp_ns = truth.stamp_ns
+            for message in self._ask("sim_world", None, 2.0):
+                with contextlib.suppress(decode.MalformedError):
+                    world = decode.world(message)  # type: ignore[arg-type]
+                    with self._lock:
+                        self._world = world
+                    asked_stamp_ns = stamp_ns
+
+    # ---- commands ----
+
+    def start(self, profile: str = "", *, timeout_s: float = 5.0) -> CommandView:
+        """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Returns what became of it."""
+        command_id = str(uuid.uuid4())
+        return self._command_view("start", goshawk_pb2.StartRequest(command_id=command_id, profile=profile), timeout_s)
+
+    def stop(self, *, timeout_s: float = 5.0) -> CommandView:
+        """Asks for the flight to end. Returns what became of it."""
+        return self._command_view("stop", goshawk_pb2.StopRequest(command_id=str(uuid.uuid4())), timeout_s)
+
+    def _command_view(
+        self, verb: str, request: goshawk_pb2.StartRequest | goshawk_pb2.StopRequest, timeout_s: float
+    ) -> CommandView:
+        reply = self._command_reply(f"cmd_{verb}", request, timeout_s)
+        if reply is None:
+            view = CommandView(
+                verb=verb,
+                command_id=request.command_id,
+                answered=False,
+                accepted=False,
+                text=self.why_silent(timeout_s),
+                mode=None,
+            )
+        else:
+            view = CommandView(
+                verb=verb,
+                command_id=request.command_id,
+                answered=True,
+                accepted=reply.accepted,
+                text=_one_line(reply.reason) or ("accepted" if reply.accepted else "refused without a reason"),
+                mode=decode.mode_name(reply.mode),
+            )
+        with self._lock:
+            self._command = view
+        return view
+
+    def _command_reply(self, key: str, request: Any, timeout_s: float) -> goshawk_pb2.CommandReply | None:
+        """Asks until it is answered or time is up. The id stays the same, so the vehicle acts once at most."""
+        deadline = time.monotonic() + timeout_s
+        while (left_s := deadline - time.monotonic()) > 0.0 and not self._closing.is_set():
+            if not self.linked:
+                time.sleep(min(0.05, left_s))
+                continue
+            # One attempt is short, so that a request lost on a weak link is soon sent again.
+            for reply in self._ask(key, request, min(left_s, max(0.5, timeout_s / 3.0))):
+                if isinstance(reply, goshawk_pb2.CommandReply) and reply.command_id == request.command_id:
+                    return reply
+            time.sleep(min(0.1, max(0.0, deadline - time.monotonic())))
+        return None
+
+    def _ask(self, key: str, request: Message | None, timeout_s: float) -> Iterator[Message]:
+        """The well-formed replies to one query."""
+        row = KEYS[key]
+        session = self._session
+        if row.reply is None or session is None:
+            return
+        try:
+            replies = session.get(
+                self._keys[key],
+                timeout=timeout_s,
+                payload=None if request is None else request.SerializeToString(),
+                priority=row.priority,
+                congestion_control=row.congestion,
+                express=row.express,
+            )
+            for reply in replies:
+                if reply.ok is not None:
+                    with contextlib.suppress(DecodeError):
+                        yield row.reply.FromString(reply.ok.payload.to_bytes())
+        except zenoh.ZError:
+            return
+
+    def why_silent(self, waited_s: float) -> str:
+        """One line: what to check when the vehicle did not answer within ``waited_s``."""
+        if not self.linked:
+            return (
+                f"no vehicle at {self.connect} within {waited_s:g} s: check that goshawk-air runs and that --connect "
+                "is an endpoint it listens on"
+            )
+        if not self.snapshot().alive:
+            return (
+                f"{self.connect} is up, but no vehicle named '{self.vehicle}' answered within {waited_s:g} s: check "
+                "--vehicle against its vehicle file"
+            )
+        return (
+            f"'{self.vehicle}' is alive but did not answer within {waited_s:g} s: the link may be too weak; it may "
+            "still act, watch `goshawk status`"
+        )
+
+
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())
