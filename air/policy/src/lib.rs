@@ -1,1 +1,17 @@
-//! placeholder
+//! What turns a camera frame into the raw network output: preprocessing, the policy's contract, ONNX inference.
+//!
+//! ```text
+//! RGB-D bytes ─► Preprocessor::run ─► Policy::infer ─► goshawk_core::NetworkOutput
+//!                                        ▲ state (goshawk_core::Planner::network_state)
+//! ```
+//! Knows nothing of transports, autopilots or logs.
+
+pub mod contract;
+pub mod library;
+pub mod policy;
+pub mod preprocess;
+
+pub use contract::{Contract, ContractError};
+pub use library::LibraryError;
+pub use policy::{Policy, PolicyError};
+pub use preprocess::{PreprocessError, Preprocessor, Source};

@@ -1,0 +1,313 @@
+//! Sensor image to network input, the same rules as the training side (`tests/vectors/preprocess.json`).
+//!
+//! Colour: box average to the network's size, areas weighted where the sizes do not divide; 0..=1. Depth: millimetres,
+//! 0 is no measurement; the source pixel under each target pixel's centre; nearer than `min_m` counts as no measurement;
+//! each filling pass gives a pixel without one the nearest of its 3 x 3 neighbours as they were before the pass; what
+//! still has none becomes `max_m`; clipped to `max_m` and divided by it. Nothing is allocated after construction.
+
+use crate::contract::{Contract, Depth, Image};
+
+/// Largest relative difference between the source's field of view and the policy's.
+pub const FIELD_OF_VIEW_TOLERANCE: f64 = 0.02;
+
+/// Stands for "no measurement" while filling: beyond every `max_m`, so it never wins a minimum.
+const NONE: u16 = u16::MAX;
+
+/// A source of images, as it says of itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Source {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Horizontal field of view, rad.
+    pub hfov_rad: f64,
+    /// Vertical field of view, rad.
+    pub vfov_rad: f64,
+}
+
+/// Why an image cannot be prepared.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PreprocessError {
+    /// The source has no pixels, or more than a camera has.
+    #[error("image is {width} x {height}: each side must be 1..=8192 pixels")]
+    Size {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+    },
+    /// The camera sees more or less than the policy was trained with.
+    #[error(
+        "{axis} field of view is {found_rad:.4} rad, the policy was trained with {needed_rad:.4}: crop the image, or \
+         train for this camera"
+    )]
+    FieldOfView {
+        /// "horizontal" or "vertical".
+        axis: &'static str,
+        /// The source's, rad.
+        found_rad: f64,
+        /// The policy's, rad.
+        needed_rad: f64,
+    },
+    /// A buffer does not fit the source's size.
+    #[error("{buffer} buffer has {found} bytes, a {width} x {height} image needs {needed}")]
+    Length {
+        /// "rgb" or "depth".
+        buffer: &'static str,
+        /// Its bytes.
+        found: usize,
+        /// Bytes it must have.
+        needed: usize,
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+    },
+}
+
+/// Prepares the frames of one source for one policy.
+#[derive(Clone, Debug)]
+pub struct Preprocessor {
+    source: Source,
+    colour: Colour,
+    depth: DepthImage,
+    /// `[4, height, width]`.
+    rgbd: Vec<f32>,
+}
+
+impl Preprocessor {
+    /// For frames of `source`, as `contract` wants them.
+    ///
+    /// # Errors
+    /// The source's size is impossible, or its field of view is off by more than [`FIELD_OF_VIEW_TOLERANCE`].
+    pub fn new(contract: &Contract, source: Source) -> Result<Self, PreprocessError> {
+        let Source { width, height, .. } = source;
+        if !(1..=8192).contains(&width) || !(1..=8192).contains(&height) {
+            return Err(PreprocessError::Size { width, height });
+        }
+        let image = contract.image;
+        for (axis, found_rad, needed_rad) in
+            [("horizontal", source.hfov_rad, image.hfov_rad), ("vertical", source.vfov_rad, image.vfov_rad)]
+        {
+            let close = (found_rad / needed_rad - 1.0).abs() <= FIELD_OF_VIEW_TOLERANCE; // false for NaN
+            if !close {
+                return Err(PreprocessError::FieldOfView { axis, found_rad, needed_rad });
+            }
+        }
+        Ok(Self {
+            source,
+            colour: Colour::new(source, image),
+            depth: DepthImage::new(source, image, contract.depth),
+            rgbd: vec![0.0; 4 * image.width * image.height],
+        })
+    }
+
+    /// What it was built for; a frame that differs needs another preprocessor.
+    #[must_use]
+    pub fn source(&self) -> Source {
+        self.source
+    }
+
+    /// Prepares one frame: `rgb` is `[height, width, 3]`, `depth_mm` `[height, width]` millimetres along the optical
+    /// axis, 0 for no measurement. Gives `[4, 96, 160]`, each value 0..=1: red, green, blue, depth.
+    ///
+    /// # Errors
+    /// A buffer of the wrong length.
+    pub fn run(&mut self, rgb: &[u8], depth_mm: &[u16]) -> Result<&[f32], PreprocessError> {
+        self.check(rgb, 2 * depth_mm.len())?;
+        self.prepare(rgb, |index| depth_mm[index]);
+        Ok(&self.rgbd)
+    }
+
+    /// [`Self::run`] with depth as little-endian bytes, as it comes over the wire.
+    ///
+    /// # Errors
+    /// A buffer of the wrong length.
+    pub fn run_bytes(&mut self, rgb: &[u8], depth_mm_le: &[u8]) -> Result<&[f32], PreprocessError> {
+        self.check(rgb, depth_mm_le.len())?;
+        let (pixels, _) = depth_mm_le.as_chunks::<2>();
+        self.prepare(rgb, |index| u16::from_le_bytes(pixels[index]));
+        Ok(&self.rgbd)
+    }
+
+    fn check(&self, rgb: &[u8], depth_bytes: usize) -> Result<(), PreprocessError> {
+        let Source { width, height, .. } = self.source;
+        let pixels = width as usize * height as usize;
+        for (buffer, found, needed) in [("rgb", rgb.len(), 3 * pixels), ("depth", depth_bytes, 2 * pixels)] {
+            if found != needed {
+                return Err(PreprocessError::Length { buffer, found, needed, width, height });
+            }
+        }
+        Ok(())
+    }
+
+    fn prepare(&mut self, rgb: &[u8], depth_at: impl Fn(usize) -> u16) {
+        let plane = self.rgbd.len() / 4;
+        let (colour, depth) = self.rgbd.split_at_mut(3 * plane);
+        self.colour.run(rgb, colour);
+        self.depth.run(depth_at, depth);
+    }
+}
+
+/// For each target pixel of one axis: the first source pixel of its box, and each covered one's share.
+#[derive(Clone, Debug)]
+struct Boxes {
+    first: Vec<usize>,
+    shares: Vec<Vec<f32>>,
+}
+
+impl Boxes {
+    fn new(source: usize, target: usize) -> Self {
+        let step = source as f64 / target as f64;
+        let mut boxes = Self { first: Vec::new(), shares: Vec::new() };
+        for index in 0..target {
+            let (start, stop) = (index as f64 * step, (index + 1) as f64 * step);
+            let first = (start.floor() as usize).min(source - 1);
+            let last = (stop.ceil() as usize).clamp(first + 1, source);
+            let share = |pixel: usize| {
+                let covered = stop.min((pixel + 1) as f64) - start.max(pixel as f64);
+                (covered.max(0.0) / step) as f32
+            };
+            boxes.first.push(first);
+            boxes.shares.push((first..last).map(share).collect());
+        }
+        boxes
+    }
+}
+
+/// Colour: interleaved bytes to planes.
+#[derive(Clone, Debug)]
+struct Colour {
+    /// Absent: the source has the network's size.
+    boxes: Option<(Boxes, Boxes)>,
+    width: usize,
+    row_bytes: usize,
+    /// One source row, averaged down the box.
+    row: Vec<f32>,
+}
+
+impl Colour {
+    fn new(source: Source, image: Image) -> Self {
+        let (width, height) = (source.width as usize, source.height as usize);
+        let same = (width, height) == (image.width, image.height);
+        let boxes = (!same).then(|| (Boxes::new(height, image.height), Boxes::new(width, image.width)));
+        Self { boxes, width: image.width, row_bytes: 3 * width, row: vec![0.0; 3 * width] }
+    }
+
+    fn run(&mut self, rgb: &[u8], planes: &mut [f32]) {
+        let plane = planes.len() / 3;
+        let (red, rest) = planes.split_at_mut(plane);
+        let (green, blue) = rest.split_at_mut(plane);
+        let Some((rows, columns)) = &self.boxes else {
+            let (pixels, _) = rgb.as_chunks::<3>();
+            for (((pixel, r), g), b) in pixels.iter().zip(red).zip(green).zip(blue) {
+                *r = f32::from(pixel[0]) / 255.0;
+                *g = f32::from(pixel[1]) / 255.0;
+                *b = f32::from(pixel[2]) / 255.0;
+            }
+            return;
+        };
+        for (y, (&first, shares)) in rows.first.iter().zip(&rows.shares).enumerate() {
+            self.row.fill(0.0);
+            let sources = rgb[first * self.row_bytes..].chunks_exact(self.row_bytes);
+            for (source, &share) in sources.zip(shares) {
+                for (sum, &value) in self.row.iter_mut().zip(source) {
+                    *sum += share * f32::from(value);
+                }
+            }
+            let (pixels, _) = self.row.as_chunks::<3>();
+            for (x, (&first, shares)) in columns.first.iter().zip(&columns.shares).enumerate() {
+                let mut sum = [0.0; 3];
+                for (pixel, &share) in pixels[first..].iter().zip(shares) {
+                    for channel in 0..3 {
+                        sum[channel] += share * pixel[channel];
+                    }
+                }
+                let index = y * self.width + x;
+                [red[index], green[index], blue[index]] = sum.map(|value| (value / 255.0).min(1.0));
+            }
+        }
+    }
+}
+
+/// Depth: resampled, filled, normalised.
+#[derive(Clone, Debug)]
+struct DepthImage {
+    near_mm: u16,
+    far_mm: u16,
+    passes: u32,
+    width: usize,
+    height: usize,
+    /// Index of each target row's first source pixel.
+    row_starts: Vec<usize>,
+    /// Source column of each target column.
+    columns: Vec<usize>,
+    /// The image in millimetres with a border of [`NONE`], `[height + 2, width + 2]`.
+    image: Vec<u16>,
+    /// Minima of three along the rows; same layout.
+    minima: Vec<u16>,
+}
+
+impl DepthImage {
+    fn new(source: Source, image: Image, depth: Depth) -> Self {
+        let under_centre = |index: usize, from: usize, to: usize| {
+            (((index as f64 + 0.5) * from as f64 / to as f64) as usize).min(from - 1)
+        };
+        let (source_width, source_height) = (source.width as usize, source.height as usize);
+        let padded = (image.width + 2) * (image.height + 2);
+        Self {
+            near_mm: (depth.min_m * 1000.0).round() as u16,
+            far_mm: (depth.max_m * 1000.0).round() as u16,
+            passes: depth.fill_passes,
+            width: image.width,
+            height: image.height,
+            row_starts: (0..image.height)
+                .map(|y| under_centre(y, source_height, image.height) * source_width)
+                .collect(),
+            columns: (0..image.width).map(|x| under_centre(x, source_width, image.width)).collect(),
+            image: vec![NONE; padded],
+            minima: vec![NONE; padded],
+        }
+    }
+
+    fn run(&mut self, depth_at: impl Fn(usize) -> u16, plane: &mut [f32]) {
+        let stride = self.width + 2;
+        let nearest = self.near_mm.max(1); // 0 is no measurement whatever min_m
+        for (row, &start) in self.image[stride..].chunks_exact_mut(stride).zip(&self.row_starts) {
+            for (out, &column) in row[1..].iter_mut().zip(&self.columns) {
+                let mm = depth_at(start + column);
+                *out = if mm < nearest { NONE } else { mm };
+            }
+        }
+        for _ in 0..self.passes {
+            self.fill_once();
+        }
+        let far = f32::from(self.far_mm);
+        let rows = self.image[stride..].chunks_exact(stride);
+        for (row, out) in rows.zip(plane.chunks_exact_mut(self.width)) {
+            for (&mm, value) in row[1..].iter().zip(out) {
+                *value = f32::from(mm.min(self.far_mm)) / far;
+            }
+        }
+    }
+
+    fn fill_once(&mut self) {
+        let stride = self.width + 2;
+        let interior = stride..stride * (self.height + 1);
+        let rows = self.image[interior.clone()].chunks_exact(stride);
+        for (row, minima) in rows.zip(self.minima[interior.clone()].chunks_exact_mut(stride)) {
+            let neighbours = row.iter().zip(&row[1..]).zip(&row[2..]);
+            for (((&a, &b), &c), minimum) in neighbours.zip(&mut minima[1..]) {
+                *minimum = a.min(b).min(c);
+            }
+        }
+        let below = &self.minima[2 * stride..];
+        let here = &self.minima[stride..];
+        let neighbours = self.minima.iter().zip(here).zip(below);
+        for (((&a, &b), &c), mm) in neighbours.zip(&mut self.image[interior]) {
+            let nearest = a.min(b).min(c);
+            *mm = if *mm == NONE { nearest } else { *mm };
+        }
+    }
+}
