@@ -1,1 +1,14 @@
-//! placeholder
+//! The simulator: world, camera, quadrotor, autopilot stand-in, evader; data sets; campaigns.
+//!
+//! What flies here is the vehicle's own planner and controller; the simulator supplies everything around them.
+
+pub mod cli;
+pub mod dataset;
+pub mod forest;
+pub mod person;
+pub mod px4;
+pub mod quadrotor;
+pub mod render;
+pub mod sensor;
+pub mod world;
+pub mod world_preview;
