@@ -51,6 +51,57 @@ pub fn config() -> ControllerConfig {
     }
 }
 
+pub fn planner_config(task: Task) -> PlannerConfig {
+    let (hfov, vfov) = (90_f64.to_radians(), 2.0 * 0.6_f64.atan());
+    PlannerConfig {
+        camera: CameraModel {
+            hfov,
+            vfov,
+            width: 160,
+            height: 96,
+            body_from_cam: Rot::from_axis_angle(&Vec3::y_axis(), -0.17),
+            pos_cam_body: Vec3::new(0.06, 0.0, 0.02),
+        },
+        policy: PolicyModel {
+            task,
+            radius: 5.0,
+            azimuth_offset: 15_f64.to_radians(),
+            elevation_offset: 15_f64.to_radians(),
+            v_max: 6.0,
+            a_max: 6.0,
+            target_depth_scale: 5.0,
+            hfov,
+            vfov,
+            width: 160,
+            height: 96,
+        },
+        target: TargetConfig {
+            acc_variance: [16.0, 16.0, 8.0],
+            measurement_variance: 0.02,
+            variance_distance: 6.0,
+            gate: 5.0,
+            confirm_hits: 4,
+            confirm_of: 6,
+            blind_time: 0.5,
+            max_speed: 10.0,
+            max_distance: 20.0,
+            reacquire_margin: 1.0,
+        },
+        select: SelectConfig { min_objectness: 0.5 },
+    }
+}
+
+pub fn odometry() -> Odometry {
+    Odometry {
+        stamp: Time::from_secs(100.0),
+        pos_world: Vec3::new(1.0, 2.0, 3.0),
+        vel_world: Vec3::new(2.0, 0.0, 0.0),
+        world_from_body: Rot::identity(),
+        ang_vel_body: Vec3::zeros(),
+        reset_counter: 0,
+    }
+}
+
 pub fn track() -> Profile {
     Profile { task: Task::Track, speed: 6.0, height: 1.5, goal: None }
 }
