@@ -1,0 +1,85 @@
+//! Commands as PX4 takes them: who is meant, what is refused, and when the answer leaves.
+
+use super::logic::Px4Logic;
+use goshawk_autopilot::Px4Mode;
+use goshawk_autopilot::commands::FORCE_MAGIC;
+use goshawk_autopilot::messages::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use goshawk_autopilot::wire::Packet;
+
+/// Acks were measured to take 1–15 ms; these are taken in turn.
+const ACK_DELAYS_S: [f64; 5] = [0.003, 0.007, 0.001, 0.015, 0.005];
+
+impl Px4Logic {
+    /// Carries out a command and queues its ack. Wrongly addressed: silence.
+    pub(super) fn command(&mut self, from: &Packet, command: &COMMAND_LONG_DATA) {
+        if !self.addressed(command.target_system, command.target_component) {
+            return;
+        }
+        let result = match command.command {
+            MavCmd::MAV_CMD_DO_SET_MODE => self.set_mode(command),
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM if command.param1 == 1.0 => self.arm(),
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => self.disarm_on_request(command.param2 == FORCE_MAGIC),
+            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
+                let (id, interval_us) = (command.param1 as u32, f64::from(command.param2));
+                if self.streams.set_interval(self.now, id, interval_us) {
+                    MavResult::MAV_RESULT_ACCEPTED
+                } else {
+                    MavResult::MAV_RESULT_FAILED
+                }
+            }
+            _ => MavResult::MAV_RESULT_UNSUPPORTED,
+        };
+        let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: command.command,
+            result,
+            target_system: from.header.system_id as u8,
+            target_component: from.header.component_id,
+            ..COMMAND_ACK_DATA::default()
+        });
+        let delay_s = ACK_DELAYS_S[self.acks % ACK_DELAYS_S.len()];
+        self.acks += 1;
+        self.outbox.push((self.now.plus(delay_s), ack));
+    }
+
+    /// Broadcast or ours.
+    pub(super) fn addressed(&self, system: u8, component: u8) -> bool {
+        (system == 0 || system == self.config.system_id) && (component == 0 || component == self.config.component_id)
+    }
+
+    fn set_mode(&mut self, command: &COMMAND_LONG_DATA) -> MavResult {
+        let custom = command.param1 as u32 & 1 == 1;
+        let raw = u32::from_le_bytes([0, 0, command.param2 as u8, command.param3 as u8]);
+        let mode = Px4Mode::from_custom_mode(raw);
+        let flown_here = matches!(mode, Px4Mode::Offboard | Px4Mode::Hold | Px4Mode::Land | Px4Mode::Position);
+        if !custom || !flown_here {
+            return MavResult::MAV_RESULT_DENIED;
+        }
+        // Disarmed it believes anything; armed, offboard needs a stream.
+        if mode == Px4Mode::Offboard && self.armed && !self.stream_is_fresh() {
+            return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+        }
+        self.intend(mode);
+        MavResult::MAV_RESULT_ACCEPTED
+    }
+
+    fn arm(&mut self) -> MavResult {
+        if self.armed {
+            return MavResult::MAV_RESULT_ACCEPTED;
+        }
+        if self.mode == Px4Mode::Offboard && !self.stream_is_fresh() {
+            self.text("Arming denied: no offboard signal");
+            return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+        }
+        self.set_armed();
+        MavResult::MAV_RESULT_ACCEPTED
+    }
+
+    fn disarm_on_request(&mut self, force: bool) -> MavResult {
+        if self.armed && !self.landed.landed() && !force {
+            self.text("Disarming denied: not landed");
+            return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+        }
+        self.set_disarmed();
+        MavResult::MAV_RESULT_ACCEPTED
+    }
+}
