@@ -1,0 +1,129 @@
+//! The command line: one subcommand a module.
+
+use crate::dataset::{DatasetConfig, generate};
+use crate::forest::{ForestConfig, forest};
+use crate::world_preview::preview;
+use clap::{Args, Parser, Subcommand};
+use color_eyre::eyre::{Result, WrapErr};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+use std::process::Command as Process;
+
+/// Goshawk's simulator: worlds, data sets, flights.
+#[derive(Debug, Parser)]
+#[command(name = "goshawk-sim", version)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Draw a world: a map and a camera's view, as a PNG.
+    World(WorldArgs),
+    /// Generate a data set for training.
+    Dataset(DatasetArgs),
+}
+
+/// `goshawk-sim world`.
+#[derive(Debug, Args)]
+pub struct WorldArgs {
+    /// Seed of the world.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Mean spacing of the trees, m.
+    #[arg(long, value_name = "M", default_value_t = 4.0)]
+    spacing: f64,
+    /// The picture.
+    #[arg(short, long, value_name = "PNG", default_value = "world.png")]
+    output: PathBuf,
+}
+
+/// `goshawk-sim dataset`.
+#[derive(Debug, Args)]
+pub struct DatasetArgs {
+    /// Folder of the data set; finished scenes in it are kept.
+    #[arg(long, value_name = "DIR", default_value = "data")]
+    out: PathBuf,
+    /// Number of scenes.
+    #[arg(long, value_name = "N", default_value_t = 240)]
+    scenes: usize,
+    /// Frames in each scene.
+    #[arg(long, value_name = "M", default_value_t = 128)]
+    frames: usize,
+    /// Seed of everything.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; 0: one for each core.
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+}
+
+impl Cli {
+    /// Does what was asked.
+    ///
+    /// # Errors
+    /// Whatever the subcommand fails with; the message says on what and what to do.
+    pub fn run(self) -> Result<()> {
+        match self.command {
+            Command::World(args) => args.run(),
+            Command::Dataset(args) => args.run(),
+        }
+    }
+}
+
+impl WorldArgs {
+    fn run(self) -> Result<()> {
+        let world = forest(&ForestConfig { spacing_m: self.spacing, ..ForestConfig::default() }, self.seed)?;
+        let shown = self.output.display();
+        preview(&world).save(&self.output).wrap_err_with(|| format!("cannot write {shown}"))?;
+        println!("{shown}: {} trees, {} parts", world.trees().len(), world.parts().len());
+        Ok(())
+    }
+}
+
+impl DatasetArgs {
+    fn run(self) -> Result<()> {
+        let config = DatasetConfig {
+            out: self.out,
+            scenes: self.scenes,
+            frames: self.frames,
+            seed: self.seed,
+            commit: revision(),
+        };
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} scenes  {elapsed} (left {eta})")?;
+        let bar = ProgressBar::new(config.scenes as u64).with_style(style);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
+        let started = std::time::Instant::now();
+        let made = std::sync::atomic::AtomicUsize::new(0);
+        pool.install(|| {
+            generate(&config, |there| {
+                if !there {
+                    made.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                }
+                bar.inc(1);
+            })
+        })?;
+        bar.finish_and_clear();
+        let made = made.into_inner();
+        println!(
+            "{}: {} scenes of {} frames ({made} new) in {:.1} s",
+            config.out.display(),
+            config.scenes,
+            config.frames,
+            started.elapsed().as_secs_f64()
+        );
+        Ok(())
+    }
+}
+
+/// The checked-out revision of the code, if git knows one.
+fn revision() -> String {
+    let head = Process::new("git").args(["rev-parse", "HEAD"]).output();
+    match head {
+        Ok(out) if out.status.success() => String::from_utf8_lossy(&out.stdout).trim().to_owned(),
+        _ => "unknown".to_owned(),
+    }
+}
