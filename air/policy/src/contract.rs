@@ -246,19 +246,7 @@ mod tests {
     use serde_json::{Value, json};
 
     fn track() -> Value {
-        json!({
-            "version": 1, "task": "track",
-            "image": {"width": 160, "height": 96, "hfov_rad": 1.5708, "vfov_rad": 1.0808},
-            "depth": {"min_m": 0.2, "max_m": 20.0, "fill_passes": 2},
-            "lattice": {"rows": 3, "columns": 5, "radius_m": 5.0, "elevation_offset_rad": 0.2618,
-                "azimuth_offset_rad": 0.2618},
-            "v_max_mps": 6.0, "a_max_mps2": 6.0, "duration_rule": "2r/(alpha*v_max)", "target_depth_scale_m": 5.0,
-            "state": ["velocity", "acceleration", "up"],
-            "channels": ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost", "objectness", "du", "dv",
-                "distance"],
-            "camera_tilt_rad": 0.0,
-            "training": {"data": "forest", "commit": "0123", "seed": 0, "samples": 1000, "hours": 0.5}
-        })
+        serde_json::from_str(include_str!("../tests/contract.json")).unwrap()
     }
 
     fn read(value: &Value) -> Result<Contract, ContractError> {
@@ -277,8 +265,9 @@ mod tests {
         let contract = read(&with("/lattice/azimuth_offset_rad", json!(0.3))).unwrap();
         let model = contract.model();
         assert_eq!((model.task, model.width, model.height), (Task::Track, 160, 96));
-        assert_eq!((model.azimuth_offset, model.elevation_offset, model.radius), (0.3, 0.2618, 5.0));
-        assert_eq!((model.hfov, model.vfov), (1.5708, 1.0808));
+        assert_eq!((model.azimuth_offset, model.elevation_offset), (0.3, 15f64.to_radians()));
+        assert_eq!((model.radius, model.hfov), (5.0, std::f64::consts::FRAC_PI_2));
+        assert_eq!(model.vfov, 2.0 * (48f64 / 80.0).atan());
         assert_eq!((model.v_max, model.a_max, model.target_depth_scale), (6.0, 6.0, 5.0));
         assert_eq!(contract.state_len(), 9);
     }

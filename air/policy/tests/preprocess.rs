@@ -1,0 +1,221 @@
+//! Preprocessing against a plain reading of its definition, and its bounds for any image.
+
+#![allow(clippy::unwrap_used)]
+
+use goshawk_policy::{Contract, PreprocessError, Preprocessor, Source};
+use proptest::prelude::*;
+
+const WIDTH: usize = 160;
+const HEIGHT: usize = 96;
+
+fn contract() -> Contract {
+    let text = include_str!("contract.json");
+    Contract::from_json(text).unwrap()
+}
+
+fn source(width: u32, height: u32) -> Source {
+    let image = contract().image;
+    Source { width, height, hfov_rad: image.hfov_rad, vfov_rad: image.vfov_rad }
+}
+
+fn run(width: usize, height: usize, rgb: &[u8], depth_mm: &[u16]) -> Vec<f32> {
+    let mut preprocessor = Preprocessor::new(&contract(), source(width as u32, height as u32)).unwrap();
+    preprocessor.run(rgb, depth_mm).unwrap().to_vec()
+}
+
+/// The depth plane for a depth image of the network's size and black colour.
+fn depth_plane(depth_mm: &[u16]) -> Vec<f32> {
+    run(WIDTH, HEIGHT, &vec![0; 3 * WIDTH * HEIGHT], depth_mm)[3 * WIDTH * HEIGHT..].to_vec()
+}
+
+/// The definition, word for word, in float64.
+fn definition(width: usize, height: usize, rgb: &[u8], depth_mm: &[u16]) -> Vec<f64> {
+    let overlap = |a: (f64, f64), b: (f64, f64)| (a.1.min(b.1) - a.0.max(b.0)).max(0.0);
+    let mut out = vec![0.0; 4 * WIDTH * HEIGHT];
+    let (sx, sy) = (width as f64 / WIDTH as f64, height as f64 / HEIGHT as f64);
+    let mut metres: Vec<Option<f64>> = Vec::new();
+    for y in 0..HEIGHT {
+        for x in 0..WIDTH {
+            let rows = (y as f64 * sy, (y + 1) as f64 * sy);
+            let columns = (x as f64 * sx, (x + 1) as f64 * sx);
+            for channel in 0..3 {
+                let mut sum = 0.0;
+                for v in rows.0 as usize..(rows.1.ceil() as usize).min(height) {
+                    for u in columns.0 as usize..(columns.1.ceil() as usize).min(width) {
+                        let share =
+                            overlap(rows, (v as f64, v as f64 + 1.0)) * overlap(columns, (u as f64, u as f64 + 1.0));
+                        sum += share * f64::from(rgb[3 * (v * width + u) + channel]);
+                    }
+                }
+                out[(channel * HEIGHT + y) * WIDTH + x] = sum / (sx * sy) / 255.0;
+            }
+            let (v, u) = (((y as f64 + 0.5) * sy) as usize, ((x as f64 + 0.5) * sx) as usize);
+            let mm = depth_mm[v * width + u];
+            metres.push((200..65535).contains(&mm).then(|| f64::from(mm) / 1000.0));
+        }
+    }
+    for _ in 0..2 {
+        let before = metres.clone();
+        for y in 0..HEIGHT {
+            for x in 0..WIDTH {
+                if before[y * WIDTH + x].is_none() {
+                    let near = (y.saturating_sub(1)..(y + 2).min(HEIGHT))
+                        .flat_map(|v| (x.saturating_sub(1)..(x + 2).min(WIDTH)).map(move |u| v * WIDTH + u))
+                        .filter_map(|index| before[index]);
+                    metres[y * WIDTH + x] = near.reduce(f64::min);
+                }
+            }
+        }
+    }
+    for (value, metres) in out[3 * WIDTH * HEIGHT..].iter_mut().zip(metres) {
+        *value = metres.unwrap_or(20.0).min(20.0) / 20.0;
+    }
+    out
+}
+
+/// Images of any size near those of cameras, with a random share of holes and of near and far readings.
+fn images() -> impl Strategy<Value = (usize, usize, Vec<u8>, Vec<u16>)> {
+    let sizes = prop_oneof![Just((160, 96)), Just((320, 192)), Just((424, 240)), (1usize..400, 1usize..250)];
+    (sizes, any::<u64>(), 0u64..100).prop_map(|((width, height), seed, holes)| {
+        let mut state = seed | 1;
+        let mut next = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state >> 33
+        };
+        let rgb = (0..3 * width * height).map(|_| next() as u8).collect();
+        let depth = (0..width * height).map(|_| if next() % 100 < holes { 0 } else { (next() % 65536) as u16 });
+        (width, height, rgb, depth.collect())
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_image_gives_what_the_definition_says((width, height, rgb, depth) in images()) {
+        let found = run(width, height, &rgb, &depth);
+        for (i, (&found, needed)) in found.iter().zip(definition(width, height, &rgb, &depth)).enumerate() {
+            prop_assert!((f64::from(found) - needed).abs() < 1e-5, "value {i} is {found}, not {needed}");
+        }
+    }
+
+    #[test]
+    fn every_value_is_between_zero_and_one((width, height, rgb, depth) in images()) {
+        let values = run(width, height, &rgb, &depth);
+        prop_assert_eq!(values.len(), 4 * WIDTH * HEIGHT);
+        prop_assert!(values.iter().all(|v| (0.0..=1.0).contains(v)));
+        prop_assert!(values[3 * WIDTH * HEIGHT..].iter().all(|&v| v >= 0.01), "nothing is nearer than min_m");
+    }
+
+    #[test]
+    fn bytes_off_the_wire_give_the_same((width, height, rgb, depth) in images()) {
+        let bytes: Vec<u8> = depth.iter().flat_map(|mm| mm.to_le_bytes()).collect();
+        let mut preprocessor = Preprocessor::new(&contract(), source(width as u32, height as u32)).unwrap();
+        let from_bytes = preprocessor.run_bytes(&rgb, &bytes).unwrap().to_vec();
+        prop_assert_eq!(from_bytes, preprocessor.run(&rgb, &depth).unwrap());
+    }
+
+    #[test]
+    fn a_frame_does_not_depend_on_the_one_before(
+        (width, height, rgb, depth) in images(), fill in any::<u16>(), shade in any::<u8>()
+    ) {
+        let mut used = Preprocessor::new(&contract(), source(width as u32, height as u32)).unwrap();
+        used.run(&vec![shade; rgb.len()], &vec![fill; depth.len()]).unwrap();
+        prop_assert_eq!(used.run(&rgb, &depth).unwrap(), run(width, height, &rgb, &depth));
+    }
+}
+
+#[test]
+fn colours_become_planes_in_the_order_red_green_blue() {
+    let rgb: Vec<u8> = (0..WIDTH * HEIGHT).flat_map(|_| [255, 51, 0]).collect();
+    let values = run(WIDTH, HEIGHT, &rgb, &vec![0; WIDTH * HEIGHT]);
+    let plane = WIDTH * HEIGHT;
+    assert!(values[..plane].iter().all(|&v| v == 1.0));
+    assert!(values[plane..2 * plane].iter().all(|&v| v == 0.2));
+    assert!(values[2 * plane..3 * plane].iter().all(|&v| v == 0.0));
+}
+
+#[test]
+fn no_measurement_anywhere_is_the_greatest_depth() {
+    assert!(depth_plane(&vec![0; WIDTH * HEIGHT]).iter().all(|&v| v == 1.0));
+}
+
+#[test]
+fn nearer_than_min_m_counts_as_no_measurement_and_farther_than_max_m_is_clipped() {
+    let mut depth = vec![5000; WIDTH * HEIGHT];
+    depth[100] = 199;
+    depth[200] = 200;
+    depth[300] = 20001;
+    let plane = depth_plane(&depth);
+    assert_eq!((plane[100], plane[200], plane[300]), (0.25, 0.01, 1.0));
+}
+
+#[test]
+fn two_passes_fill_two_pixels_deep_with_the_nearest_neighbour() {
+    // One measured column at x = 10; the hole grows away from it.
+    let mut depth = vec![0; WIDTH * HEIGHT];
+    for y in 0..HEIGHT {
+        depth[y * WIDTH + 10] = if y < 50 { 4000 } else { 8000 };
+    }
+    let plane = depth_plane(&depth);
+    let row = |y: usize| plane[y * WIDTH + 7..y * WIDTH + 14].to_vec();
+    assert_eq!(row(20), [1.0, 0.2, 0.2, 0.2, 0.2, 0.2, 1.0]);
+    assert_eq!(row(70), [1.0, 0.4, 0.4, 0.4, 0.4, 0.4, 1.0]);
+    assert_eq!(row(50), [1.0, 0.2, 0.2, 0.4, 0.2, 0.2, 1.0]); // the measured pixel itself is kept
+}
+
+#[test]
+fn a_measured_pixel_is_never_changed_by_nearer_neighbours() {
+    let mut depth = vec![10_000; WIDTH * HEIGHT];
+    depth[50 * WIDTH + 80] = 1000;
+    let plane = depth_plane(&depth);
+    assert_eq!(plane[50 * WIDTH + 80], 0.05);
+    assert!(plane.iter().enumerate().all(|(i, &v)| v == 0.5 || i == 50 * WIDTH + 80));
+}
+
+#[test]
+fn a_hole_at_the_border_is_not_filled_from_the_opposite_side() {
+    let mut depth = vec![0; WIDTH * HEIGHT];
+    for y in 0..HEIGHT {
+        depth[y * WIDTH] = 3000;
+    }
+    let plane = depth_plane(&depth);
+    assert!((0..HEIGHT).all(|y| plane[y * WIDTH + WIDTH - 1] == 1.0));
+}
+
+#[test]
+fn a_buffer_of_the_wrong_length_is_named() {
+    let mut preprocessor = Preprocessor::new(&contract(), source(160, 96)).unwrap();
+    let error = preprocessor.run(&[0; 10], &[0; WIDTH * HEIGHT]).unwrap_err();
+    assert!(matches!(error, PreprocessError::Length { buffer: "rgb", found: 10, needed: 46080, .. }), "{error}");
+    let error = preprocessor.run_bytes(&[0; 3 * WIDTH * HEIGHT], &[0; WIDTH * HEIGHT]).unwrap_err();
+    assert!(matches!(error, PreprocessError::Length { buffer: "depth", found: 15360, needed: 30720, .. }), "{error}");
+}
+
+#[test]
+fn a_field_of_view_off_by_more_than_two_percent_is_refused() {
+    let mut narrow = source(160, 96);
+    narrow.hfov_rad *= 0.97;
+    let error = Preprocessor::new(&contract(), narrow).unwrap_err();
+    assert!(matches!(error, PreprocessError::FieldOfView { axis: "horizontal", .. }), "{error}");
+    let mut tall = source(160, 96);
+    tall.vfov_rad *= 1.03;
+    let error = Preprocessor::new(&contract(), tall).unwrap_err();
+    assert!(matches!(error, PreprocessError::FieldOfView { axis: "vertical", .. }), "{error}");
+    for odd in [f64::NAN, f64::INFINITY, 0.0, -1.5] {
+        let mut broken = source(160, 96);
+        broken.hfov_rad = odd;
+        assert!(Preprocessor::new(&contract(), broken).is_err());
+    }
+    let mut close = source(160, 96);
+    close.hfov_rad *= 1.015;
+    assert!(Preprocessor::new(&contract(), close).is_ok());
+}
+
+#[test]
+fn an_impossible_size_is_refused() {
+    for (width, height) in [(0, 96), (160, 0), (u32::MAX, u32::MAX)] {
+        let error = Preprocessor::new(&contract(), source(width, height)).unwrap_err();
+        assert_eq!(error, PreprocessError::Size { width, height });
+    }
+}
