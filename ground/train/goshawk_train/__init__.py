@@ -1,0 +1,1 @@
+"""Trains Goshawk's policies (paper section III-E): network, costs, data loading, trainer, export."""

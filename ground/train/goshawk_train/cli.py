@@ -1,0 +1,135 @@
+"""The command line: check, train, validate, preview, export."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from goshawk_train import checkpoint, train, validate
+from goshawk_train.config import ConfigError, load_config, replace_training
+from goshawk_train.data import DataError
+from goshawk_train.export import ExportError
+
+EXAMPLES = """examples:
+  python -m goshawk_train check    --config configs/track.toml --data data/train
+  python -m goshawk_train train    --config configs/track.toml --data data/train --validation data/val --out runs/a
+  python -m goshawk_train train    --config configs/track.toml --data data/train --out runs/a --resume
+  python -m goshawk_train validate --run runs/a --data data/val --json metrics.json
+  python -m goshawk_train preview  --run runs/a --data data/val --out preview.png
+  python -m goshawk_train export   --run runs/a --data data/val --out air/models/track.onnx
+"""
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="goshawk_train",
+        description="Train Goshawk's policies on a data set of `goshawk-sim dataset`.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    def add(name: str, text: str) -> argparse.ArgumentParser:
+        return commands.add_parser(
+            name, help=text, description=text, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+
+    check = add("check", "Check a data set before training on it; exit status 1 if it is not fit.")
+    run = add("train", "Train; Ctrl-C saves, --resume goes on exactly there.")
+    for command in (check, run):
+        command.add_argument("--config", type=Path, required=True, help="TOML file, see configs/")
+        command.add_argument("--data", type=Path, required=True, help="data set of `goshawk-sim dataset`")
+    run.add_argument("--validation", type=Path, help="data set of other scenes")
+    run.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint and TensorBoard events")
+    run.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out, if there is one")
+    run.add_argument("--samples", type=int, help="length of the run, instead of the configuration's")
+    run.add_argument("--threads", type=int, help="CPU threads, instead of the configuration's")
+    measure = add("validate", "Measure a run's averaged weights on held-out scenes.")
+    picture = add("preview", "Draw candidates of some frames on the true map.")
+    ship = add("export", "Write the ONNX policy with its contract, and its model card if --data is given.")
+    for command in (measure, picture, ship):
+        command.add_argument("--run", type=Path, required=True, help="folder of the run")
+    for command in (measure, picture):
+        command.add_argument("--data", type=Path, required=True, help="data set of held-out scenes")
+    measure.add_argument("--json", type=Path, help="write the figures there as well")
+    measure.add_argument("--frames", type=int, help="number of frames, instead of the configuration's")
+    picture.add_argument("--out", type=Path, required=True, help="PNG file")
+    picture.add_argument("--count", type=int, default=4, help="frames to draw (default 4)")
+    picture.add_argument("--seed", type=int, default=0, help="which frames (default 0)")
+    ship.add_argument("--data", type=Path, help="held-out scenes for the model card's figures")
+    ship.add_argument("--out", type=Path, required=True, help="ONNX file; the card lies beside it as .md")
+    return parser
+
+
+def _check(args: argparse.Namespace) -> int:
+    from goshawk_train.check import check
+
+    figures, problems = check(args.data, load_config(args.config))
+    print(validate.table(figures))
+    for problem in problems:
+        print(f"problem: {problem}", file=sys.stderr)
+    return 1 if problems else 0
+
+
+def _train(args: argparse.Namespace) -> int:
+    changes = {k: v for k, v in (("samples", args.samples), ("threads", args.threads)) if v is not None}
+    config = replace_training(load_config(args.config), **changes)
+    config.validate()
+    final = train.run(config, args.data, args.out, validation=args.validation, resume=args.resume)
+    return 0 if final.step * config.training.batch >= config.training.samples else 130
+
+
+def _load(folder: Path) -> tuple[checkpoint.Checkpoint, train.Policy]:
+    saved = checkpoint.load(folder / train.CHECKPOINT)
+    network = train.Policy(saved.config)
+    checkpoint.load_weights(network, saved)
+    return saved, network
+
+
+def _validate(args: argparse.Namespace) -> int:
+    saved, network = _load(args.run)
+    config = saved.config
+    if args.frames is not None:
+        config = replace_training(config, validate_frames=args.frames)
+    metrics = validate.Validator(config, args.data).evaluate(network)
+    print(f"step {saved.step}, {saved.step * config.training.batch} samples")
+    print(validate.table(metrics))
+    if args.json:
+        args.json.write_text(json.dumps(metrics, indent=1) + "\n")
+    return 0
+
+
+def _preview(args: argparse.Namespace) -> int:
+    from goshawk_train.preview import draw
+
+    saved, network = _load(args.run)
+    draw(network, saved.config, args.data, args.out, count=args.count, seed=args.seed)
+    print(args.out)
+    return 0
+
+
+def _export(args: argparse.Namespace) -> int:
+    from goshawk_train import export
+
+    saved, network = _load(args.run)
+    agreed = export.export(saved, args.out, commit=export.current_commit())
+    worst = export.verify(network.eval(), args.out, saved.config)
+    if args.data:
+        metrics = validate.Validator(saved.config, args.data).evaluate(network)
+        args.out.with_suffix(".md").write_text(export.model_card(saved, agreed, metrics, file=args.out))
+    samples = agreed["training"]["samples"]
+    print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, {samples} samples, largest difference {worst:.1e}")
+    return 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command; returns the exit status."""
+    args = _parser().parse_args(argv)
+    commands = {"check": _check, "train": _train, "validate": _validate, "preview": _preview, "export": _export}
+    try:
+        return commands[args.command](args)
+    except (ConfigError, DataError, ExportError, train.TrainingError, checkpoint.CheckpointError) as error:
+        print(f"goshawk_train {args.command}: {error}", file=sys.stderr)
+        return 2

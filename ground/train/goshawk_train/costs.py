@@ -1,0 +1,141 @@
+"""Costs of predicted trajectories (section III-E), differentiable, at alpha = 1.
+
+Shape letters: B batch, N anchors, K samples in time, 6 the boundary vector [p0 v0 a0 pT vT aT], 3 an FLU or ENU vector.
+Boundary vectors are in world axes with the camera's position as origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from goshawk_train import quintic
+from goshawk_train.config import Config
+from goshawk_train.esdf import SceneMaps
+
+
+@dataclass(frozen=True, kw_only=True)
+class Situation:
+    """Where the samples of a batch are, and what they should do."""
+
+    pos_world_B3: Tensor
+    scene_B: Tensor
+    height_world_B: Tensor
+    """World z to hold, m."""
+    goal_rel_B3: Tensor
+    """Goal point relative to the camera's position, world axes, m (tracking) or unit direction (navigation)."""
+    goal_weight_BN: Tensor
+    """0 where there is no goal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CostTerms:
+    """Weighted terms, [B, N] each, and the closest approach that they come from."""
+
+    smoothness_BN: Tensor
+    safety_BN: Tensor
+    clearance_BN: Tensor
+    feasibility_BN: Tensor
+    ground_BN: Tensor
+    height_BN: Tensor
+    goal_BN: Tensor
+    min_distance_BN: Tensor
+    pos_rel_BNK3: Tensor
+
+    def trajectory_BN(self) -> Tensor:
+        """What the trajectory itself is optimised for."""
+        return (
+            self.smoothness_BN
+            + self.safety_BN
+            + self.clearance_BN
+            + self.feasibility_BN
+            + self.ground_BN
+            + self.height_BN
+            + self.goal_BN
+        )
+
+    def label_BN(self, *, with_goal: bool) -> Tensor:
+        """The label of the predicted cost: no goal and no height in tracking, where the target may not exist."""
+        label = self.smoothness_BN + self.safety_BN + self.clearance_BN + self.feasibility_BN + self.ground_BN
+        return label + self.goal_BN if with_goal else label
+
+
+class CostModel:
+    """The constants of the costs and the privileged maps."""
+
+    def __init__(self, config: Config, maps: SceneMaps, *, dtype: torch.dtype = torch.float32) -> None:
+        self.config, self.maps = config, maps
+        duration, costs, v_max = config.duration_s, config.costs, config.motion.v_max_mps
+        jerk = costs.jerk / v_max**5 * quintic.gram(duration, 3)
+        acceleration = costs.acceleration / v_max**3 * quintic.gram(duration, 2)
+        self.smooth_66 = torch.tensor(jerk + acceleration, dtype=dtype)
+        """Symmetric; B of the paper for both derivatives, weights included."""
+        self.rows_3K6 = torch.tensor(quintic.sample_rows(duration, costs.samples), dtype=dtype)
+        self.step_s = duration / costs.samples
+
+    def smoothness(self, d_BN63: Tensor) -> Tensor:
+        """Js: weighted integrals of squared jerk and acceleration, closed form."""
+        return torch.einsum("ij,bnic,bnjc->bn", self.smooth_66, d_BN63, d_BN63)
+
+    def potential(self, distance: Tensor) -> Tensor:
+        """c(d) = exp(-(d - d0) / r0)."""
+        costs = self.config.costs
+        return torch.exp(-(distance - costs.potential_distance_m) / costs.potential_scale_m)
+
+    def __call__(self, d_BN63: Tensor, situation: Situation) -> CostTerms:
+        """All terms of trajectories given by their boundary vectors."""
+        costs, motion = self.config.costs, self.config.motion
+        pos, vel, acc = torch.einsum("oki,bnic->obnkc", self.rows_3K6, d_BN63).unbind(0)
+        world = pos + situation.pos_world_B3[:, None, None]
+        flat = world.reshape(-1, 3)
+        scene = situation.scene_B[:, None, None].expand(pos.shape[:3]).reshape(-1)
+        distance = self.maps.clearance(flat, scene).view(pos.shape[:3])
+        safety = costs.collision * self.step_s * self.potential(distance).sum(-1)
+        min_distance = distance.amin(-1)
+        short = F.relu(1 - min_distance / costs.clearance_m)
+        above = world[..., 2] - self.maps.ground(flat, scene).view(pos.shape[:3])
+        ground = F.softplus((costs.ground_distance_m - above) / costs.ground_scale_m)
+        fast = F.relu(_norm(vel).amax(-1) / motion.v_max_mps - 1)
+        hard = F.relu(_norm(acc).amax(-1) / motion.a_max_mps2 - 1)
+        off = world[..., 2] - situation.height_world_B[:, None, None]
+        return CostTerms(
+            smoothness_BN=self.smoothness(d_BN63),
+            safety_BN=safety,
+            clearance_BN=costs.clearance * short.square(),
+            feasibility_BN=costs.feasibility * (fast.square() + hard.square()),
+            ground_BN=costs.ground * self.step_s * ground.sum(-1),
+            height_BN=costs.height * self.step_s * off.square().sum(-1),
+            goal_BN=situation.goal_weight_BN * self.goal(d_BN63[:, :, 3], situation.goal_rel_B3),
+            min_distance_BN=min_distance,
+            pos_rel_BNK3=pos,
+        )
+
+    def goal(self, end_rel_BN3: Tensor, goal_rel_B3: Tensor) -> Tensor:
+        """Jg: squared distance to the goal point; in navigation, smooth-L1 along the goal's ray and across it."""
+        goal = goal_rel_B3[:, None]
+        if self.config.task == "track":
+            return (end_rel_BN3 - goal).square().sum(-1)
+        along = (end_rel_BN3 * goal).sum(-1)
+        across = _norm(end_rel_BN3 - along[..., None] * goal)
+        missing = 2 * self.config.lattice.radius_m - along
+        zero = torch.zeros_like(missing)
+        return F.smooth_l1_loss(missing, zero, reduction="none") + self.config.costs.across * F.smooth_l1_loss(
+            across, zero, reduction="none"
+        )
+
+
+def _norm(v: Tensor) -> Tensor:
+    """Length of the last axis with a gradient at zero."""
+    return (v.square().sum(-1) + 1e-9).sqrt()
+
+
+def boundary_vectors(
+    velocity_cam_B3: Tensor, acceleration_cam_B3: Tensor, end_cam_BN33: Tensor, world_from_cam_B33: Tensor
+) -> Tensor:
+    """d [B, N, 6, 3] in world axes, the camera's position as origin, from camera-frame states."""
+    start = torch.stack([torch.zeros_like(velocity_cam_B3), velocity_cam_B3, acceleration_cam_B3], dim=1)
+    d_cam = torch.cat([start[:, None].expand(-1, end_cam_BN33.shape[1], -1, -1), end_cam_BN33], dim=2)
+    return torch.einsum("bij,bndj->bndi", world_from_cam_B33, d_cam)

@@ -1,0 +1,270 @@
+"""Data sets on disk (written by `goshawk-sim dataset`) to arrays in memory and batches.
+
+Shape letters: M frames of a scene, F frames of all scenes, B batch, H, W, 3 an FLU or ENU vector, S state.
+The "net" frame is the camera frame, or its mirror image left to right for mirrored samples.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from goshawk_train import augment, geometry, preprocess, sampling
+from goshawk_train.config import Config
+from goshawk_train.costs import Situation
+from goshawk_train.esdf import ESDF_VERSION, SceneGrid, SceneMaps, grid_from_points
+
+F64 = NDArray[np.float64]
+
+
+class DataError(ValueError):
+    """A data set that cannot be used; the message names the file and what is wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """Poses and targets of frames."""
+
+    pos_world_F3: F64
+    world_from_cam_F33: F64
+    target_world_F3: F64
+    """0 where there is none."""
+    has_target_F: NDArray[np.bool_]
+    visible_F: F64
+    ground_F: F64
+    scene_F: NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frames:
+    """All frames of a data set: images as integers, depth filled."""
+
+    rgb_FHW3: NDArray[np.uint8]
+    depth_FHW: NDArray[np.uint16]
+    labels: Labels
+
+    def __len__(self) -> int:
+        return len(self.rgb_FHW3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """What one training step sees."""
+
+    rgbd_B4HW: Tensor
+    state_BS: Tensor
+    velocity_net_B3: Tensor
+    acceleration_net_B3: Tensor
+    world_from_net_B33: Tensor
+    """Improper for mirrored samples."""
+    target_net_B3: Tensor
+    visible_B: Tensor
+    has_goal_B: Tensor
+    situation: Situation
+    """Its goal weights are for the loss to set."""
+
+
+def read_ply(path: Path) -> NDArray[np.float32]:
+    """Points [P, 3] of a binary little-endian PLY whose vertices begin with float x, y, z; raises `DataError`."""
+    raw = path.read_bytes()
+    end = raw.find(b"end_header\n")
+    header = raw[: max(end, 0)].decode("ascii", errors="replace").splitlines()
+    if end < 0 or not header or header[0] != "ply" or "format binary_little_endian 1.0" not in header:
+        raise DataError(f"{path}: not a binary little-endian PLY")
+    count, properties = 0, []
+    for line in header:
+        words = line.split()
+        if words[:2] == ["element", "vertex"]:
+            count = int(words[2])
+        elif words[:1] == ["property"]:
+            properties.append(tuple(words[1:]))
+    if properties not in ([("float", c) for c in "xyz"], [("float32", c) for c in "xyz"]):
+        raise DataError(f"{path}: the vertices must be exactly float x, y, z, not {properties}")
+    body = raw[end + len(b"end_header\n") :]
+    if len(body) < count * 12:
+        raise DataError(f"{path}: {len(body)} bytes for {count} points")
+    return np.frombuffer(body, dtype="<f4", count=count * 3).reshape(-1, 3)
+
+
+def read_labels(path: Path, scene: int) -> Labels:
+    """One scene's `labels.csv`; raises `DataError`."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    if not rows:
+        raise DataError(f"{path}: no frames")
+
+    def column(name: str, *, empty: float | None = None) -> F64:
+        try:
+            values = np.array([empty if r[name] == "" and empty is not None else float(r[name]) for r in rows])
+        except (KeyError, ValueError) as error:
+            raise DataError(f"{path}: column {name}: {error}") from error
+        if not np.isfinite(values).all():
+            raise DataError(f"{path}: column {name} is not finite everywhere")
+        return values
+
+    quaternion = np.column_stack([column(n) for n in ("qw", "qx", "qy", "qz")])
+    return Labels(
+        pos_world_F3=np.column_stack([column(n) for n in "xyz"]),
+        world_from_cam_F33=geometry.matrix_from_quaternion(quaternion),
+        target_world_F3=np.column_stack([column(f"target_{n}", empty=0.0) for n in "xyz"]),
+        has_target_F=np.array([r["target_x"] != "" for r in rows]),
+        visible_F=column("visible", empty=0.0),
+        ground_F=column("ground_z"),
+        scene_F=np.full(len(rows), scene),
+    )
+
+
+def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.float16], F64]:
+    """The distance field, kept beside the points (`esdf.npz`) for the next start; made anew when they are newer."""
+    points, cache = folder / "environment.ply", folder / "esdf.npz"
+    if cache.exists() and cache.stat().st_mtime >= points.stat().st_mtime:
+        with np.load(cache) as stored:
+            if stored["version"] == ESDF_VERSION:
+                return stored["distance"], stored["origin"]
+    distance, origin = grid_from_points(read_ply(points), min_xyz=low, max_xyz=high)
+    half = distance.astype(np.float16)
+    partial = folder / "esdf.partial.npz"
+    np.savez(partial, version=ESDF_VERSION, distance=half, origin=origin)
+    partial.replace(cache)
+    return half, origin
+
+
+def read_grid(folder: Path) -> SceneGrid:
+    """One scene's privileged map; raises `DataError`."""
+    meta: dict[str, Any] = json.loads((folder / "scene.json").read_text())
+    low, high = np.array(meta["min_xyz"], dtype=float), np.array(meta["max_xyz"], dtype=float)
+    distance, origin = _cached_distance(folder, low, high)
+    ground_YX = np.load(folder / "ground.npy").astype(np.float32)
+    cell, ground_origin = float(meta["ground_cell_m"]), np.array(meta["ground_min_xy"], dtype=float)
+    ends = ground_origin + cell * (np.array(ground_YX.shape[::-1]) - 1)
+    if ground_YX.ndim != 2 or (ground_origin > low[:2] + cell).any() or (ends < high[:2] - cell).any():
+        raise DataError(f"{folder}/ground.npy: {ground_origin} .. {ends} does not cover {low[:2]} .. {high[:2]}")
+    return SceneGrid(
+        distance_XYZ=distance,
+        distance_origin=origin,
+        ground_XY=np.ascontiguousarray(ground_YX.T),
+        ground_origin=ground_origin,
+        ground_cell_m=cell,
+    )
+
+
+def scene_folders(root: Path) -> list[Path]:
+    """The scenes of a data set, in order; raises `DataError`."""
+    if not (root / "dataset.json").is_file():
+        raise DataError(f"{root} holds no dataset.json; make a data set with `goshawk-sim dataset --out {root}`")
+    folders = sorted(p for p in root.iterdir() if p.is_dir() and p.name.startswith("scene_"))
+    if not folders:
+        raise DataError(f"{root} holds no scene_* folder")
+    return folders
+
+
+def load(root: Path, config: Config, *, workers: int = 2) -> tuple[Frames, SceneMaps]:
+    """Read a whole data set; depth is filled once here. Raises `DataError`."""
+    folders = scene_folders(root)
+
+    def one(item: tuple[int, Path]) -> tuple[NDArray[np.uint8], NDArray[np.uint16], Labels, SceneGrid]:
+        scene, folder = item
+        rgb, depth = np.load(folder / "rgb.npy"), np.load(folder / "depth.npy")
+        labels = read_labels(folder / "labels.csv", scene)
+        size = (len(labels.scene_F), config.camera.height, config.camera.width)
+        if rgb.shape != (*size, 3) or depth.shape != size or rgb.dtype != np.uint8 or depth.dtype != np.uint16:
+            raise DataError(f"{folder}: rgb {rgb.shape} {rgb.dtype}, depth {depth.shape} {depth.dtype}, want {size}")
+        return rgb, preprocess.fill_depth(depth, config.depth), labels, read_grid(folder)
+
+    with ThreadPoolExecutor(workers) as pool:
+        rgb, depth, labels, grids = zip(*pool.map(one, enumerate(folders)), strict=True)
+    fields = Labels.__dataclass_fields__
+    joined = Labels(**{name: np.concatenate([getattr(label, name) for label in labels]) for name in fields})
+    return Frames(rgb_FHW3=np.concatenate(rgb), depth_FHW=np.concatenate(depth), labels=joined), SceneMaps(list(grids))
+
+
+def epoch_order(frames: int, *, seed: int, epoch: int) -> NDArray[np.int64]:
+    """The order of an epoch, a pure function of its number: resuming needs no saved generator."""
+    return np.random.default_rng([seed, 1, epoch]).permutation(frames)
+
+
+def make_batch(
+    frames: Frames, index_B: NDArray[np.int64], rng: np.random.Generator, config: Config, *, training: bool
+) -> Batch:
+    """Frames with fresh random states; with colour changes, blanking and mirroring when `training`."""
+    count, labels = len(index_B), frames.labels
+    mirrored = rng.uniform(size=count) < (config.augment.flip if training else 0.0)
+    rgb, depth = frames.rgb_FHW3[index_B], frames.depth_FHW[index_B]
+    rgb[mirrored] = rgb[mirrored, :, ::-1]
+    depth[mirrored] = depth[mirrored, :, ::-1]
+    rgbd = torch.empty(count, config.camera.height, config.camera.width, 4)
+    rgbd[..., :3] = torch.from_numpy(rgb)
+    rgbd[..., :3] /= 255
+    rgbd[..., 3] = torch.from_numpy(preprocess.normalise_depth(depth, config.depth))
+    if training:
+        rgbd = augment.augment(rgbd, rng, config.augment)
+
+    mirror = np.ones((count, 1, 3))
+    mirror[mirrored, 0, 1] = -1
+    world_from_cam = labels.world_from_cam_F33[index_B]
+    net_from_level = np.swapaxes(geometry.level_from_cam(world_from_cam) * mirror, 1, 2)
+    world_from_net = world_from_cam * mirror
+
+    def to_net(vector_B3: F64, net_from: F64) -> F64:
+        return np.einsum("bij,bj->bi", net_from, vector_B3)
+
+    velocity = to_net(sampling.sample_velocity(rng, count, config.sampling), net_from_level)
+    acceleration = to_net(sampling.sample_acceleration(rng, count, config.sampling), net_from_level)
+    state = [velocity, acceleration, world_from_net[:, 2]]
+    pos = labels.pos_world_F3[index_B]
+    visible = np.where(labels.has_target_F[index_B], labels.visible_F[index_B], 0.0)
+    target_rel = labels.target_world_F3[index_B] - pos
+    if config.task == "navigate":
+        goal_net = to_net(sampling.sample_goal(rng, count, config.sampling), net_from_level)
+        state.append(goal_net)
+        goal_rel, has_goal = to_net(goal_net, world_from_net), np.ones(count, dtype=bool)
+        visible = np.zeros(count)
+    else:
+        goal_rel, has_goal = chase_goal(target_rel, config), visible > 0
+    above = np.clip(pos[:, 2] - labels.ground_F[index_B], config.costs.height_min_m, config.costs.height_max_m)
+    hold = labels.ground_F[index_B] + above
+    follow = labels.target_world_F3[index_B, 2] + config.costs.height_above_target_m
+
+    def tensor(value: Any) -> Tensor:
+        return torch.as_tensor(np.ascontiguousarray(value, dtype=np.float32))
+
+    return Batch(
+        rgbd_B4HW=rgbd.permute(0, 3, 1, 2),
+        state_BS=tensor(np.concatenate(state, axis=1)),
+        velocity_net_B3=tensor(velocity * config.motion.v_max_mps),
+        acceleration_net_B3=tensor(acceleration * config.motion.a_max_mps2),
+        world_from_net_B33=tensor(world_from_net),
+        target_net_B3=tensor(to_net(target_rel, np.swapaxes(world_from_net, 1, 2))),
+        visible_B=tensor(visible),
+        has_goal_B=torch.from_numpy(has_goal),
+        situation=Situation(
+            pos_world_B3=tensor(pos),
+            scene_B=torch.from_numpy(labels.scene_F[index_B]),
+            height_world_B=tensor(np.where(visible > 0, follow, hold)),
+            goal_rel_B3=tensor(goal_rel),
+            goal_weight_BN=torch.zeros(count, config.lattice.anchors),
+        ),
+    )
+
+
+def chase_goal(target_rel_B3: F64, config: Config) -> F64:
+    """Where a tracking trajectory should end, from the target's position relative to the camera (world axes, m).
+
+    `standoff_m` short of the target horizontally (never behind the camera), `height_above_target_m` above its
+    centre, at most 2 r away: no trajectory ends farther.
+    """
+    flat = np.linalg.norm(target_rel_B3[:, :2], axis=1, keepdims=True)
+    goal = target_rel_B3.copy()
+    goal[:, :2] *= np.maximum(flat - config.costs.standoff_m, 0) / np.maximum(flat, 1e-6)
+    goal[:, 2] += config.costs.height_above_target_m
+    length = np.linalg.norm(goal, axis=1, keepdims=True)
+    return goal * np.minimum(1, 2 * config.lattice.radius_m / np.maximum(length, 1e-6))

@@ -1,0 +1,173 @@
+"""A checkpoint to the ONNX file that flies: contract in the metadata, checked against ONNX Runtime, model card."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+
+from goshawk_train.checkpoint import Checkpoint, load_weights
+from goshawk_train.config import Config
+from goshawk_train.network import Policy, parameter_count
+
+CONTRACT_KEY = "goshawk_contract"
+OPSET = 18
+AGREEMENT = 1e-4
+"""Largest difference allowed between PyTorch and ONNX Runtime, relative where values exceed 1."""
+
+
+class ExportError(RuntimeError):
+    """The exported file is not what was trained; the message says what differs."""
+
+
+def contract(saved: Checkpoint, *, commit: str) -> dict[str, Any]:
+    """What the onboard side must honour; everything but `training` is checked there field by field."""
+    config = saved.config
+    camera, lattice = config.camera, config.lattice
+    return {
+        "version": 1,
+        "task": config.task,
+        "image": {
+            "width": camera.width,
+            "height": camera.height,
+            "hfov_rad": camera.hfov_rad,
+            "vfov_rad": camera.vfov_rad,
+        },
+        "depth": {
+            "min_m": config.depth.min_m,
+            "max_m": config.depth.max_m,
+            "fill_passes": config.depth.fill_passes,
+        },
+        "lattice": {
+            "rows": lattice.rows,
+            "columns": lattice.columns,
+            "radius_m": lattice.radius_m,
+            "elevation_offset_rad": lattice.elevation_offset_rad,
+            "azimuth_offset_rad": lattice.azimuth_offset_rad,
+        },
+        "v_max_mps": config.motion.v_max_mps,
+        "a_max_mps2": config.motion.a_max_mps2,
+        "duration_rule": "2r/(alpha*v_max)",
+        "target_depth_scale_m": config.network.target_depth_scale_m,
+        "state": config.state_names,
+        "channels": config.channel_names,
+        "camera_tilt_rad": camera.tilt_rad,
+        "training": {
+            "data": saved.data,
+            "commit": commit,
+            "seed": config.seed,
+            "samples": saved.step * config.training.batch,
+            "hours": round(saved.seconds / 3600, 3),
+        },
+    }
+
+
+def current_commit() -> str:
+    """The repository's revision, "unknown" outside of one."""
+    try:
+        command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short=12", "HEAD"]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def example_inputs(config: Config, seed: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Random inputs of the exported shapes."""
+    generator = torch.Generator().manual_seed(seed)
+    rgbd = torch.rand(1, 4, config.camera.height, config.camera.width, generator=generator)
+    return rgbd, torch.randn(1, 3 * len(config.state_names), generator=generator)
+
+
+def export(saved: Checkpoint, path: Path, *, commit: str) -> dict[str, Any]:
+    """Write the averaged weights as ONNX (batch 1, float32) and return the contract; raises `ExportError`."""
+    network = Policy(saved.config)
+    load_weights(network, saved)
+    network.eval()
+    inputs = example_inputs(saved.config, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        raw = Path(folder) / "policy.onnx"
+        torch.onnx.export(
+            network,
+            inputs,
+            str(raw),
+            input_names=["rgbd", "state"],
+            output_names=["prediction"],
+            opset_version=OPSET,
+            dynamo=True,
+            external_data=False,
+            verbose=False,
+        )
+        model = onnx.load(str(raw))
+    agreed = contract(saved, commit=commit)
+    del model.metadata_props[:]
+    model.metadata_props.add(key=CONTRACT_KEY, value=json.dumps(agreed))
+    for node in model.graph.node:  # the exporter notes source paths and stack traces there
+        node.ClearField("doc_string")
+        del node.metadata_props[:]
+    for value in [*model.graph.value_info, *model.graph.input, *model.graph.output]:
+        del value.metadata_props[:]
+    onnx.checker.check_model(model, full_check=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    partial.write_bytes(model.SerializeToString())
+    verify(network, partial, saved.config)
+    partial.replace(path)
+    return agreed
+
+
+def verify(network: Policy, path: Path, config: Config, *, trials: int = 4) -> float:
+    """Largest difference between the network and the file in ONNX Runtime; raises `ExportError` above 1e-4."""
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    shapes = {i.name: tuple(i.shape) for i in session.get_inputs()}
+    worst = 0.0
+    for trial in range(trials):
+        rgbd, state = example_inputs(config, 1 + trial)
+        if shapes != {"rgbd": tuple(rgbd.shape), "state": tuple(state.shape)}:
+            raise ExportError(f"{path} has inputs {shapes}")
+        with torch.no_grad():
+            want = network(rgbd, state).numpy()
+        got: Any = session.run(["prediction"], {"rgbd": rgbd.numpy(), "state": state.numpy()})[0]
+        if got.shape != want.shape:
+            raise ExportError(f"{path} gives shape {got.shape}, the network {want.shape}")
+        worst = max(worst, float(np.max(np.abs(got - want) / np.maximum(1, np.abs(want)))))
+    if not worst <= AGREEMENT:
+        raise ExportError(f"{path} differs from the network by {worst:.2e}, more than {AGREEMENT:.0e}")
+    return worst
+
+
+def model_card(saved: Checkpoint, agreed: dict[str, Any], metrics: dict[str, float], *, file: Path) -> str:
+    """The Markdown that lies beside a shipped policy."""
+    config, training = saved.config, agreed["training"]
+    network = Policy(config)
+    figures = "\n".join(f"| {name} | {value:.4g} |" for name, value in metrics.items())
+    return f"""# Policy `{file.name}`
+
+Task: {config.task}. ResNet-18 at width {config.network.width:g}, {parameter_count(network):,} parameters, float32,
+{file.stat().st_size / 1e6:.1f} MB. Input RGB-D {config.camera.width} x {config.camera.height} and a state of
+{3 * len(config.state_names)} numbers ({", ".join(config.state_names)}), in the camera frame; {config.lattice.anchors}
+anchors of {len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.
+
+## Training
+{training["samples"]:,} samples in {training["hours"]:.2f} h on {config.training.threads} CPU threads, data set
+`{training["data"]}`, commit `{training["commit"]}`, seed {training["seed"]}, weight average
+{config.training.ema:g}. Reproduce with `configs/{config.task}.toml`.
+
+## Held-out scenes
+Scenes never trained on, {config.training.validate_frames} frames at most, states drawn like the training's. Distances
+in m; `collide_*` is the share of trajectories that come nearer than 0.16 m to an obstacle within their T.
+
+| metric | value |
+|---|---|
+{figures}
+
+## Limits
+Trained on synthetic forests with a synthetic person only, at alpha = 1 and scaled by alpha in flight. It sees one
+frame: what is hidden behind a trunk is unknown to it. Detection beyond about 10 m is untested.
+"""

@@ -1,0 +1,45 @@
+"""Fixtures: the shipped configuration and a tiny synthetic data set."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from synthetic import write_dataset
+
+from goshawk_train.config import Config, load_config
+
+ROOT = Path(__file__).parents[1]
+VECTORS = ROOT.parents[1] / "tests" / "vectors"
+
+
+@pytest.fixture(scope="session")
+def config() -> Config:
+    return load_config(ROOT / "configs" / "track.toml")
+
+
+@pytest.fixture(scope="session")
+def navigate() -> Config:
+    return load_config(ROOT / "configs" / "navigate.toml")
+
+
+@pytest.fixture(scope="session")
+def small(config: Config) -> Config:
+    """A network and batches small enough for tests."""
+    torch.set_num_threads(2)
+    training = dataclasses.replace(config.training, batch=8, samples=8 * 40, validate_frames=16, learning_rate=2e-3)
+    network = dataclasses.replace(config.network, width=0.125, head_channels=32)
+    return dataclasses.replace(config, training=training, network=network)
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
+    root = tmp_path_factory.mktemp("data") / "synthetic"
+    write_dataset(root, config.camera, scenes=2, frames=12, seed=3)
+    return root

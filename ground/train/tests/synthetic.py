@@ -1,0 +1,111 @@
+"""A tiny data set in the exact layout of `goshawk-sim dataset`: cylinders as trees and person, flat ground."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from goshawk_train import geometry
+from goshawk_train.config import CameraConfig
+
+PERSON_RADIUS_M = 0.25
+LOW = np.array([-14.0, -14.0, -0.6])
+HIGH = np.array([14.0, 14.0, 4.4])
+
+
+def _quaternion(yaw: float, pitch: float, roll: float) -> np.ndarray:
+    """(w, x, y, z) of Rz(yaw) Ry(pitch) Rx(roll)."""
+    cy, sy, cp, sp = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    cr, sr = np.cos(roll / 2), np.sin(roll / 2)
+    return np.array(
+        [
+            cy * cp * cr + sy * sp * sr,
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+        ]
+    )
+
+
+def _cylinder(origin: np.ndarray, rays: np.ndarray, x: float, y: float, radius: float, top: float) -> np.ndarray:
+    """Ray parameter of the hit with an upright cylinder on the ground, inf without one."""
+    ox, oy = origin[0] - x, origin[1] - y
+    a = rays[..., 0] ** 2 + rays[..., 1] ** 2
+    b = ox * rays[..., 0] + oy * rays[..., 1]
+    c = ox * ox + oy * oy - radius * radius
+    square = b * b - a * c
+    t = (-b - np.sqrt(np.maximum(square, 0))) / np.maximum(a, 1e-9)
+    z = origin[2] + t * rays[..., 2]
+    return np.where((square > 0) & (t > 0.05) & (z > 0) & (z < top), t, np.inf)
+
+
+def _render(origin, world_from_cam, camera, trees, target):
+    rays = geometry.pixel_rays(camera) @ world_from_cam.T
+    down = rays[..., 2] < -1e-6
+    depth = np.where(down, -origin[2] / np.where(down, rays[..., 2], -1.0), np.inf)
+    rgb = np.full((*depth.shape, 3), [110.0, 150.0, 200.0])
+    rgb[np.isfinite(depth)] = [80, 110, 50]
+    for x, y, radius in trees:
+        hit = _cylinder(origin, rays, x, y, radius, 4.0)
+        rgb[hit < depth] = [90, 60, 40]
+        depth = np.minimum(depth, hit)
+    visible = 0.0
+    if target is not None:
+        hit = _cylinder(origin, rays, target[0], target[1], PERSON_RADIUS_M, 1.75)
+        seen = hit < depth
+        if np.isfinite(hit).any():
+            visible = float(seen.sum() / np.isfinite(hit).sum())
+        rgb[seen] = [200, 40, 40]
+        depth = np.minimum(depth, hit)
+    return rgb.astype(np.uint8), depth, visible
+
+
+def _write_ply(path: Path, points: np.ndarray) -> None:
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    header += "property float x\nproperty float y\nproperty float z\nend_header\n"
+    path.write_bytes(header.encode() + points.astype("<f4").tobytes())
+
+
+def write_dataset(root: Path, camera: CameraConfig, *, scenes: int, frames: int, seed: int) -> None:
+    """Write `scenes` scenes of `frames` frames; about two thirds of the frames hold a person."""
+    for scene in range(scenes):
+        rng = np.random.default_rng([seed, scene])
+        folder = root / f"scene_{scene:04d}"
+        folder.mkdir(parents=True)
+        trees = np.column_stack([rng.uniform(-13, 13, (30, 2)), rng.uniform(0.1, 0.35, 30)])
+        axes = [np.arange(lo + 0.1, hi, 0.2) for lo, hi in zip(LOW, HIGH, strict=True)]
+        centre = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        gap = np.hypot(centre[:, None, 0] - trees[:, 0], centre[:, None, 1] - trees[:, 1]) - trees[:, 2]
+        _write_ply(folder / "environment.ply", centre[(gap.min(axis=1) < 0.1) & (centre[:, 2] < 4.0)])
+        np.save(folder / "ground.npy", np.zeros((57, 57), dtype=np.float32))
+        meta = {"seed": seed, "spacing_m": 5.0, "min_xyz": LOW.tolist(), "max_xyz": HIGH.tolist()}
+        meta |= {"ground_cell_m": 0.5, "ground_min_xy": LOW[:2].tolist(), "ground_shape": [57, 57]}
+        (folder / "scene.json").write_text(json.dumps(meta))
+        rgb = np.zeros((frames, camera.height, camera.width, 3), dtype=np.uint8)
+        depth_mm = np.zeros((frames, camera.height, camera.width), dtype=np.uint16)
+        lines = ["frame,x,y,z,qw,qx,qy,qz,target_x,target_y,target_z,visible,ground_z"]
+        for frame in range(frames):
+            pos = np.array([*rng.uniform(-8, 8, 2), rng.uniform(0.8, 2.0)])
+            while (np.hypot(trees[:, 0] - pos[0], trees[:, 1] - pos[1]) - trees[:, 2]).min() < 0.6:
+                pos[:2] = rng.uniform(-8, 8, 2)
+            yaw = rng.uniform(-np.pi, np.pi)
+            quaternion = _quaternion(yaw, rng.normal(0, 0.12), rng.normal(0, 0.12))
+            world_from_cam = geometry.matrix_from_quaternion(quaternion)
+            target = None
+            if rng.uniform() < 0.67:
+                bearing, away = yaw + rng.uniform(-0.6, 0.6), rng.uniform(1.5, 8.0)
+                target = np.array([pos[0] + away * np.cos(bearing), pos[1] + away * np.sin(bearing), 0.95])
+            rgb[frame], depth, visible = _render(pos, world_from_cam, camera, trees, target)
+            noisy = depth * (1 + 0.005 * depth * rng.normal(size=depth.shape))
+            depth_mm[frame] = np.where((noisy < 20) & (rng.uniform(size=depth.shape) > 0.02), noisy * 1000, 0)
+            cells = ["", "", ""] if target is None else [f"{c:.4f}" for c in target]
+            numbers = [*pos, *quaternion]
+            lines.append(",".join([str(frame), *(f"{n:.6f}" for n in numbers), *cells, f"{visible:.3f}", "0.0"]))
+        np.save(folder / "rgb.npy", rgb)
+        np.save(folder / "depth.npy", depth_mm)
+        (folder / "labels.csv").write_text("\n".join(lines) + "\n")
+    meta = {"version": 1, "width": camera.width, "height": camera.height, "hfov_rad": camera.hfov_rad}
+    meta |= {"vfov_rad": camera.vfov_rad, "seed": seed, "scenes": scenes, "frames": frames, "commit": "synthetic"}
+    (root / "dataset.json").write_text(json.dumps(meta))

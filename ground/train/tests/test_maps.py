@@ -1,0 +1,135 @@
+"""Distance fields, ground heights and data files."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from goshawk_train import data
+from goshawk_train.config import Config
+from goshawk_train.esdf import DEEP_VOXELS, FAR_VOXELS, VOXEL_M, SceneGrid, SceneMaps, grid_from_points, signed_distance
+
+
+def brute_force(occupied: np.ndarray) -> np.ndarray:
+    centres = np.stack(np.meshgrid(*[np.arange(n) for n in occupied.shape], indexing="ij"), -1).reshape(-1, 3)
+    flags = occupied.ravel()
+    to_occupied = np.linalg.norm(centres[:, None] - centres[flags][None], axis=2).min(1)
+    to_free = np.linalg.norm(centres[:, None] - centres[~flags][None], axis=2).min(1)
+    inside = 1 - np.minimum(to_free, DEEP_VOXELS)
+    return (np.where(flags, inside, np.minimum(to_occupied, FAR_VOXELS)) * VOXEL_M).reshape(occupied.shape)
+
+
+def test_signed_distance_equals_brute_force() -> None:
+    rng = np.random.default_rng(0)
+    occupied = rng.uniform(size=(9, 8, 7)) < 0.1
+    occupied[2:6, 2:6, 2:6] = True
+    np.testing.assert_allclose(signed_distance(occupied, voxel_m=VOXEL_M), brute_force(occupied), atol=1e-6)
+
+
+def test_distance_to_a_trunk_is_right_within_half_a_voxel() -> None:
+    axis = np.arange(-20, 20) * VOXEL_M + 0.1
+    x, y, z = np.meshgrid(axis, axis, axis[:10], indexing="ij")
+    gap = np.hypot(x - 0.03, y + 0.04) - 0.3
+    points = np.column_stack([v[gap < 0.1] for v in (x, y, z)]).astype(np.float32)
+    low, high = np.array([-4.0, -4.0, -4.0]), np.array([4.0, 4.0, -2.0])
+    distance, origin = grid_from_points(points, min_xyz=low, max_xyz=high)
+    grid = SceneGrid(
+        distance_XYZ=distance,
+        distance_origin=origin,
+        ground_XY=np.zeros((3, 3), dtype=np.float32),
+        ground_origin=low[:2],
+        ground_cell_m=4.0,
+    )
+    probe = np.random.default_rng(1).uniform([-3, -3, -3.8], [3, 3, -2.4], (500, 3))
+    true = np.hypot(probe[:, 0] - 0.03, probe[:, 1] + 0.04) - 0.3
+    got = SceneMaps([grid]).clearance(torch.tensor(probe), torch.zeros(500, dtype=torch.long)).numpy()
+    near = (true > 0) & (true < 3.0)
+    assert np.abs(got - true)[near].max() < 0.13
+    assert abs((got - true)[near].mean()) < 0.04
+
+
+def test_second_scene_is_looked_up_in_its_own_grid() -> None:
+    grids = []
+    for value, shape in ((1.0, (4, 5, 6)), (2.0, (7, 3, 4))):
+        grids.append(
+            SceneGrid(
+                distance_XYZ=np.full(shape, value, dtype=np.float32),
+                distance_origin=np.zeros(3),
+                ground_XY=np.full((3, 4), 10 * value, dtype=np.float32),
+                ground_origin=np.zeros(2),
+                ground_cell_m=0.5,
+            )
+        )
+    maps = SceneMaps(grids)
+    point = torch.tensor([[0.3, 0.3, 0.3], [0.3, 0.3, 0.3], [99.0, -99.0, 99.0]])
+    scene = torch.tensor([0, 1, 1])
+    assert maps.clearance(point, scene).tolist() == [1.0, 2.0, 2.0]
+    assert maps.ground(point, scene).tolist() == [10.0, 20.0, 20.0]
+
+
+def test_ground_is_bilinear() -> None:
+    x, y = np.meshgrid(np.arange(5) * 0.5 - 1, np.arange(4) * 0.5 + 2, indexing="ij")
+    grid = SceneGrid(
+        distance_XYZ=np.ones((2, 2, 2), dtype=np.float32),
+        distance_origin=np.zeros(3),
+        ground_XY=(0.3 * x - 0.2 * y).astype(np.float32),
+        ground_origin=np.array([-1.0, 2.0]),
+        ground_cell_m=0.5,
+    )
+    point = torch.tensor([[-0.7, 2.9, 0.0], [0.55, 2.1, 0.0]], dtype=torch.float64)
+    got = SceneMaps([grid]).ground(point, torch.zeros(2, dtype=torch.long))
+    torch.testing.assert_close(got, 0.3 * point[:, 0] - 0.2 * point[:, 1], rtol=0, atol=1e-6)
+
+
+def test_scene_without_obstacles_is_far_from_everything() -> None:
+    box = np.zeros(3), np.ones(3)
+    distance, _ = grid_from_points(np.zeros((0, 3), dtype=np.float32), min_xyz=box[0], max_xyz=box[1])
+    assert distance.min() == pytest.approx(3.2)
+
+
+def test_synthetic_data_lie_on_their_map(config: Config, dataset: Path) -> None:
+    from goshawk_train.check import check
+
+    figures, problems = check(dataset, config)
+    assert problems == []
+    assert figures["surface_share"] > 0.95
+
+
+def test_wrong_frames_are_noticed_before_training(config: Config, dataset: Path, tmp_path: Path) -> None:
+    """Quaternions written (x, y, z, w) do not fit the images."""
+    import shutil
+
+    from goshawk_train.check import check
+
+    root = tmp_path / "swapped"
+    shutil.copytree(dataset, root)
+    for path in root.glob("scene_*/labels.csv"):
+        text = path.read_text().replace("qw,qx,qy,qz", "qx,qy,qz,qw")
+        path.write_text(text)
+    assert any("surfaces" in p for p in check(root, config)[1])
+
+
+@pytest.mark.parametrize("spoil", ["ply\nformat ascii 1.0\nend_header\n", "", "ply\n"])
+def test_other_ply_is_refused(tmp_path: Path, spoil: str) -> None:
+    path = tmp_path / "x.ply"
+    path.write_text(spoil)
+    with pytest.raises(data.DataError, match=r"x\.ply"):
+        data.read_ply(path)
+
+
+def test_short_ply_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.ply"
+    header = b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n"
+    header += b"property float x\nproperty float y\nproperty float z\nend_header\n"
+    path.write_bytes(header + struct.pack("<fff", 1, 2, 3))
+    with pytest.raises(data.DataError, match="2 points"):
+        data.read_ply(path)
+
+
+def test_missing_dataset_says_how_to_make_one(config: Config, tmp_path: Path) -> None:
+    with pytest.raises(data.DataError, match="goshawk-sim dataset"):
+        data.load(tmp_path, config)

@@ -1,0 +1,151 @@
+"""Training as a whole on a tiny synthetic forest: it learns, resumes exactly, and exports what it trained."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+
+from goshawk_train import checkpoint, cli, data, export, train, validate
+from goshawk_train.config import Config, config_to_dict, replace_training
+from goshawk_train.network import Policy
+
+
+@pytest.fixture(scope="module")
+def loaded(small: Config, dataset: Path) -> tuple[data.Frames, data.SceneMaps]:
+    return data.load(dataset, small)
+
+
+def trainer(config: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> train.Trainer:
+    return train.Trainer(config, *loaded, data_name="synthetic")
+
+
+def test_loss_falls_on_a_few_frames(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
+    run = trainer(replace_training(small, samples=8 * 60), loaded)
+    losses = [run.advance() for _ in range(60)]
+    early, late = losses[:10], losses[-10:]
+    for name, share in (("loss", 0.8), ("trajectory", 0.9), ("objectness", 0.8), ("target", 0.9)):
+        assert np.mean([float(p[name]) for p in late]) < share * np.mean([float(p[name]) for p in early]), name
+
+
+def test_resumed_run_repeats_the_uninterrupted_one(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+) -> None:
+    torch.use_deterministic_algorithms(True)
+    try:
+        whole = trainer(small, loaded)
+        expected = [float(whole.advance()["loss"]) for _ in range(8)]
+        first = trainer(small, loaded)
+        begun = [float(first.advance()["loss"]) for _ in range(4)]
+        checkpoint.save(tmp_path / "c.pt", first.snapshot())
+        second = trainer(small, loaded)
+        second.restore(checkpoint.load(tmp_path / "c.pt"))
+        assert begun + [float(second.advance()["loss"]) for _ in range(4)] == expected
+        for name, value in whole.snapshot().ema.items():
+            assert torch.equal(value, second.snapshot().ema[name]), name
+    finally:
+        torch.use_deterministic_algorithms(False)
+
+
+def test_checkpoint_of_another_configuration_is_refused(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps]
+) -> None:
+    saved = trainer(small, loaded).snapshot()
+    other = trainer(dataclasses.replace(small, seed=2), loaded)
+    with pytest.raises(train.TrainingError, match="another configuration"):
+        other.restore(saved)
+
+
+def test_torn_checkpoint_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.pt"
+    path.write_bytes(b"half a file")
+    with pytest.raises(checkpoint.CheckpointError, match=r"checkpoint\.pt"):
+        checkpoint.load(path)
+
+
+def test_schedule_warms_up_and_ends_at_one_percent() -> None:
+    rates = [train.learning_rate(s, total=1000, warm_up=100, peak=1e-3, final_fraction=0.01) for s in range(1001)]
+    assert rates[0] == pytest.approx(1e-5)
+    assert max(rates) == pytest.approx(1e-3)
+    assert rates[100:] == sorted(rates[100:], reverse=True)
+    assert rates[-1] == pytest.approx(1e-5)
+
+
+def test_epochs_visit_every_frame_once() -> None:
+    for epoch in range(3):
+        assert sorted(data.epoch_order(50, seed=1, epoch=epoch)) == list(range(50))
+    assert not np.array_equal(data.epoch_order(50, seed=1, epoch=0), data.epoch_order(50, seed=1, epoch=1))
+
+
+def test_exported_policy_carries_the_contract_and_agrees_with_torch(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+) -> None:
+    run = trainer(small, loaded)
+    for _ in range(3):
+        run.advance()
+    path = tmp_path / "track.onnx"
+    export.export(run.snapshot(), path, commit="abc")
+    model = onnx.load(str(path))
+    assert [p.key for p in model.metadata_props] == [export.CONTRACT_KEY]
+    agreed = json.loads(model.metadata_props[0].value)
+    assert agreed["version"] == 1 and agreed["task"] == "track"
+    assert agreed["state"] == ["velocity", "acceleration", "up"]
+    assert agreed["channels"][9:] == ["cost", "objectness", "du", "dv", "distance"]
+    assert agreed["training"] == {**agreed["training"], "data": "synthetic", "commit": "abc", "seed": 1, "samples": 24}
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    assert [(i.name, i.shape) for i in session.get_inputs()] == [("rgbd", [1, 4, 96, 160]), ("state", [1, 9])]
+    assert [(o.name, o.shape) for o in session.get_outputs()] == [("prediction", [1, 14, 3, 5])]
+    assert str(Path.home()) not in path.read_bytes().decode("latin-1")
+
+    other = Policy(small).eval()
+    with pytest.raises(export.ExportError, match="differs"):
+        export.verify(other, path, small)
+
+
+def test_validation_measures_detection_collisions_and_cost_ranking(
+    small: Config, dataset: Path, loaded: tuple[data.Frames, data.SceneMaps]
+) -> None:
+    validator = validate.Validator(small, dataset)
+    first = validator.evaluate_state(trainer(small, loaded).snapshot())
+    again = validator.evaluate_state(trainer(small, loaded).snapshot())
+    assert first == again
+    for name in ("recall", "false_alarm_cell", "collide_positive", "cost_rank", "lateral_error_p95", "term_safety"):
+        assert name in first
+    assert first["recall"] == 0 and 0 < first["collide_all"] < 1
+
+
+def test_command_line_trains_stops_and_resumes(small: Config, dataset: Path, tmp_path: Path) -> None:
+    config = tmp_path / "small.toml"
+    table = config_to_dict(small)
+    lines = [f'task = "{table["task"]}"', f"seed = {table['seed']}"]
+    for name, section in table.items():
+        if isinstance(section, dict):
+            lines.append(f"[{name}]")
+            lines += [f"{k} = {json.dumps(v)}" for k, v in section.items()]
+    config.write_text("\n".join(lines))
+    out = tmp_path / "run"
+    common = ["train", "--config", str(config), "--data", str(dataset), "--out", str(out), "--samples", "24"]
+    assert cli.main(common) == 0
+    assert checkpoint.load(out / train.CHECKPOINT).step == 3
+    assert cli.main(common) == 2, "an existing run is not overwritten"
+    assert cli.main([*common, "--resume"]) == 0
+    policy = tmp_path / "models" / "track.onnx"
+    assert cli.main(["export", "--run", str(out), "--data", str(dataset), "--out", str(policy)]) == 0
+    assert policy.is_file() and "recall" in policy.with_suffix(".md").read_text()
+    assert cli.main(["preview", "--run", str(out), "--data", str(dataset), "--out", str(tmp_path / "p.png")]) == 0
+    assert (tmp_path / "p.png").stat().st_size > 1000
+
+
+def test_navigation_trains_without_a_target(navigate: Config, small: Config, dataset: Path) -> None:
+    config = dataclasses.replace(navigate, training=small.training, network=small.network)
+    run = trainer(config, data.load(dataset, config))
+    losses = [run.advance() for _ in range(30)]
+    assert np.mean([float(p["loss"]) for p in losses[-5:]]) < np.mean([float(p["loss"]) for p in losses[:5]])
+    metrics = validate.Validator(config, dataset).evaluate_state(run.snapshot())
+    assert "term_goal" in metrics and "recall" not in metrics
