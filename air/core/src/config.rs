@@ -226,3 +226,87 @@ impl ControllerConfig {
         positive("mission.touchdown_time", m.touchdown_time)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config() -> ControllerConfig {
+        ControllerConfig {
+            vehicle: VehicleModel {
+                mass: 0.85,
+                hover_thrust: 0.25,
+                min_thrust: 0.03,
+                max_thrust: 1.0,
+                max_tilt: 45_f64.to_radians(),
+            },
+            observer: ObserverConfig { alpha1: 3.0, alpha2: 2.0, zeta: 0.2, limit: 6.0 },
+            lead: LeadConfig { tau: 0.1, limit: 6.0 },
+            yaw: YawConfig {
+                max_rate: 2.5,
+                max_acc: 10.0,
+                lag: 0.0,
+                search_rate: 1.0,
+                search_delay: 1.5,
+                along_velocity_speed: 1.0,
+            },
+            hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
+            ladder: LadderConfig {
+                missed_detection: 0.6,
+                plan_stale: 0.3,
+                no_plan_land: 20.0,
+                odometry_stale: 0.2,
+                descend_acc: 0.3,
+                hand_back: 1.5,
+            },
+            mission: MissionConfig {
+                stream_before_offboard: 1.2,
+                request_period: 1.0,
+                request_timeout: 5.0,
+                climb_speed: 1.0,
+                hold_distance: 2.0,
+                resume_distance: 3.0,
+                goal_radius: 1.5,
+                search_timeout: 60.0,
+                descent_speed: 0.7,
+                touchdown_speed: 0.35,
+                slow_height: 1.0,
+                touchdown_time: 0.4,
+            },
+        }
+    }
+
+    #[test]
+    fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
+        assert_eq!(config().validate(), Ok(()));
+        type Spoil = fn(&mut ControllerConfig);
+        let spoiled: [(&str, Spoil); 10] = [
+            ("vehicle.mass", |c| c.vehicle.mass = 0.0),
+            ("vehicle.hover_thrust", |c| c.vehicle.hover_thrust = 1.0),
+            ("vehicle.min_thrust", |c| c.vehicle.min_thrust = 0.0),
+            ("vehicle.max_tilt", |c| c.vehicle.max_tilt = 1.6),
+            ("observer.zeta", |c| c.observer.zeta = f64::NAN),
+            ("yaw.search_rate", |c| c.yaw.search_rate = 9.0),
+            ("ladder.odometry_stale", |c| c.ladder.odometry_stale = f64::INFINITY),
+            ("mission.resume_distance", |c| c.mission.resume_distance = 1.9),
+            ("mission.stream_before_offboard", |c| c.mission.stream_before_offboard = 0.5),
+            ("mission.touchdown_speed", |c| c.mission.touchdown_speed = 0.8),
+        ];
+        for (name, spoil) in spoiled {
+            let mut config = config();
+            spoil(&mut config);
+            let message = config.validate().unwrap_err().to_string();
+            assert!(message.starts_with(name) && message.contains("must be"), "{message}");
+        }
+    }
+
+    #[test]
+    fn normalised_thrust_hovers_at_the_weight_and_is_clamped() {
+        let vehicle = config().vehicle;
+        let weight = Newtons(0.85 * GRAVITY);
+        assert!((vehicle.normalised(weight).0 - 0.25).abs() < 1e-12);
+        assert!((vehicle.force(vehicle.normalised(weight)).0 - weight.0).abs() < 1e-12);
+        assert_eq!(vehicle.normalised(Newtons(1e6)).0, 1.0);
+        assert_eq!(vehicle.normalised(Newtons(-1.0)).0, 0.0);
+    }
+}

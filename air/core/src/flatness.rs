@@ -109,7 +109,7 @@ mod tests {
             let up = (command.world_from_body * Vec3::z()).z;
             prop_assert!(up >= VEHICLE.max_tilt.cos() - 1e-9);
             let thrust = VEHICLE.normalised(command.force).0;
-            prop_assert!(thrust >= VEHICLE.min_thrust - 1e-9 && thrust <= VEHICLE.max_thrust + 1e-9);
+            prop_assert!((VEHICLE.min_thrust - 1e-9..=VEHICLE.max_thrust + 1e-9).contains(&thrust));
         }
 
         #[test]

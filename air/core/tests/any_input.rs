@@ -1,4 +1,5 @@
 //! Whatever it is given, the controller answers with something that can be sent.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 mod common;
 

@@ -1,4 +1,5 @@
 //! The fallback ladder and the faults, in a closed loop.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 mod common;
 

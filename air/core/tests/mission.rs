@@ -1,4 +1,5 @@
 //! The mission, flown in a closed loop.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 mod common;
 
@@ -268,4 +269,71 @@ fn an_updraught_is_not_taken_for_the_ground() {
         assert!(thrust > 0.0, "motors cut at {} m", sim.pos.z);
     }
     sim.until(10.0, |s| s.mode() == Mode::Landed);
+}
+
+#[test]
+fn the_sweep_turns_the_way_the_target_was_heading() {
+    for side in [-1.0, 1.0] {
+        let mut sim = hovering_in_search();
+        sim.target_vel = Vec3::new(0.0, 3.0 * side, 0.0);
+        sim.frames = Frames::Target(Vec3::new(20.0, -2.0, 1.5));
+        sim.until(1.0, |s| s.mode() == Mode::Track);
+        sim.run(1.0);
+        sim.frames = Frames::Blank;
+        sim.until(5.0, |s| s.mode() == Mode::Search);
+        sim.run(1.4);
+        let before = sim.out().yaw_des;
+        sim.run(1.0);
+        let turned = goshawk_core::yaw::wrap(sim.out().yaw_des - before) * side;
+        assert!(turned > 0.5 && turned < 1.1, "turned {turned}");
+    }
+}
+
+#[test]
+fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(navigate(Vec3::new(0.0, 40.0, 1.5)));
+    sim.until(12.0, |s| s.mode() == Mode::Navigate);
+    sim.run(3.0);
+    let left = 0.5 + std::f64::consts::FRAC_PI_2;
+    assert!(goshawk_core::yaw::wrap(sim.out().yaw_des - left).abs() < 0.02, "{}", sim.out().yaw_des);
+    sim.frames = Frames::Goal;
+    for _ in 0..400 {
+        sim.vel = Vec3::new(4.0, 0.0, 0.0);
+        sim.tick(None);
+    }
+    assert!(sim.out().yaw_des.abs() < 0.05, "{}", sim.out().yaw_des);
+}
+
+#[test]
+fn a_plan_of_the_last_flight_is_not_flown_in_the_next() {
+    let mut sim = chasing(Vec3::new(20.0, 0.0, 1.5));
+    sim.run(0.5);
+    sim.stop();
+    sim.until(20.0, |s| s.mode() == Mode::Ready);
+    sim.autopilot.offboard = false;
+    sim.frames = Frames::None;
+    sim.start(track());
+    sim.until(12.0, |s| s.mode() == Mode::Search);
+    sim.run(3.0);
+    assert_eq!(sim.mode(), Mode::Search);
+    assert!(sim.out().plan_seq.is_none());
+}
+
+#[test]
+fn the_command_leads_the_trajectory_by_its_jerk() {
+    // What the lead adds, with a trajectory gentle enough for the tilt limit.
+    let ahead = |tau: f64| {
+        let mut config = common::config();
+        config.lead.tau = tau;
+        let mut sim = Loop::with(config);
+        sim.frames = Frames::Target(Vec3::new(15.0, 0.0, 1.5));
+        sim.start(Profile { speed: 3.0, ..track() });
+        sim.until(12.0, |s| s.out().plan_seq.is_some());
+        let out = sim.out();
+        out.acc_att_world + out.acc_disturbance_world - out.acc_des_world
+    };
+    assert!(ahead(0.0).norm() < 1e-9, "{}", ahead(0.0));
+    assert!(ahead(0.1).norm() > 0.1 && (ahead(0.1) * 2.0 - ahead(0.2)).norm() < 1e-6);
 }

@@ -1,6 +1,6 @@
 //! A point mass with attitude lag, a stand-in autopilot and a planner that flies straight: enough to close the loop.
 
-#![allow(dead_code, unreachable_pub, missing_docs)]
+#![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, reason = "each test file uses its part of it")]
 
 use goshawk_core::*;
 
@@ -141,6 +141,8 @@ pub struct Loop {
     pub accepts_arming: bool,
     pub has_landed_detector: bool,
     pub frames: Frames,
+    /// What the filter believes of the target's velocity.
+    pub target_vel: Vec3,
     pub odometry_works: bool,
     /// Added to the odometry's position.
     pub odometry_offset: Vec3,
@@ -155,7 +157,6 @@ pub struct Loop {
     ticks: u64,
     thrust: f64,
     still: f64,
-    last_seen: Time,
 }
 
 impl Loop {
@@ -178,6 +179,7 @@ impl Loop {
             accepts_arming: true,
             has_landed_detector: true,
             frames: Frames::None,
+            target_vel: Vec3::zeros(),
             odometry_works: true,
             odometry_offset: Vec3::zeros(),
             reset_counter: 0,
@@ -191,7 +193,6 @@ impl Loop {
             ticks: 0,
             thrust: 0.0,
             still: 0.0,
-            last_seen: Time(0),
         }
     }
 
@@ -315,9 +316,6 @@ impl Loop {
             Frames::Target(at) => (Some(at), Some(at)),
             Frames::Goal => (demand.goal_world, None),
         };
-        if target.is_some() {
-            self.last_seen = self.now;
-        }
         let alpha = demand.speed / 6.0;
         let end = aim.map_or(FlatState::default(), |aim| {
             let line = aim - pos;
@@ -329,7 +327,7 @@ impl Loop {
         let estimate = target.map(|at| TargetEstimate {
             stamp: self.now,
             pos_world: at,
-            vel_world: Vec3::zeros(),
+            vel_world: self.target_vel,
             covariance: nalgebra::Matrix6::identity(),
             confirmed: true,
             last_seen: self.now,
