@@ -4,7 +4,7 @@
 //! for [`Recorder::failure`]; the process lives on. Each second the chunk is ended and synced, so a power cut costs at
 //! most one second.
 
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{BufWriter, ErrorKind, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
