@@ -36,11 +36,16 @@ class LivePanels:
         self._latest = latest
         gui = server.gui
         self._status = gui.add_html("")
-        self._profile = gui.add_dropdown("Profile", (DEFAULT_PROFILE,), initial_value=DEFAULT_PROFILE)
+        choices = tuple[str, ...]((DEFAULT_PROFILE,))
+        self._profile = gui.add_dropdown("Profile", choices, initial_value=DEFAULT_PROFILE)
         start = gui.add_button("Start", color=(38, 150, 92), icon=viser.Icon.PLAYER_PLAY, hint="Asks before it starts")
         stop = gui.add_button("Stop", color=(205, 52, 66), icon=viser.Icon.PLAYER_STOP, hint="At once, no question")
         start.on_click(self._ask_start)
-        stop.on_click(lambda _: self._on_stop())
+
+        @stop.on_click
+        def _(_: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+            self._on_stop()
+
         self._command = gui.add_html("")
         with gui.add_folder("Readiness"):
             self._readiness = gui.add_html("")

@@ -29,6 +29,7 @@ _MODE_COLORS: dict[str, theme.Rgb] = {
 _TEXT = "font:13px/1.45 system-ui,sans-serif;color:#d7dde6"
 _DIM = "color:#8b95a5"
 _NUM = "text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap"
+_MARKS = {True: "&#10003;", False: "&#10007;"}
 _CHANNELS = ("control", "plan", "target", "health", "preview", "event", "sim_truth")
 
 
@@ -71,7 +72,9 @@ def status_html(snap: Snapshot) -> str:
         head += " " + _pill("not alive", theme.WARN)
     control = snap.control
     if control is not None and control.fallback != "none":
-        head += f'<div style="margin-top:6px">{_pill("fallback: " + control.fallback.replace("_", " "), theme.BAD)}</div>'
+        head += (
+            f'<div style="margin-top:6px">{_pill("fallback: " + control.fallback.replace("_", " "), theme.BAD)}</div>'
+        )
     health = snap.health
     faults = "".join(
         f'<div style="color:{theme.css(theme.BAD)};margin-top:4px">&#9888; {escape(f)}</div>'
@@ -129,7 +132,7 @@ def readiness_html(snap: Snapshot) -> str:
     if health is None:
         return f'<div style="{_TEXT};{_DIM};padding:4px 12px">no heartbeat yet</div>'
     rows = "".join(
-        f'<tr><td style="width:22px;color:{theme.css(theme.GOOD if c.ok else theme.BAD)}">{"&#10003;" if c.ok else "&#10007;"}</td>'
+        f'<tr><td style="width:22px;color:{theme.css(theme.GOOD if c.ok else theme.BAD)}">{_MARKS[c.ok]}</td>'
         f'<td style="white-space:nowrap;padding-right:10px">{escape(c.name.replace("_", " "))}</td>'
         f'<td style="{_DIM if c.ok else "color:#fff"}">{escape(c.reason)}</td></tr>'
         for c in sorted(health.checks, key=lambda c: c.ok)
@@ -222,10 +225,10 @@ def vehicle_html(snap: Snapshot) -> str:
 
 def events_html(snap: Snapshot, newest: int = 12) -> str:
     """The newest events, newest first, by the vehicle's clock."""
-    colors = {"warning": theme.WARN, "error": theme.BAD}
+    colors = {"warning": theme.css(theme.WARN), "error": theme.css(theme.BAD)}
     rows = "".join(
         f'<tr><td style="{_NUM};{_DIM};padding-right:8px">{e.stamp_ns * 1e-9:.1f} s</td>'
-        f'<td style="color:{theme.css(colors[e.severity]) if e.severity in colors else "inherit"}">{escape(e.text)}</td></tr>'
+        f'<td style="color:{colors.get(e.severity, "inherit")}">{escape(e.text)}</td></tr>'
         for e in reversed(snap.events[-newest:])
     )
     return _table("events", rows or f'<tr><td style="{_DIM}">none yet</td></tr>')
@@ -233,6 +236,7 @@ def events_html(snap: Snapshot, newest: int = 12) -> str:
 
 def _table(name: str, rows: str) -> str:
     return (
-        f'<div data-goshawk="{name}" style="{_TEXT};padding:2px 12px"><table style="width:100%;border-collapse:collapse">'
+        f'<div data-goshawk="{name}" style="{_TEXT};padding:2px 12px">'
+        f'<table style="width:100%;border-collapse:collapse">'
         f"{rows}</table></div>"
     )

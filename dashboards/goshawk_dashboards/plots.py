@@ -55,7 +55,9 @@ class History:
         n = len(self)
         if n == 0:
             return np.zeros(0), np.zeros((0, self._rows.shape[1] - 1))
-        rows = np.roll(self._rows, -self._count, axis=0)[len(self._rows) - n :] if n == len(self._rows) else self._rows[:n]
+        rows = (
+            np.roll(self._rows, -self._count, axis=0)[len(self._rows) - n :] if n == len(self._rows) else self._rows[:n]
+        )
         ago = rows[:, 0] - rows[-1, 0]
         inside = ago >= -seconds
         return ago[inside], rows[inside, 1:]

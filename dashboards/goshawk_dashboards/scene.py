@@ -72,7 +72,12 @@ class LiveScene:
         scene.add_mesh_trimesh("/vehicle/model", shapes.quadrotor(VEHICLE_DRAWN, theme.vivid(theme.VEHICLE)))
         self._label = scene.add_label("/vehicle/label", "", position=(0.0, 0.0, 0.55))
         self._disturbance = scene.add_arrows(
-            "/disturbance", np.zeros((1, 2, 3)), theme.vivid(theme.DISTURBANCE), shaft_radius=0.025, head_radius=0.06, visible=False
+            "/disturbance",
+            np.zeros((1, 2, 3)),
+            theme.vivid(theme.DISTURBANCE),
+            shaft_radius=0.025,
+            head_radius=0.06,
+            visible=False,
         )
         self.camera = scene.add_frame("/camera", show_axes=False, visible=False)
         self._frustum = scene.add_camera_frustum(
@@ -111,13 +116,25 @@ class LiveScene:
     def _make_target(self) -> None:
         scene = self._server.scene
         self.target = scene.add_frame("/target", show_axes=False, visible=False)
-        self._target_dot = scene.add_icosphere("/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2)
+        self._target_dot = scene.add_icosphere(
+            "/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2
+        )
         self._covariance = scene.add_icosphere(
-            "/target/covariance", radius=1.0, color=theme.vivid(theme.TARGET), opacity=0.22, subdivisions=3, cast_shadow=False
+            "/target/covariance",
+            radius=1.0,
+            color=theme.vivid(theme.TARGET),
+            opacity=0.22,
+            subdivisions=3,
+            cast_shadow=False,
         )
         self._target_label = scene.add_label("/target/label", "", position=(0.0, 0.0, 1.2))
         self._target_arrow = scene.add_arrows(
-            "/target/velocity", np.zeros((1, 2, 3)), theme.vivid(theme.TARGET), shaft_radius=0.035, head_radius=0.09, head_length=0.2
+            "/target/velocity",
+            np.zeros((1, 2, 3)),
+            theme.vivid(theme.TARGET),
+            shaft_radius=0.035,
+            head_radius=0.09,
+            head_length=0.2,
         )
         segments = self._target_trail.segments_M23()
         self._target_line = scene.add_line_segments(
@@ -166,8 +183,9 @@ class LiveScene:
         self._disturbance.visible = fresh and size > 0.2
         if self._disturbance.visible:
             # 1 m/s2 is drawn 0.4 m long.
-            tip_3 = control.pos_world_3 + 0.4 * push_3 * min(1.0, 5.0 / size)
-            self._disturbance.points = np.array([[control.pos_world_3, tip_3]], dtype=np.float32)
+            tip_3 = 0.4 * push_3 * min(1.0, 5.0 / size)
+            self._disturbance.position = control.pos_world_3
+            self._disturbance.points = np.array([[np.zeros(3), tip_3]], dtype=np.float32)
         if self._vehicle_trail.add(control.pos_world_3):
             self._vehicle_line.points = self._vehicle_trail.segments_M23().astype(np.float32)
         self._vehicle_line.visible = options.trails and len(self._vehicle_trail) > 1
@@ -191,7 +209,9 @@ class LiveScene:
         colored_N = eligible_N | dearer_N
         colors_N3 = np.tile(np.array(theme.REJECTED, dtype=np.uint8), (len(plan.cost_N), 1))
         colors_N3[colored_N] = theme.cost_colors_N3(plan.cost_N[colored_N])
-        shown_NS3 = curves_NS3 if options.rejected else np.where(colored_N[:, None, None], curves_NS3, curves_NS3[:, :1])
+        shown_NS3 = (
+            curves_NS3 if options.rejected else np.where(colored_N[:, None, None], curves_NS3, curves_NS3[:, :1])
+        )
         points = curves.segments_M23(shown_NS3).astype(np.float32)
         colors = np.repeat(np.repeat(colors_N3, SAMPLES - 1, axis=0)[:, None, :], 2, axis=1)
         with self._server.atomic():

@@ -6,6 +6,7 @@ from collections import deque
 
 import numpy as np
 import trimesh
+import trimesh.visual
 import viser.transforms as tf
 
 from goshawk_dashboards import theme
@@ -52,9 +53,9 @@ def quadrotor(scale: float, rgb: theme.Rgb) -> trimesh.Trimesh:
 
 def person() -> trimesh.Trimesh:
     """A standing person, the origin at the centre 0.95 m above the ground point."""
-    radius = 0.24
-    body = trimesh.creation.capsule(height=PERSON_HEIGHT_M - 0.3 - 2 * radius, radius=radius, count=(16, 16))
-    body.apply_translation((0.0, 0.0, radius))
+    radius, shoulder_m = 0.24, PERSON_HEIGHT_M - 0.3
+    body = trimesh.creation.capsule(height=shoulder_m - 2 * radius, radius=radius, count=(16, 16))
+    body.apply_translation((0.0, 0.0, shoulder_m / 2))
     head = trimesh.creation.icosphere(subdivisions=2, radius=0.15)
     head.apply_translation((0.0, 0.0, PERSON_HEIGHT_M - 0.15))
     mesh: trimesh.Trimesh = trimesh.util.concatenate([body, head])  # type: ignore[assignment]
@@ -85,12 +86,12 @@ def wxyz_from_up_K4(direction_K3: Array) -> Array:
 
 
 def ellipsoid(covariance_33: Array, sigmas: float = 2.0) -> tuple[Array, Array]:
-    """Semi-axes and rotation (wxyz) of a covariance's ellipsoid; semi-axes are kept within 0.03 .. 5 m to be drawable."""
+    """Semi-axes and rotation (wxyz) of a covariance's ellipsoid; semi-axes within 0.03 .. 5 m, to be drawable."""
     values_3, vectors_33 = np.linalg.eigh((covariance_33 + covariance_33.T) / 2.0)
     if np.linalg.det(vectors_33) < 0.0:
         vectors_33[:, 0] *= -1.0
     semi_3 = np.clip(sigmas * np.sqrt(np.maximum(values_3, 0.0)), 0.03, 5.0)
-    return semi_3, tf.SO3.from_matrix(vectors_33).wxyz
+    return semi_3, tf.SO3.from_matrix(vectors_33).wxyz.astype(np.float64)
 
 
 class Trail:

@@ -28,6 +28,7 @@ GRID: Rgb = (44, 50, 60)
 GRID_SECTION: Rgb = (66, 74, 88)
 BACKGROUND: Rgb = (17, 20, 26)
 
+
 def vivid(rgb: Rgb) -> Rgb:
     """The colour for the 3-D view, whose tone mapping pales what is not saturated."""
     hue, saturation, value = colorsys.rgb_to_hsv(*(c / 255.0 for c in rgb))

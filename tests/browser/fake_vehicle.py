@@ -75,7 +75,7 @@ class FakeVehicle:
     def __init__(self, args: argparse.Namespace) -> None:
         self.args = args
         self.lock = threading.Lock()
-        self.mode: int = pb.MODE_IDLE
+        self.mode: pb.Mode = pb.MODE_IDLE
         self.since_s = 0.0
         self.flown_s = 0.0
         self.answers: dict[str, pb.CommandReply] = {}
@@ -115,7 +115,7 @@ class FakeVehicle:
                 self.mode, self.since_s, reason = pb.MODE_STOPPING, now_s, "braking, then landing"
             else:
                 reason = "not flying"
-            reply = pb.CommandReply(command_id=command_id, accepted=accepted, reason=reason, mode=self.mode)  # type: ignore[arg-type]
+            reply = pb.CommandReply(command_id=command_id, accepted=accepted, reason=reason, mode=self.mode)
             self.answers[command_id] = reply
             return reply
 
@@ -138,7 +138,8 @@ class FakeVehicle:
         return Motion(
             pos=pos,
             vel=along * speed + np.array([0.0, 0.3 * math.cos(now_s) if moving else 0.0, 0.0]),
-            acc=np.array([0.3 * math.sin(2 * now_s), 1.2 * math.sin(1.3 * now_s), 0.4 * math.sin(now_s)]) * float(moving),
+            acc=np.array([0.3 * math.sin(2 * now_s), 1.2 * math.sin(1.3 * now_s), 0.4 * math.sin(now_s)])
+            * float(moving),
             yaw=math.atan2(to_target[1], to_target[0]),
             target_pos=target,
             target_vel=heading * (self.args.speed if self.mode == pb.MODE_TRACK else 0.0),
@@ -196,7 +197,7 @@ class FakeVehicle:
         return pb.Control(
             seq=seq,
             stamp_ns=stamp_ns,
-            mode=self.mode,  # type: ignore[arg-type]
+            mode=self.mode,
             pos_world=vec(m.pos),
             vel_world=vec(m.vel),
             world_from_body=wxyz(m.yaw, 0.12 if self.mode == pb.MODE_TRACK else 0.0),
@@ -232,7 +233,7 @@ class FakeVehicle:
         health = pb.Health(
             seq=seq,
             stamp_ns=stamp_ns,
-            mode=self.mode,  # type: ignore[arg-type]
+            mode=self.mode,
             ready=ready,
             vehicle=self.args.vehicle,
             profile="normal",

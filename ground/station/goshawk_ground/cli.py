@@ -171,10 +171,14 @@ def wait_for_interrupt() -> None:
             signal.signal(number, handler)
 
 
-@app.command(epilog="Examples: goshawk demo | goshawk demo --seed 7 --speed 4 | goshawk demo --headless --json out.json")
+@app.command(
+    epilog="Examples: goshawk demo | goshawk demo --seed 7 --speed 4 | goshawk demo --headless --json out.json"
+)
 def demo(
     seed: Annotated[int, typer.Option(min=0, help="Forest and runner.")] = 1,
-    headless: Annotated[bool, typer.Option("--headless", help="Do not wait at the end; the exit status tells.")] = False,
+    headless: Annotated[
+        bool, typer.Option("--headless", help="Do not wait at the end; the exit status tells.")
+    ] = False,
     speed: Annotated[float, typer.Option(min=0.5, help="The runner's speed, m/s.")] = 3.0,
     spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
     distance: Annotated[float, typer.Option(min=5.0, help="How far the runner runs, m.")] = 40.0,

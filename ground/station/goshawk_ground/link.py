@@ -8,6 +8,7 @@ Losing the vehicle raises nothing: ages grow, and the views say so.
 from __future__ import annotations
 
 import contextlib
+import functools
 import threading
 import time
 import uuid
@@ -16,10 +17,10 @@ from collections.abc import Callable, Iterator
 from typing import Any, Self
 
 import zenoh
+from google.protobuf.message import DecodeError, Message
 from goshawk_dashboards import decode
 from goshawk_dashboards.snapshot import CommandView, EventView, Snapshot, WorldView
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
-from google.protobuf.message import DecodeError, Message
 
 from goshawk_ground.channel import ChannelStats
 from goshawk_ground.dial import LinkError, client_config, open_when_reachable
@@ -52,7 +53,7 @@ class GroundLink:
         self._stats = {name: ChannelStats(name) for name in _DECODERS}
         self._newest: dict[str, Any] = {}
         self._events: deque[EventView] = deque(maxlen=EVENTS)
-        self._listeners: list[Listener] = []
+        self._listeners: tuple[Listener, ...] = ()
         self._alive = False
         self._world: WorldView | None = None
         self._command: CommandView | None = None
@@ -88,7 +89,8 @@ class GroundLink:
             return
         # Direct callbacks: what they do takes microseconds, and no queue can form between the link and the slot.
         for name in _DECODERS:
-            callback = zenoh.handlers.Callback(lambda sample, name=name: self._take(name, sample), indirect=False)
+            take: Callable[[zenoh.Sample], None] = functools.partial(self._take, name)
+            callback = zenoh.handlers.Callback(take, indirect=False)
             self._declared.append(session.declare_subscriber(self._keys[name], callback))
         liveliness = session.liveliness()
         self._declared.append(liveliness.declare_token(self._keys["alive_ground"]))
@@ -99,9 +101,18 @@ class GroundLink:
 
     # ---- telemetry ----
 
-    def add_listener(self, listener: Listener) -> None:
-        """Calls ``listener(channel, view)`` for every well-formed sample, on the receiving thread: be quick."""
-        self._listeners.append(listener)
+    def listen(self, listener: Listener) -> Callable[[], None]:
+        """Calls ``listener(channel, view)`` for every well-formed sample, on the receiving thread: be quick.
+
+        Returns what ends it.
+        """
+        with self._lock:
+            self._listeners = (*self._listeners, listener)
+        return lambda: self._unlisten(listener)
+
+    def _unlisten(self, listener: Listener) -> None:
+        with self._lock:
+            self._listeners = tuple(kept for kept in self._listeners if kept is not listener)
 
     def snapshot(self) -> Snapshot:
         """All that is known now."""
@@ -180,7 +191,9 @@ class GroundLink:
             stamp_ns = truth.stamp_ns
             for message in self._ask("sim_world", None, 2.0):
                 with contextlib.suppress(decode.MalformedError):
-                    world = decode.world(message)  # type: ignore[arg-type]
+                    if not isinstance(message, goshawk_pb2.SimWorld):
+                        continue
+                    world = decode.world(message)
                     with self._lock:
                         self._world = world
                     asked_stamp_ns = stamp_ns

@@ -1,0 +1,125 @@
+"""Snapshots to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from goshawk_dashboards import snapshot as view
+
+IDENTITY_4 = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def _channel(name: str, age_s: float) -> view.ChannelView:
+    return view.ChannelView(
+        name=name, count=9, age_s=age_s, rate_hz=50.0, bytes_per_s=1e4, loss_fraction=0.0, malformed=0
+    )
+
+
+def make_plan(seq: int = 1, chosen: int | None = 7) -> view.PlanView:
+    """15 candidates fanned out to the east of (10, 0, 2)."""
+    azimuth = np.tile(np.linspace(0.7, -0.7, 5), 3)
+    height = np.repeat([1.0, 0.0, -1.0], 5)
+    end = np.stack([10 + 5 * np.cos(azimuth), 5 * np.sin(azimuth), 2 + height], axis=1)
+    return view.PlanView(
+        seq=seq,
+        frame_ns=0,
+        ready_ns=1,
+        start_pos_world_3=np.array([10.0, 0.0, 2.0]),
+        start_vel_world_3=np.array([1.0, 0.0, 0.0]),
+        start_acc_world_3=np.zeros(3),
+        world_from_cam_4=IDENTITY_4,
+        duration_s=1.5,
+        alpha=1.0,
+        end_pos_world_N3=end,
+        end_vel_world_N3=np.tile([2.0, 0.0, 0.0], (15, 1)),
+        end_acc_world_N3=np.zeros((15, 3)),
+        cost_N=np.linspace(1.0, 3.0, 15),
+        objectness_N=np.ones(15),
+        rejections=tuple("none" if k == 7 else ("cost" if k in (6, 8) else "objectness") for k in range(15)),
+        target_pos_world_N3=None,
+        chosen=chosen,
+    )
+
+
+def make_control(seq: int = 1, stamp_s: float = 1.0, mode: str = "track") -> view.ControlView:
+    """Flying at (10, 0, 2)."""
+    return view.ControlView(
+        seq=seq,
+        stamp_ns=int(stamp_s * 1e9),
+        mode=mode,
+        fallback="none",
+        pos_world_3=np.array([10.0, 0.0, 2.0]),
+        vel_world_3=np.array([3.0, 0.0, 4.0]),
+        world_from_body_4=IDENTITY_4,
+        acc_des_world_3=np.array([1.0, 2.0, 3.0]),
+        acc_att_world_3=np.zeros(3),
+        acc_disturbance_world_3=np.array([0.0, 1.0, 0.0]),
+        acc_meas_world_3=np.ones(3),
+        thrust_n=8.3,
+        thrust_norm=0.3,
+        yaw_des_rad=0.0,
+        plan_age_s=0.02,
+    )
+
+
+def make_target() -> view.TargetView:
+    """A confirmed runner."""
+    return view.TargetView(
+        seq=1,
+        stamp_ns=1,
+        pos_world_3=np.array([14.0, 1.0, 0.95]),
+        vel_world_3=np.array([3.0, 0.0, 0.0]),
+        covariance_66=np.diag([0.04, 0.01, 0.09, 1.0, 1.0, 1.0]),
+        confirmed=True,
+        since_seen_s=0.02,
+    )
+
+
+def make_health(mode: str = "track", ready: bool = True, reason: str = "fresh") -> view.HealthView:
+    """A heartbeat with one check."""
+    return view.HealthView(
+        seq=1,
+        stamp_ns=1,
+        mode=mode,
+        ready=ready,
+        checks=(view.CheckView(name="odometry", ok=ready, reason=reason),),
+        rates_hz=(("planner", 60.0),),
+        latencies=(view.LatencyView(name="inference", p50_ms=1.0, p99_ms=2.0, max_ms=3.0),),
+        drops=(("telemetry", 3),),
+        faults=(),
+        vehicle="goshawk",
+        profile="chase",
+        profiles=("chase", "fast"),
+        policy_sha256="abc",
+        version="0.1.0",
+        battery_fraction=0.5,
+        log_path="",
+        autopilot="OFFBOARD",
+    )
+
+
+@pytest.fixture
+def snap() -> Callable[..., view.Snapshot]:
+    """A snapshot of a flight, each channel ``age_s`` old; fields may be replaced."""
+
+    def make(age_s: float = 0.02, **changes: Any) -> view.Snapshot:
+        names = ("plan", "control", "target", "health", "preview", "event")
+        whole = view.Snapshot(
+            now_s=100.0,
+            vehicle="goshawk",
+            endpoint="tcp/127.0.0.1:7447",
+            linked=True,
+            alive=True,
+            plan=make_plan(),
+            control=make_control(),
+            target=make_target(),
+            health=make_health(),
+            channels=tuple(_channel(name, age_s) for name in names),
+        )
+        return replace(whole, **changes)
+
+    return make

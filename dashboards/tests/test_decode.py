@@ -1,0 +1,114 @@
+"""What makes no sense is refused at the edge, in one line; nothing from outside can do worse than that."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from google.protobuf.message import DecodeError
+from goshawk_dashboards import decode
+from goshawk_proto import goshawk_pb2 as pb
+from hypothesis import given
+from hypothesis import strategies as st
+
+UNIT = pb.Quat(w=1.0)
+
+
+def a_plan(candidates: int = 15) -> pb.Plan:
+    plan = pb.Plan(seq=4, duration_s=1.5, alpha=0.5, world_from_cam=pb.Quat(w=2.0))
+    for k in range(candidates):
+        plan.candidates.add(
+            end_pos_world=pb.Vec3f(x=k, y=1, z=2), cost=k, rejection=pb.REJECTION_GATE, target_pos_world=pb.Vec3f(x=1)
+        )
+    return plan
+
+
+def test_a_plan_keeps_its_candidates_in_order() -> None:
+    plan = a_plan()
+    plan.chosen = 3
+    seen = decode.plan(plan)
+    np.testing.assert_array_equal(seen.end_pos_world_N3[:, 0], np.arange(15))
+    assert seen.rejections == ("gate",) * 15
+    assert seen.chosen == 3
+    assert seen.target_pos_world_N3 is not None
+    np.testing.assert_allclose(seen.world_from_cam_4, [1, 0, 0, 0])
+
+
+def test_an_unset_choice_and_unset_detections_are_absent() -> None:
+    plan = a_plan()
+    plan.candidates[2].ClearField("target_pos_world")
+    seen = decode.plan(plan)
+    assert seen.chosen is None
+    assert seen.target_pos_world_N3 is None
+
+
+def _with(message: Any, **fields: Any) -> Any:
+    for name, value in fields.items():
+        if hasattr(value, "DESCRIPTOR"):
+            getattr(message, name).CopyFrom(value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("read", "message", "words"),
+    [
+        (decode.plan, _with(a_plan(), chosen=15), "candidate 15 of 15"),
+        (decode.plan, _with(a_plan(), duration_s=0.0), "lasts 0.0 s"),
+        (decode.plan, _with(a_plan(), duration_s=math.nan), "lasts nan"),
+        (decode.plan, _with(a_plan(), start_pos_world=pb.Vec3(x=math.inf)), "start position is not finite"),
+        (decode.plan, _with(a_plan(), world_from_cam=pb.Quat()), "not a unit quaternion"),
+        (decode.plan, a_plan(300), "300 candidates"),
+        (decode.control, pb.Control(pos_world=pb.Vec3(z=math.nan), world_from_body=UNIT), "position is not finite"),
+        (decode.control, pb.Control(), "not a unit quaternion"),
+        (decode.control, pb.Control(world_from_body=UNIT, thrust_n=math.nan), "thrust is not finite"),
+        (decode.target, pb.Target(covariance=[1.0] * 35), "35 values"),
+        (decode.target, pb.Target(covariance=[math.nan] * 36), "covariance is not finite"),
+        (decode.health, pb.Health(rates=[pb.Rate(name="planner", hz=math.inf)]), "rate planner"),
+        (decode.preview, pb.Preview(seq=1), "no picture"),
+        (decode.truth, pb.SimTruth(clearance_m=math.nan), "clearance"),
+    ],
+)
+def test_a_message_that_makes_no_sense_is_refused_with_its_reason(
+    read: Callable[[Any], Any], message: Any, words: str
+) -> None:
+    with pytest.raises(decode.MalformedError, match=words):
+        read(message)
+
+
+def test_an_enum_value_from_the_future_is_shown_by_its_number() -> None:
+    control = pb.Control.FromString(pb.Control(world_from_body=UNIT).SerializeToString() + b"\x18\x63")
+    assert decode.control(control).mode == "99"
+
+
+def test_modes_and_fallbacks_read_as_words() -> None:
+    message = pb.Control(mode=pb.MODE_TRACK, fallback=pb.FALLBACK_HOLD_POSITION, world_from_body=UNIT)
+    seen = decode.control(message)
+    assert (seen.mode, seen.fallback) == ("track", "hold_position")
+
+
+def test_decoded_arrays_cannot_be_changed() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        decode.control(pb.Control(world_from_body=UNIT)).pos_world_3[0] = 1.0
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_do_worse_than_a_refusal(payload: bytes) -> None:
+    readers: list[tuple[Any, Callable[[Any], Any]]] = [
+        (pb.Plan, decode.plan),
+        (pb.Control, decode.control),
+        (pb.Target, decode.target),
+        (pb.Health, decode.health),
+        (pb.Preview, decode.preview),
+        (pb.Event, decode.event),
+        (pb.SimTruth, decode.truth),
+        (pb.SimWorld, decode.world),
+    ]
+    for message_type, read in readers:
+        with contextlib.suppress(DecodeError, decode.MalformedError):
+            read(message_type.FromString(payload))

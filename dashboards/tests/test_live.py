@@ -1,0 +1,128 @@
+"""The dashboard puts a snapshot into the scene: read back from the server's own scene state."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from goshawk_dashboards import theme
+from goshawk_dashboards.live import LiveDashboard, PortBusyError
+from goshawk_dashboards.snapshot import CommandView, Snapshot, WorldView
+
+Make = Callable[..., Snapshot]
+
+
+def _command(verb: str) -> CommandView:
+    return CommandView(verb=verb, command_id="1", answered=True, accepted=True, text="ok", mode="takeoff")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def live(snap: Make) -> Iterator[LiveDashboard]:
+    """A dashboard whose own thread is not running: the tests tick it."""
+    dashboard = LiveDashboard(
+        host="127.0.0.1",
+        port=_free_port(),
+        latest=snap,
+        on_start=lambda _: _command("start"),
+        on_stop=lambda: _command("stop"),
+    )
+    yield dashboard
+    dashboard.close()
+
+
+def test_the_vehicle_stands_where_control_says(live: LiveDashboard, snap: Make) -> None:
+    live.tick(snap())
+    np.testing.assert_allclose(live.scene.vehicle.position, [10.0, 0.0, 2.0])
+    assert live.scene.vehicle.visible
+
+
+def test_fifteen_curves_start_at_the_plan_and_end_at_its_end_states(live: LiveDashboard, snap: Make) -> None:
+    plan = snap().plan
+    live.tick(snap())
+    lines = live.scene.candidates
+    assert plan is not None
+    assert lines is not None
+    curves = lines.points.reshape(15, -1, 2, 3) + np.asarray(lines.position)
+    np.testing.assert_allclose(curves[:, 0, 0], np.tile(plan.start_pos_world_3, (15, 1)), atol=1e-5)
+    np.testing.assert_allclose(curves[:, -1, 1], plan.end_pos_world_N3, atol=1e-5)
+    chosen = live.scene.chosen.points + np.asarray(live.scene.chosen.position)
+    np.testing.assert_allclose(chosen[-1, 1], plan.end_pos_world_N3[7], atol=1e-5)
+    assert live.scene.chosen.thickness > 2 * lines.thickness
+
+
+def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: LiveDashboard, snap: Make) -> None:
+    live.tick(snap())
+    assert live.scene.candidates is not None
+    colors = live.scene.candidates.colors.reshape(15, -1, 3)[:, 0]
+    grey = [k for k in range(15) if tuple(colors[k]) == theme.REJECTED]
+    assert grey == [k for k in range(15) if k not in (6, 7, 8)]
+    assert tuple(colors[6]) == theme.vivid(theme.GOOD)
+    assert tuple(colors[8]) == theme.vivid(theme.BAD)
+
+
+def test_a_stale_plan_is_not_drawn(live: LiveDashboard, snap: Make) -> None:
+    live.tick(snap())
+    live.tick(snap(age_s=2.0))
+    assert live.scene.candidates is not None
+    assert not live.scene.candidates.visible
+    assert not live.scene.chosen.visible
+    assert not live.scene.target.visible
+    live.tick(snap())
+    assert live.scene.candidates.visible
+
+
+def test_no_choice_draws_no_thick_line(live: LiveDashboard, snap: Make) -> None:
+    base = snap()
+    assert base.plan is not None
+    live.tick(replace(base, plan=replace(base.plan, chosen=None)))
+    assert live.scene.candidates is not None
+    assert live.scene.candidates.visible
+    assert not live.scene.chosen.visible
+
+
+def test_trees_appear_and_go_with_the_simulator(live: LiveDashboard, snap: Make) -> None:
+    world = WorldView(
+        base_world_K3=np.zeros((3, 3)),
+        top_world_K3=np.tile([0.3, 0.0, 6.0], (3, 1)),
+        radius_m_K=np.full(3, 0.2),
+        foliage_radius_m_K=np.array([0.0, 1.0, 1.2]),
+        seed=1,
+        spacing_m=4.0,
+    )
+    scene = live.server.scene
+    live.tick(snap(world=world))
+    assert scene.get_handle_by_name("/world/trunks") is not None
+    assert scene.get_handle_by_name("/world/foliage") is not None
+    live.tick(snap())
+    assert scene.get_handle_by_name("/world/trunks") is None
+
+
+def test_a_broken_picture_changes_nothing(live: LiveDashboard, snap: Make) -> None:
+    from goshawk_dashboards.snapshot import PreviewView
+
+    live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, jpeg=b"not a jpeg")))
+    live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, jpeg=b"\xff\xd8\xff\xe0broken")))
+
+
+def test_a_busy_port_is_an_error_and_not_another_port(live: LiveDashboard, snap: Make) -> None:
+    with pytest.raises(PortBusyError, match=str(live.server.get_port())):
+        LiveDashboard(
+            host="127.0.0.1",
+            port=live.server.get_port(),
+            latest=snap,
+            on_start=lambda _: _command("start"),
+            on_stop=lambda: _command("stop"),
+        )
+
+
+def test_an_empty_snapshot_can_be_shown(live: LiveDashboard, snap: Make) -> None:
+    live.tick(Snapshot(now_s=1.0, vehicle="goshawk", endpoint="tcp/x:1", linked=False, alive=False))

@@ -1,0 +1,44 @@
+"""Plots keep a sliding window in constant memory."""
+
+from __future__ import annotations
+
+import numpy as np
+from goshawk_dashboards.plots import History
+
+
+def test_memory_is_constant_however_long_it_runs() -> None:
+    history = History(columns=3, capacity=100)
+    before = history.nbytes
+    for k in range(10_000):
+        history.add(k * 0.05, np.array([k, 2.0 * k, -k]))
+    assert len(history) == 100
+    assert history.nbytes == before
+
+
+def test_the_window_holds_the_newest_rows_in_order() -> None:
+    history = History(columns=1, capacity=100)
+    for k in range(257):
+        history.add(k * 0.1, np.array([float(k)]))
+    ago, rows = history.window(5.0)
+    np.testing.assert_allclose(rows[:, 0], np.arange(206, 257))
+    np.testing.assert_allclose(ago, (np.arange(206, 257) - 256) * 0.1, atol=1e-9)
+
+
+def test_a_partly_filled_history_shows_what_it_has() -> None:
+    history = History(columns=1, capacity=100)
+    assert len(history.window(5.0)[0]) == 0
+    for k in range(3):
+        history.add(float(k), np.array([float(k)]))
+    ago, rows = history.window(10.0)
+    np.testing.assert_allclose(ago, [-2.0, -1.0, 0.0])
+    np.testing.assert_allclose(rows[:, 0], [0.0, 1.0, 2.0])
+
+
+def test_a_restarted_vehicle_starts_a_new_window() -> None:
+    history = History(columns=1, capacity=100)
+    for k in range(150):
+        history.add(1000.0 + k, np.array([1.0]))
+    history.add(2.0, np.array([5.0]))
+    history.add(3.0, np.array([6.0]))
+    _, rows = history.window(1e9)
+    np.testing.assert_allclose(rows[:, 0], [5.0, 6.0])

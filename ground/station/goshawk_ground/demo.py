@@ -1,0 +1,263 @@
+"""The whole demonstration: simulator, vehicle and ground station as three processes, one chase, one verdict."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from goshawk_dashboards.live import LiveDashboard
+from goshawk_dashboards.panels_html import failing_checks
+from goshawk_dashboards.snapshot import Snapshot
+from rich.console import Console
+from rich.table import Table
+
+from goshawk_ground.children import Child, stop_all
+from goshawk_ground.director import Action, Director, Limits, Phase
+from goshawk_ground.flight_record import FlightRecord, Summary
+from goshawk_ground.link import GroundLink
+from goshawk_ground.ports import free_port
+from goshawk_ground.serve import serve_dashboard
+
+VEHICLE_FILE = Path("air/vehicles/sim.toml")
+ZENOH_PORT = 7447
+MAVLINK_PORT = 14540
+
+
+class DemoError(RuntimeError):
+    """The demo cannot run at all; one line says why and what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions:
+    """What the command line asked for."""
+
+    seed: int
+    headless: bool
+    speed_mps: float
+    spacing_m: float
+    distance_m: float
+    port: int
+    bin_dir: Path
+    log_dir: Path
+    json_file: Path | None
+
+
+class _Interrupted(BaseException):
+    """Ctrl-C, SIGTERM or a closed terminal."""
+
+
+def run_demo(options: DemoOptions) -> bool:
+    """Flies once; whether it succeeded. Every child is gone when it returns, whatever happened."""
+    console = Console(highlight=False)
+    commands, endpoint, folder = _prepare(options, console)
+    children: list[Child] = []
+    link: GroundLink | None = None
+    dashboard: LiveDashboard | None = None
+    with _interruptible():
+        try:
+            children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
+            link = GroundLink(connect=endpoint)
+            dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port))
+            console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
+            summary = _fly(options, link, children, console)
+            _report(summary, options, console)
+            _print_tails(children, summary, console)
+            if not options.headless:
+                _stay(children, dashboard, console)
+            return summary.succeeded
+        except _Interrupted:
+            console.print("interrupted: stopping everything")
+            return False
+        except OSError as error:
+            raise DemoError(str(error)) from error
+        finally:
+            with _uninterruptible():
+                if dashboard is not None:
+                    dashboard.close()
+                if link is not None:
+                    link.close()
+                stop_all(children)
+
+
+def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path]:
+    """The two commands by name, the endpoint between them, and the folder for their output."""
+    air, sim = options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim"
+    for needed in (air, sim, VEHICLE_FILE):
+        if not needed.is_file():
+            raise DemoError(f"{needed} is missing: run from the repository's root after `make setup`")
+    folder = options.log_dir / time.strftime("demo-%Y%m%d-%H%M%S")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        zenoh_port, mavlink_port = free_port(ZENOH_PORT), free_port(MAVLINK_PORT, udp=True)
+    except OSError as error:
+        raise DemoError(str(error)) from error
+    if (zenoh_port, mavlink_port) != (ZENOH_PORT, MAVLINK_PORT):
+        console.print(f"usual ports are busy: using tcp {zenoh_port} and udp {mavlink_port}")
+    endpoint = f"tcp/127.0.0.1:{zenoh_port}"
+    commands = {
+        "air": [
+            str(air), "run", "--config", str(VEHICLE_FILE), "--listen", endpoint,
+            "--mavlink-bind", f"127.0.0.1:{mavlink_port}", "--log-dir", str(folder),
+        ],
+        "sim": [
+            str(sim), "serve", "--seed", str(options.seed), "--spacing", f"{options.spacing_m:g}",
+            "--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m:g}",
+            "--connect", endpoint, "--mavlink-port", str(mavlink_port),
+        ],
+    }  # fmt: skip
+    return commands, endpoint, folder
+
+
+def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console: Console) -> Summary:
+    """One flight from readiness to landing."""
+    record = FlightRecord(options.distance_m)
+    lock = threading.Lock()
+
+    def listen(channel: str, view: Any) -> None:
+        with lock:
+            if channel == "sim_truth":
+                record.saw_truth(view)
+            elif channel == "health":
+                record.saw_health(view)
+            elif channel == "control":
+                record.saw_mode(view.mode)
+
+    end_listening = link.listen(listen)
+    chase_s = 3.0 * options.distance_m / options.speed_mps + 30.0
+    director = Director(Limits(chase_s=chase_s), time.monotonic())
+    trouble: tuple[str, ...] = ()
+    with console.status(director.phase.value) as status:
+        while not trouble:
+            snap = link.snapshot()
+            with lock:
+                arrived, collided = record.arrived, record.collided
+            action = director.step(
+                time.monotonic(),
+                mode=snap.mode,
+                ready=snap.health is not None and snap.health.ready,
+                arrived=arrived,
+                collided=collided,
+                why_not_ready="; ".join(failing_checks(snap)),
+            )
+            if action is Action.START:
+                reply = link.start(timeout_s=10.0)
+                if not reply.accepted:
+                    director.refused(time.monotonic(), reply.text)
+            elif action is Action.STOP:
+                link.stop(timeout_s=10.0)
+            elif action is Action.END:
+                break
+            status.update(_progress(director.phase, snap))
+            time.sleep(0.02)
+            trouble = tuple(
+                f"{child.name} ended by itself (status {child.exit_code}), see {child.output}"
+                for child in children
+                if child.exit_code is not None
+            )
+    end_listening()
+    with lock:
+        return record.summary(trouble + ((director.failure,) if director.failure else ()))
+
+
+def _progress(phase: Phase, snap: Snapshot) -> str:
+    words = phase.value
+    if phase is Phase.WAITING_READY:
+        words += ": " + ("; ".join(failing_checks(snap)) or "ready")
+    elif phase is Phase.CHASING and snap.truth is not None:
+        words += (
+            f": the runner has run {snap.truth.target_path_m:.0f} m, {snap.truth.target_distance_m:.1f} m ahead; "
+            f"clearance {snap.truth.clearance_m:.2f} m"
+        )
+    return words.replace("[", r"\[")
+
+
+def _report(summary: Summary, options: DemoOptions, console: Console) -> None:
+    """The table, and the file if one was asked for."""
+    if options.json_file is not None:
+        facts = {"seed": options.seed, **dataclasses.asdict(summary)}
+        try:
+            options.json_file.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise DemoError(f"cannot write {options.json_file}: {error.strerror}") from error
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(justify="left", overflow="fold")
+    for name, value in _rows(summary):
+        table.add_row(name, value.replace("[", r"\["))
+    console.print(table)
+
+
+def _rows(s: Summary) -> Iterator[tuple[str, str]]:
+    def number(value: float | None, unit: str, digits: int = 1) -> str:
+        return "-" if value is None else f"{value:.{digits}f} {unit}"
+
+    yield "flight", "succeeded" if s.succeeded else "failed: " + "; ".join(s.problems)
+    yield (
+        "tracked",
+        f"{s.tracked_s:.1f} s, the runner ran {s.target_path_m:.1f} m, the vehicle {s.vehicle_path_m:.1f} m",
+    )
+    yield "speed", f"mean {number(s.mean_speed_mps, 'm/s')}, max {number(s.max_speed_mps, 'm/s')}"
+    yield "clearance", f"min {number(s.min_clearance_m, 'm', 2)}, collisions {s.collisions}"
+    seen = "-" if s.in_view_fraction is None else f"{100 * s.in_view_fraction:.0f} % of the time"
+    yield "runner in view", seen
+    yield (
+        "distance to it",
+        f"median {number(s.target_distance_median_m, 'm')}, max {number(s.target_distance_max_m, 'm')}, "
+        f"at the end {number(s.target_distance_end_m, 'm')}",
+    )
+    yield "rates", f"planner {number(s.planner_hz, 'Hz', 0)}, controller {number(s.controller_hz, 'Hz', 0)}"
+    yield "log", s.log_path or "-"
+
+
+def _print_tails(children: list[Child], summary: Summary, console: Console) -> None:
+    if summary.succeeded:
+        return
+    for child in children:
+        console.print(f"--- {child.name}: the end of {child.output}", style="bold", markup=False)
+        console.print(child.tail(), markup=False)
+
+
+def _stay(children: list[Child], dashboard: LiveDashboard, console: Console) -> None:
+    """Keeps the dashboard open, where Start and Stop still work, until Ctrl-C or a child's end."""
+    console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
+    while all(child.exit_code is None for child in children):
+        time.sleep(0.2)
+    for child in children:
+        if child.exit_code is not None:
+            console.print(f"{child.name} ended (status {child.exit_code}), see {child.output}", markup=False)
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """SIGINT, SIGTERM and SIGHUP raise _Interrupted inside."""
+
+    def interrupt(*_: object) -> None:
+        raise _Interrupted
+
+    with _handling(interrupt):
+        yield
+
+
+@contextmanager
+def _uninterruptible() -> Iterator[None]:
+    """Nothing may cut the clean-up short; it is bounded by itself."""
+    with _handling(lambda *_: None):
+        yield
+
+
+@contextmanager
+def _handling(handler: Any) -> Iterator[None]:
+    before = {s: signal.signal(s, handler) for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)

@@ -1,0 +1,161 @@
+"""What a demonstration flight amounted to: figures from the simulator's truth, and the verdict. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from goshawk_dashboards.snapshot import HealthView, TruthView
+
+MAX_TARGET_DISTANCE_M = 12.0
+"""When the runner arrives the vehicle must be within this of it …"""
+MAX_UNSEEN_S = 1.0
+"""… and must have had it in view within this."""
+TRACKING = ("track", "search", "hold")
+AIRBORNE = ("takeoff", *TRACKING, "stopping")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """The flight in figures. None: it never came to that."""
+
+    succeeded: bool
+    problems: tuple[str, ...]
+    """Each reason why it did not succeed, one line."""
+    tracked_s: float
+    """From the first tracking mode to the runner's arrival (or to the last sample)."""
+    target_path_m: float
+    vehicle_path_m: float
+    mean_speed_mps: float | None
+    max_speed_mps: float | None
+    min_clearance_m: float | None
+    collisions: int
+    in_view_fraction: float | None
+    target_distance_median_m: float | None
+    target_distance_max_m: float | None
+    target_distance_end_m: float | None
+    planner_hz: float | None
+    controller_hz: float | None
+    log_path: str
+
+
+class FlightRecord:
+    """Gathers one flight. Samples come in order; times are the truth's own stamps."""
+
+    def __init__(self, distance_m: float) -> None:
+        self.distance_m = distance_m
+        self.modes: list[str] = []
+        """Each mode in the order seen, without repeats in a row."""
+        self.tracking: list[tuple[int, float, float, bool, float]] = []
+        self.arrived_ns: int | None = None
+        self._collisions_before: int | None = None
+        self._collisions = 0
+        self._unseen_at_end_s: float | None = None
+        self._last_seen_ns: int | None = None
+        self._path_m = 0.0
+        self._vehicle_path_m = 0.0
+        self._last_pos_3: np.ndarray | None = None
+        self._health: HealthView | None = None
+        self.log_path = ""
+
+    def saw_mode(self, mode: str) -> None:
+        """The vehicle's mode, as often as it is heard."""
+        if not self.modes or self.modes[-1] != mode:
+            self.modes.append(mode)
+
+    def saw_health(self, health: HealthView) -> None:
+        """A heartbeat; the rates that count are those while tracking."""
+        self.saw_mode(health.mode)
+        self.log_path = health.log_path or self.log_path
+        if health.mode in TRACKING and self.arrived_ns is None:
+            self._health = health
+
+    def saw_truth(self, truth: TruthView) -> None:
+        """A sample of the simulator's truth."""
+        mode = self.modes[-1] if self.modes else ""
+        if mode not in AIRBORNE:
+            return
+        if self._collisions_before is None:
+            self._collisions_before = truth.collisions
+        self._collisions = truth.collisions - self._collisions_before
+        if mode not in TRACKING or self.arrived_ns is not None:
+            return
+        if self._last_pos_3 is not None:
+            self._vehicle_path_m += float(np.linalg.norm(truth.pos_world_3 - self._last_pos_3))
+        self._last_pos_3 = truth.pos_world_3
+        if truth.target_visible:
+            self._last_seen_ns = truth.stamp_ns
+        self._path_m = truth.target_path_m
+        self.tracking.append(
+            (
+                truth.stamp_ns,
+                float(np.linalg.norm(truth.vel_world_3)),
+                truth.target_distance_m,
+                truth.target_visible,
+                truth.clearance_m,
+            )
+        )
+        if truth.target_arrived or truth.target_path_m >= self.distance_m:
+            self.arrived_ns = truth.stamp_ns
+            seen = self._last_seen_ns
+            self._unseen_at_end_s = None if seen is None else (truth.stamp_ns - seen) * 1e-9
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the runner has run its distance while it was tracked."""
+        return self.arrived_ns is not None
+
+    @property
+    def collided(self) -> bool:
+        """Whether the vehicle hit anything since it took off."""
+        return self._collisions > 0
+
+    def problems(self) -> tuple[str, ...]:
+        """Why the flight is not a success, or nothing."""
+        found: list[str] = []
+        if "takeoff" not in self.modes and not any(m in TRACKING for m in self.modes):
+            return ("it never took off",)
+        if "fault" in self.modes:
+            found.append("the vehicle reported a fault and handed back")
+        if self.collided:
+            found.append(f"it collided {self._collisions} time{'s' if self._collisions != 1 else ''}")
+        if not self.tracking:
+            found.append("it never tracked the runner")
+        elif not self.arrived:
+            found.append(f"the runner had run {self._path_m:.0f} of {self.distance_m:.0f} m when the flight ended")
+        else:
+            end_m = self.tracking[-1][2]
+            if end_m > MAX_TARGET_DISTANCE_M:
+                found.append(f"the runner arrived {end_m:.1f} m away, more than {MAX_TARGET_DISTANCE_M:.0f} m")
+            if self._unseen_at_end_s is None:
+                found.append("the runner was never in view")
+            elif self._unseen_at_end_s > MAX_UNSEEN_S:
+                found.append(f"the runner had not been in view for {self._unseen_at_end_s:.1f} s when it arrived")
+        if not self.modes or self.modes[-1] not in ("landed", "ready", "idle"):
+            found.append(f"it did not land: its last mode was {self.modes[-1] if self.modes else 'unknown'}")
+        return tuple(found)
+
+    def summary(self, extra_problems: tuple[str, ...] = ()) -> Summary:
+        """The figures and the verdict; ``extra_problems`` come from outside the flight (a process that died)."""
+        problems = extra_problems + self.problems()
+        rows = np.array([row[1:] for row in self.tracking], dtype=np.float64).reshape(-1, 4)
+        some = len(rows) > 0
+        rates = dict(self._health.rates_hz) if self._health is not None else {}
+        return Summary(
+            succeeded=not problems,
+            problems=problems,
+            tracked_s=(self.tracking[-1][0] - self.tracking[0][0]) * 1e-9 if some else 0.0,
+            target_path_m=self._path_m,
+            vehicle_path_m=self._vehicle_path_m,
+            mean_speed_mps=float(rows[:, 0].mean()) if some else None,
+            max_speed_mps=float(rows[:, 0].max()) if some else None,
+            min_clearance_m=float(rows[:, 3].min()) if some else None,
+            collisions=self._collisions,
+            in_view_fraction=float(rows[:, 2].mean()) if some else None,
+            target_distance_median_m=float(np.median(rows[:, 1])) if some else None,
+            target_distance_max_m=float(rows[:, 1].max()) if some else None,
+            target_distance_end_m=float(rows[-1, 1]) if some else None,
+            planner_hz=rates.get("planner"),
+            controller_hz=rates.get("controller"),
+            log_path=self.log_path,
+        )

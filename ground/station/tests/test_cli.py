@@ -1,0 +1,102 @@
+"""The command line as an operator meets it: a process, its words, its exit status."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from goshawk_ground.cli import app
+from typer.testing import CliRunner
+
+Fakes = Callable[..., Any]
+
+
+def goshawk(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from goshawk_ground.cli import main; main()", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def one_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    assert len(lines) == 1, text
+    return lines[0]
+
+
+@pytest.mark.parametrize("command", ["start", "stop", "status"])
+def test_no_vehicle_is_one_clear_line_and_status_2(command: str, free_endpoint: str) -> None:
+    done = goshawk(command, "--connect", free_endpoint, "--timeout", "0.5")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    line = one_line(done.stderr)
+    assert line.startswith(f"goshawk: no vehicle at {free_endpoint}")
+
+
+@pytest.mark.parametrize("command", ["start", "stop", "status", "ground"])
+def test_a_bad_endpoint_is_one_clear_line_and_status_2(command: str) -> None:
+    done = CliRunner().invoke(app, [command, "--connect", "nonsense"])
+    assert done.exit_code == 2
+    assert "'nonsense' is not an endpoint" in one_line(done.stderr)
+
+
+@pytest.mark.parametrize("command", ["start", "stop", "status", "ground", "demo"])
+def test_help_has_examples(command: str) -> None:
+    done = CliRunner().invoke(app, [command, "--help"])
+    assert done.exit_code == 0
+    assert f"goshawk {command}" in done.stdout
+    assert "Examples:" in done.stdout
+
+
+def test_start_and_stop_say_what_became_of_them(fake_vehicle: Fakes) -> None:
+    endpoint = fake_vehicle().endpoint
+    status = ""
+    while "ready, ready" not in status:
+        status = goshawk("status", "--connect", endpoint).stdout
+    started = goshawk("start", "--connect", endpoint)
+    assert (started.returncode, one_line(started.stdout)) == (0, "start accepted (takeoff): taking off")
+    again = goshawk("start", "--connect", endpoint)
+    assert again.returncode == 1
+    assert "already flying" in one_line(again.stderr)
+    stopped = goshawk("stop", "--connect", endpoint, "--json")
+    facts = json.loads(stopped.stdout)
+    assert stopped.returncode == 0
+    assert (facts["accepted"], facts["mode"]) == (True, "stopping")
+
+
+def test_an_unknown_profile_is_refused_with_the_vehicles_words(fake_vehicle: Fakes) -> None:
+    endpoint = fake_vehicle().endpoint
+    while '"ready": true' not in goshawk("status", "--connect", endpoint, "--json").stdout:
+        pass
+    done = goshawk("start", "--profile", "nosuch", "--connect", endpoint)
+    assert done.returncode == 1
+    assert "no profile named 'nosuch'" in one_line(done.stderr)
+
+
+def test_status_of_a_vehicle_that_is_not_ready_says_why_and_is_1(fake_vehicle: Fakes) -> None:
+    endpoint = fake_vehicle("--not-ready").endpoint
+    done = goshawk("status", "--connect", endpoint)
+    assert done.returncode == 1
+    assert "no odometry yet" in done.stdout
+    assert "planner" in done.stdout
+    facts = json.loads(goshawk("status", "--connect", endpoint, "--json").stdout)
+    assert facts["ready"] is False
+    assert {c["name"] for c in facts["checks"] if not c["ok"]} == {"odometry"}
+
+
+def test_a_busy_dashboard_port_is_one_clear_line(free_endpoint: str) -> None:
+    import socket
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        done = goshawk("ground", "--connect", free_endpoint, "--port", port)
+    assert done.returncode == 2
+    assert f"127.0.0.1:{port}" in one_line(done.stderr)
+
+
+def test_an_unknown_option_is_wrong_usage() -> None:
+    assert CliRunner().invoke(app, ["start", "--nosuch"]).exit_code == 2

@@ -1,0 +1,111 @@
+"""The demo as a process, with stand-ins for the two binaries: it flies, judges, and cleans up."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+FAKE = ROOT / "tests/browser/fake_vehicle.py"
+SLEEPER = "#!/bin/sh\nexec sleep 600\n"
+
+
+def stand_ins(folder: Path, *, air: str, sim: str = SLEEPER) -> Path:
+    """A folder with the two binaries as scripts."""
+    folder.mkdir()
+    for name, script in (("goshawk-air", air), ("goshawk-sim", sim)):
+        (folder / name).write_text(script)
+        (folder / name).chmod(0o755)
+    return folder
+
+
+def flying_air(*flags: str) -> str:
+    """A goshawk-air that is the stand-in vehicle at the endpoint it was given."""
+    return f'#!/bin/sh\nexec {sys.executable} {FAKE} --listen "$5" {" ".join(flags)}\n'
+
+
+def demo(folder: Path, bin_dir: Path, *arguments: str) -> subprocess.Popen[str]:
+    command = [
+        sys.executable, "-c", "from goshawk_ground.cli import main; main()", "demo", "--bin-dir", str(bin_dir),
+        "--log-dir", str(folder / "logs"), *arguments,
+    ]  # fmt: skip
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+
+
+def descendants(needle: str) -> list[int]:
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                command = (entry / "cmdline").read_bytes().decode(errors="replace")
+            except OSError:
+                continue
+            if needle in command and "--bin-dir" not in command:
+                found.append(int(entry.name))
+    return found
+
+
+def test_a_headless_demo_flies_and_succeeds(tmp_path: Path) -> None:
+    bin_dir = stand_ins(tmp_path / "bin", air=flying_air())
+    process = demo(tmp_path, bin_dir, "--headless", "--distance", "8", "--json", str(tmp_path / "out.json"))
+    output, _ = process.communicate(timeout=90)
+    assert process.returncode == 0, output
+    assert "flight" in output
+    assert "succeeded" in output
+    facts = json.loads((tmp_path / "out.json").read_text())
+    assert facts["succeeded"] is True
+    assert facts["target_path_m"] >= 8.0
+    assert facts["collisions"] == 0
+    assert facts["planner_hz"] > 50
+    assert not descendants(str(tmp_path))
+
+
+def test_a_simulator_that_dies_is_a_failure_with_its_last_words(tmp_path: Path) -> None:
+    sim = "#!/bin/sh\nsleep 2\necho the world ended >&2\nexit 7\n"
+    bin_dir = stand_ins(tmp_path / "bin", air=flying_air("--not-ready"), sim=sim)
+    process = demo(tmp_path, bin_dir, "--headless")
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "sim ended by itself (status 7)" in output
+    assert "the world ended" in output
+    assert not descendants(str(tmp_path))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupted_demo_leaves_nothing_running(tmp_path: Path, number: signal.Signals) -> None:
+    # The folder's name in the command line is how the children are found.
+    air = f"#!/bin/sh\nexec {sys.executable} {FAKE} --listen $5 --not-ready --vehicle goshawk # {tmp_path}\n"
+    sim = f"#!/bin/sh\nexec sh -c 'sleep 600; : {tmp_path}'\n"
+    process = demo(tmp_path, stand_ins(tmp_path / "bin", air=air, sim=sim), "--headless")
+    deadline = time.monotonic() + 30
+    while not descendants(f": {tmp_path}"):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(1.5)
+    process.send_signal(number)
+    output, _ = process.communicate(timeout=30)
+    assert process.returncode == 1, output
+    assert "Traceback" not in output
+    assert not descendants(f": {tmp_path}")
+
+
+def test_missing_binaries_are_one_clear_line(tmp_path: Path) -> None:
+    process = demo(tmp_path, tmp_path / "nowhere", "--headless")
+    output, _ = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert output.strip().splitlines()[-1].startswith("goshawk: ")
+    assert "make setup" in output

@@ -1,0 +1,166 @@
+"""The ground's link over real Zenoh, with a vehicle in another process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from goshawk_dashboards.snapshot import Snapshot
+from goshawk_ground.dial import LinkError
+from goshawk_ground.link import GroundLink
+
+Fakes = Callable[..., Any]
+CHANNELS = {"control", "health", "preview", "sim_truth"}
+
+
+def channel(snap: Snapshot, name: str) -> Any:
+    return next(c for c in snap.channels if c.name == name)
+
+
+def ready(snap: Snapshot) -> bool:
+    return snap.health is not None and snap.health.ready and snap.mode == "ready"
+
+
+def test_a_flight_begins_and_ends_by_command(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle().endpoint) as link:
+        assert link.wait_for(ready, 10)
+        started = link.start("fast")
+        assert (started.answered, started.accepted, started.mode) == (True, True, "takeoff")
+        tracking = link.wait_for(lambda s: s.mode == "track" and s.plan is not None and s.target is not None, 10)
+        assert tracking is not None
+        assert tracking.plan is not None
+        assert len(tracking.plan.cost_N) == 15
+        assert tracking.alive
+        stopped = link.stop()
+        assert stopped.accepted
+        assert link.wait_for(lambda s: s.mode == "landed", 10)
+        assert link.snapshot().command == stopped
+        assert any("landed" in e.text for e in link.snapshot().events)
+
+
+def test_a_refusal_says_why(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle("--not-ready").endpoint) as link:
+        reply = link.start()
+        assert (reply.answered, reply.accepted) == (True, False)
+        assert "odometry" in reply.text
+
+
+def test_no_vehicle_is_no_reply_in_time_and_says_what_to_check(free_endpoint: str) -> None:
+    with GroundLink(connect=free_endpoint) as link:
+        before = time.monotonic()
+        reply = link.start(timeout_s=0.6)
+        assert time.monotonic() - before < 2.0
+        assert not reply.answered
+        assert free_endpoint in reply.text
+        assert "--connect" in reply.text
+
+
+def test_a_wrong_name_is_told_from_a_missing_vehicle(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle().endpoint, vehicle="stranger") as link:
+        reply = link.stop(timeout_s=2.0)
+        assert not reply.answered
+        assert "--vehicle" in reply.text
+        assert not link.snapshot().alive
+
+
+def test_a_mute_vehicle_is_told_from_a_missing_one(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle("--mute").endpoint) as link:
+        assert link.wait_for(lambda s: s.alive, 10)
+        reply = link.stop(timeout_s=1.0)
+        assert not reply.answered
+        assert "alive" in reply.text
+
+
+def test_loss_is_computed_from_seq(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle("--lose", "0.3").endpoint) as link:
+        assert link.wait_for(lambda s: channel(s, "control").count > 180, 20)
+        assert 0.18 < channel(link.snapshot(), "control").loss_fraction < 0.45
+
+
+def test_malformed_payloads_are_counted_and_hurt_nothing(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle("--malformed").endpoint) as link:
+        snap = link.wait_for(
+            lambda s: all(channel(s, n).malformed > 5 for n in ("plan", "control", "health")) and s.health is not None,
+            10,
+        )
+        assert snap is not None
+        assert snap.fresh("control", 0.5)
+        assert link.start().answered
+
+
+def test_two_grounds_see_the_same_and_either_may_command(fake_vehicle: Fakes) -> None:
+    endpoint = fake_vehicle().endpoint
+    with GroundLink(connect=endpoint) as one, GroundLink(connect=endpoint) as two:
+        assert one.wait_for(ready, 10)
+        assert two.wait_for(ready, 10)
+        assert one.start().accepted
+        assert two.wait_for(lambda s: s.mode == "track", 10)
+        second = two.start()
+        assert (second.accepted, second.text) == (False, "already flying")
+        assert two.stop().accepted
+        assert one.wait_for(lambda s: s.mode in ("stopping", "landed"), 10)
+
+
+def test_one_ground_leaving_does_not_disturb_the_other(fake_vehicle: Fakes) -> None:
+    endpoint = fake_vehicle().endpoint
+    with GroundLink(connect=endpoint) as one:
+        with GroundLink(connect=endpoint) as two:
+            assert two.wait_for(ready, 10)
+        assert one.wait_for(ready, 10)
+        count = channel(one.snapshot(), "control").count
+        assert one.wait_for(lambda s: channel(s, "control").count > count + 20 and s.alive, 5)
+
+
+def test_a_ground_started_first_finds_its_vehicle(fake_vehicle: Fakes, free_endpoint: str) -> None:
+    with GroundLink(connect=free_endpoint) as link:
+        time.sleep(0.5)
+        assert not link.snapshot().linked
+        fake_vehicle(endpoint=free_endpoint)
+        assert link.wait_for(ready, 15)
+
+
+def test_a_killed_vehicle_goes_stale_and_its_return_is_noticed(fake_vehicle: Fakes) -> None:
+    fake = fake_vehicle()
+    with GroundLink(connect=fake.endpoint) as link:
+        assert link.wait_for(ready, 10)
+        fake.kill()
+        assert link.wait_for(lambda s: not s.linked and not s.alive and not s.fresh("control", 1.0), 10)
+        assert link.snapshot().control is not None
+        fake_vehicle(endpoint=fake.endpoint)
+        assert link.wait_for(lambda s: ready(s) and s.alive and s.fresh("control", 0.5), 15)
+        assert link.start().accepted
+
+
+def test_the_simulators_trees_are_fetched(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle("--seed", "5").endpoint) as link:
+        snap = link.wait_for(lambda s: s.world is not None, 10)
+        assert snap is not None
+        assert snap.world is not None
+        assert snap.world.seed == 5
+        assert len(snap.world.radius_m_K) > 20
+
+
+def test_a_listener_hears_every_sample_until_it_ends(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle().endpoint) as link:
+        heard: list[str] = []
+        end = link.listen(lambda name, _: heard.append(name))
+        assert link.wait_for(lambda _: set(heard) >= CHANNELS, 10)
+        end()
+        time.sleep(0.1)
+        count = len(heard)
+        time.sleep(0.3)
+        assert len(heard) == count
+
+
+@pytest.mark.parametrize("endpoint", ["", "foo", "tcp/", "http/127.0.0.1:1"])
+def test_an_endpoint_that_cannot_be_one_is_refused_at_once(endpoint: str) -> None:
+    with pytest.raises(LinkError, match="endpoint"):
+        GroundLink(connect=endpoint)
+
+
+@pytest.mark.parametrize("name", ["", "A", "a/b", "a*"])
+def test_a_name_that_cannot_be_one_is_refused_at_once(name: str) -> None:
+    with pytest.raises(LinkError, match="vehicle name"):
+        GroundLink(vehicle=name)
