@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use goshawk_core::{Plan, Planner, PlannerInput, PlanningDemand};
-use goshawk_policy::{Policy, Preprocessor};
+use goshawk_policy::{Policy, Preprocessor, Source};
 
 use crate::clock;
 use crate::sensors::Frame;
@@ -16,8 +16,8 @@ use crate::shared::{Report, Shared, lock};
 pub struct Planning {
     /// The policy's network.
     pub policy: Policy,
-    /// Its image preparation.
-    pub preprocessor: Preprocessor,
+    /// Its image preparation, made for the source of the last frame.
+    pub preprocessor: Option<Preprocessor>,
     /// The core's planner.
     pub planner: Planner,
     /// What is planned for while the controller demands nothing.
@@ -54,12 +54,20 @@ impl Planning {
         let odometry = odometry.ok_or("no odometry around the frame's stamp")?;
         let demand = shared.demand.latest().map_or(self.idle_demand, |demand| *demand);
         let state = self.planner.network_state(&odometry, acc_world, demand.speed, demand.goal_world);
-        let image = self
-            .preprocessor
-            .run(&frame.rgb, &frame.depth_mm, frame.width, frame.height, frame.hfov, frame.vfov)
-            .map_err(|e| e.to_string())?;
+        let source = Source {
+            width: frame.width as u32,
+            height: frame.height as u32,
+            hfov_rad: frame.hfov,
+            vfov_rad: frame.vfov,
+        };
+        let preprocessor = match self.preprocessor.take().filter(|p| p.source() == source) {
+            Some(fitting) => fitting,
+            None => Preprocessor::new(self.policy.contract(), source).map_err(|e| e.to_string())?,
+        };
+        let image =
+            self.preprocessor.insert(preprocessor).run(&frame.rgb, &frame.depth_mm).map_err(|e| e.to_string())?;
         let begun = clock::now();
-        let network = self.policy.infer(image, &state).map_err(|e| e.to_string())?;
+        let network = self.policy.infer(image, &state[..self.policy.state_len()]).map_err(|e| e.to_string())?;
         let inference_s = clock::now().since(begun);
         let input = PlannerInput {
             seq,

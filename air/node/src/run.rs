@@ -10,7 +10,7 @@ use std::time::Duration;
 use color_eyre::eyre::{Result, WrapErr, bail};
 use goshawk_autopilot::{AutopilotLink, HeartbeatKind, LinkConfig, StreamRates};
 use goshawk_core::{Controller, Planner, PlanningDemand, Profile};
-use goshawk_policy::{Policy, Preprocessor};
+use goshawk_policy::Policy;
 use goshawk_proto::keys::Key;
 
 use crate::bus::Bus;
@@ -53,8 +53,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let log_dir = overrides.log_dir.unwrap_or_else(|| vehicle.resolve(&vehicle.recorder.directory));
 
     let policy = Policy::load(&model, vehicle.policy.library.as_deref(), vehicle.policy.threads)?;
-    let preprocessor = Preprocessor::new(policy.contract());
-    let planner = Planner::new(vehicle.planner_config(policy.contract().policy_model()))
+    let planner = Planner::new(vehicle.planner_config(policy.contract().model()))
         .wrap_err_with(|| format!("the policy {} does not fit the vehicle file", model.display()))?;
     let controller = Controller::new(vehicle.controller_config())?;
     let idle_demand = idle_demand(&vehicle, &policy)?;
@@ -76,7 +75,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     tracing::info!("listening on {}; policy {}", vehicle.network.listen.join(", "), model.display());
 
     let control = Control { controller, link, source: vehicle.sensors.odometry, rate_hz: vehicle.controller.rate_hz };
-    let planning = Planning { policy, preprocessor, planner, idle_demand };
+    let planning = Planning { policy, preprocessor: None, planner, idle_demand };
     let threads = [
         spawn("control", &shared, move |shared| control.run(shared))?,
         spawn("planner", &shared, move |shared| planning.run(shared))?,
@@ -136,7 +135,7 @@ fn link_config(vehicle: &Vehicle) -> LinkConfig {
 }
 
 fn idle_demand(vehicle: &Vehicle, policy: &Policy) -> Result<PlanningDemand> {
-    let task = policy.contract().policy_model().task;
+    let task = policy.contract().model().task;
     for name in vehicle.profile_names() {
         let Some(Profile { task: wanted, .. }) = vehicle.profile(Some(&name)) else { continue };
         if wanted != task {

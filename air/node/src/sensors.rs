@@ -167,7 +167,7 @@ mod tests {
             hfov_rad: 1.57,
             vfov_rad: 1.08,
             rgb: vec![7; 24],
-            depth_mm: vec![0x34, 0x12].repeat(8),
+            depth_mm: [0x34, 0x12].repeat(8),
         }
     }
 

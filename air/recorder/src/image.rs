@@ -1,9 +1,9 @@
-//! RGB-D compression for the log: JPEG colour, 16-bit PNG depth.
+//! RGB-D compression for the log: JPEG colour (lossy), 16-bit PNG depth (exact).
 
 use goshawk_proto::v1;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 
 use crate::error::RecorderError;
 
@@ -34,14 +34,19 @@ pub fn compress(rgb: &[u8], depth_mm: &[u16], width: u32, height: u32) -> Result
 /// Undoes [`compress`]: colour approximately, depth exactly.
 ///
 /// # Errors
-/// The bytes are not such images.
+/// The bytes are not such images, or not of the size that the message says.
 pub fn decompress(message: &v1::CompressedRgbd) -> Result<(Vec<u8>, Vec<u16>), RecorderError> {
-    let error = |e: image::ImageError| RecorderError::Image {
-        width: message.width,
-        height: message.height,
-        cause: e.to_string(),
+    let v1::CompressedRgbd { width, height, .. } = *message;
+    let error = |cause: String| RecorderError::Image { width, height, cause };
+    let decode = |bytes: &[u8], format| {
+        let image = image::load_from_memory_with_format(bytes, format).map_err(|e| error(e.to_string()))?;
+        if (image.width(), image.height()) == (width, height) {
+            Ok(image)
+        } else {
+            Err(error(format!("the compressed image is {} x {}", image.width(), image.height())))
+        }
     };
-    let rgb = image::load_from_memory(&message.rgb_jpeg).map_err(error)?.into_rgb8().into_raw();
-    let depth = image::load_from_memory(&message.depth_png).map_err(error)?.into_luma16().into_raw();
+    let rgb = decode(&message.rgb_jpeg, ImageFormat::Jpeg)?.into_rgb8().into_raw();
+    let depth = decode(&message.depth_png, ImageFormat::Png)?.into_luma16().into_raw();
     Ok((rgb, depth))
 }

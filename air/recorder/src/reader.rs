@@ -53,6 +53,12 @@ impl LogReader {
         &self.path
     }
 
+    /// The file was closed: its last chunk and its summary are there. False after a crash or a full disk.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        matches!(mcap::Summary::read(&self.bytes), Ok(Some(_)))
+    }
+
     /// The records in the order of writing, ending at the first damage.
     pub fn entries(&self) -> impl Iterator<Item = Entry> + '_ {
         MessageStream::new_with_options(&self.bytes, Options::IgnoreEndMagic | Options::ValidateChunkCrcs)

@@ -4,8 +4,8 @@
 //! for [`Recorder::failure`]; the process lives on. Each second the chunk is ended and synced, so a power cut costs at
 //! most one second.
 
-use std::fs::OpenOptions;
-use std::io::{BufWriter, ErrorKind, Seek, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -18,10 +18,11 @@ use crate::error::RecorderError;
 use crate::writer::LogWriter;
 
 const QUEUE: usize = 1024;
+const PANICKED: &str = "the recorder's thread panicked";
 const SYNC_PERIOD: Duration = Duration::from_millis(500);
 
-/// Makes a record's bytes; runs on the recorder's thread, so that compression costs the caller nothing. None: leave the
-/// record out.
+/// Makes a record's bytes; runs on the recorder's thread, so that compression costs the caller nothing. None: it could
+/// not be made, and counts as dropped.
 pub type Payload = Box<dyn FnOnce() -> Option<Vec<u8>> + Send>;
 
 struct Record {
@@ -39,7 +40,7 @@ pub struct Recorder {
     sender: Option<SyncSender<Record>>,
     thread: Option<JoinHandle<()>>,
     failure: Arc<Mutex<Option<String>>>,
-    dropped: AtomicU64,
+    dropped: Arc<AtomicU64>,
 }
 
 impl Recorder {
@@ -49,9 +50,8 @@ impl Recorder {
     /// The file exists or cannot be made.
     pub fn create(path: &Path) -> Result<Self, RecorderError> {
         let error = |source| RecorderError::Create { path: path.to_owned(), source };
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(error)?;
-        }
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(error)?;
         let file = OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
             if source.kind() == ErrorKind::AlreadyExists {
                 RecorderError::Exists(path.to_owned())
@@ -59,6 +59,8 @@ impl Recorder {
                 error(source)
             }
         })?;
+        // The file's name must survive a power cut as well; a folder that cannot be synced is no reason not to record.
+        let _ = File::open(folder).and_then(|folder| folder.sync_all());
         let disk = file.try_clone().map_err(error)?;
         Self::over(BufWriter::new(file), Box::new(move || disk.sync_data()), path)
     }
@@ -69,28 +71,23 @@ impl Recorder {
     /// The thread could not be started.
     pub fn over<W>(sink: W, sync: Sync, path: &Path) -> Result<Self, RecorderError>
     where
-        W: Write + Seek + Send + 'static,
+        W: Write + Send + 'static,
     {
         let (sender, receiver) = sync_channel(QUEUE);
         let failure = Arc::new(Mutex::new(None));
-        let told = Arc::clone(&failure);
+        let dropped = Arc::new(AtomicU64::new(0));
+        let (told, unmade) = (Arc::clone(&failure), Arc::clone(&dropped));
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
-                if let Err(e) = write_all(sink, sync, &receiver) {
+                if let Err(e) = write_all(sink, sync, &receiver, &unmade) {
                     let why = chain(&e);
                     tracing::error!("recording stopped: {why}");
                     *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
                 }
             })
             .map_err(RecorderError::Thread)?;
-        Ok(Recorder {
-            path: path.to_owned(),
-            sender: Some(sender),
-            thread: Some(thread),
-            failure,
-            dropped: AtomicU64::new(0),
-        })
+        Ok(Recorder { path: path.to_owned(), sender: Some(sender), thread: Some(thread), failure, dropped })
     }
 
     /// Queues a record; `payload` runs on the recorder's thread. Never blocks: with the queue full or the recording
@@ -119,7 +116,9 @@ impl Recorder {
     /// Why the recording ended early; none while all is well.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let told = self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let ended = self.sender.is_some() && self.thread.as_ref().is_some_and(JoinHandle::is_finished);
+        told.or_else(|| ended.then(|| PANICKED.to_owned()))
     }
 
     /// Writes what is queued and the summary, and waits for it. Also done on drop.
@@ -128,7 +127,7 @@ impl Recorder {
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
-            tracing::error!("the recorder's thread failed");
+            *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(PANICKED.to_owned());
         }
     }
 }
@@ -139,16 +138,22 @@ impl Drop for Recorder {
     }
 }
 
-fn write_all<W: Write + Seek>(sink: W, mut sync: Sync, records: &Receiver<Record>) -> Result<(), mcap::McapError> {
+fn write_all<W: Write>(
+    sink: W,
+    mut sync: Sync,
+    records: &Receiver<Record>,
+    unmade: &AtomicU64,
+) -> Result<(), mcap::McapError> {
     let mut log = LogWriter::new(sink)?;
     let mut synced = Instant::now();
     loop {
         match records.recv_timeout(SYNC_PERIOD) {
-            Ok(Record { channel, time_ns, payload }) => {
-                if let Some(bytes) = payload() {
-                    log.write(channel, time_ns, &bytes)?;
+            Ok(Record { channel, time_ns, payload }) => match payload() {
+                Some(bytes) => log.write(channel, time_ns, &bytes)?,
+                None => {
+                    unmade.fetch_add(1, Ordering::Relaxed);
                 }
-            }
+            },
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }

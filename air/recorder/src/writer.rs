@@ -1,9 +1,13 @@
 //! Writes records into an MCAP file: protobuf channels with their schemas, zstd chunks. Knows no thread.
+//!
+//! A chunk is built in memory and reaches the sink whole and in order, so a killed writer leaves a file that is intact
+//! but for its end, and the sink need not seek.
 
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::io::Write;
 
 use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions, Writer};
 
 use crate::channel::Channel;
@@ -11,12 +15,12 @@ use crate::channel::Channel;
 const CHUNK_BYTES: u64 = 1 << 20;
 
 /// An open MCAP file.
-pub struct LogWriter<W: Write + Seek> {
-    writer: Writer<W>,
+pub struct LogWriter<W: Write> {
+    writer: Writer<NoSeek<W>>,
     channels: BTreeMap<Channel, (u16, u32)>,
 }
 
-impl<W: Write + Seek> LogWriter<W> {
+impl<W: Write> LogWriter<W> {
     /// Begins a file in `sink`.
     ///
     /// # Errors
@@ -25,9 +29,11 @@ impl<W: Write + Seek> LogWriter<W> {
         let writer = WriteOptions::new()
             .compression(Some(Compression::Zstd))
             .compression_level(1)
+            .compression_threads(0)
+            .disable_seeking(true)
             .chunk_size(Some(CHUNK_BYTES))
             .library(concat!("goshawk-recorder ", env!("CARGO_PKG_VERSION")))
-            .create(sink)?;
+            .create(NoSeek::new(sink))?;
         Ok(LogWriter { writer, channels: BTreeMap::new() })
     }
 
@@ -66,6 +72,6 @@ impl<W: Write + Seek> LogWriter<W> {
     /// The sink refused.
     pub fn finish(mut self) -> Result<W, mcap::McapError> {
         self.writer.finish()?;
-        Ok(self.writer.into_inner())
+        Ok(self.writer.into_inner().into_inner())
     }
 }

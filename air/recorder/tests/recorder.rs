@@ -1,8 +1,11 @@
 //! The recorder over real files, full disks and killed writers.
 
+#![allow(clippy::unwrap_used)]
+
 use std::fs::File;
-use std::io::{BufWriter, Cursor, Error, Seek, SeekFrom, Write};
+use std::io::{BufWriter, Error, ErrorKind, Write};
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use goshawk_proto::keys::Key;
@@ -31,10 +34,11 @@ fn what_was_recorded_is_read_back_in_order() {
     for k in 0..100 {
         record(&recorder, k);
     }
-    recorder.record(events(), 1000, Box::new(|| None));
+    recorder.record(events(), 1000, Box::new(|| None)); // could not be made
     recorder.close();
-    assert_eq!((recorder.dropped(), recorder.failure()), (0, None));
+    assert_eq!((recorder.dropped(), recorder.failure()), (1, None));
     let log = LogReader::open(&path).unwrap();
+    assert!(log.is_closed());
     let back: Vec<v1::Event> = log.entries().filter_map(|entry| entry.decode(events())).collect();
     assert_eq!(back, (0..100).map(event).collect::<Vec<_>>());
     assert!(log.entries().all(|entry| entry.decode::<v1::Event>(Channel::HEADER).is_none()));
@@ -58,7 +62,7 @@ fn a_folder_that_cannot_be_made_is_an_error_that_names_it() {
 #[test]
 fn a_full_disk_ends_the_recording_and_says_so() {
     let full = File::options().write(true).open("/dev/full").unwrap();
-    let mut recorder = Recorder::over(BufWriter::new(NoSeek(full)), Box::new(|| Ok(())), Path::new("full")).unwrap();
+    let mut recorder = Recorder::over(BufWriter::new(full), Box::new(|| Ok(())), Path::new("full")).unwrap();
     let mut k = 0;
     while recorder.failure().is_none() {
         record(&recorder, k);
@@ -71,20 +75,83 @@ fn a_full_disk_ends_the_recording_and_says_so() {
     recorder.close();
 }
 
-// /dev/full cannot seek; the file format asks where it is.
-struct NoSeek(File);
-impl Write for NoSeek {
+/// A disk that takes `left` bytes, then is full; `sink` is what it holds.
+struct SmallDisk {
+    sink: Arc<Mutex<Vec<u8>>>,
+    left: usize,
+}
+
+impl Write for SmallDisk {
     fn write(&mut self, bytes: &[u8]) -> Result<usize, Error> {
-        self.0.write(bytes)
+        let taken = bytes.len().min(self.left);
+        if taken == 0 {
+            return Err(Error::from(ErrorKind::StorageFull));
+        }
+        self.left -= taken;
+        self.sink.lock().unwrap().extend_from_slice(&bytes[..taken]);
+        Ok(taken)
     }
     fn flush(&mut self) -> Result<(), Error> {
-        self.0.flush()
+        Ok(())
     }
 }
-impl Seek for NoSeek {
-    fn seek(&mut self, _: SeekFrom) -> Result<u64, Error> {
-        Ok(0)
+
+#[test]
+fn what_was_on_the_disk_before_it_was_full_is_read_back() {
+    let sink = Arc::new(Mutex::new(Vec::new()));
+    let disk = SmallDisk { sink: Arc::clone(&sink), left: 200_000 };
+    let mut log = LogWriter::new(disk).unwrap();
+    let mut ended = 0;
+    for k in 0.. {
+        log.write(noise(), k, &preview(k)).unwrap();
+        if k % 10 == 9 {
+            if log.flush().is_err() {
+                break;
+            }
+            ended = k + 1;
+        }
     }
+    assert!(log.write(noise(), 0, &preview(0)).is_err());
+    drop(log);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("full.mcap");
+    std::fs::write(&path, sink.lock().unwrap().as_slice()).unwrap();
+    let log = LogReader::open(&path).unwrap();
+    assert!(!log.is_closed());
+    let back = log.entries().count() as u64;
+    assert!(ended >= 20 && back >= ended, "{back} of {ended}");
+}
+
+fn noise() -> Channel {
+    Channel::of(Key::Preview).unwrap()
+}
+
+/// A message of a kilobyte that does not compress.
+fn preview(k: u64) -> Vec<u8> {
+    let jpeg = (0..1000).map(|i| ((k * 1000 + i).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56) as u8).collect();
+    v1::Preview { seq: k, stamp_ns: k, width: 1, height: 1, jpeg }.encode_to_vec()
+}
+
+#[test]
+fn a_disk_that_cannot_sync_ends_the_recording_and_says_so() {
+    let sync = Box::new(|| Err(Error::other("cable pulled")));
+    let mut recorder = Recorder::over(Vec::new(), sync, Path::new("pulled")).unwrap();
+    record(&recorder, 0);
+    recorder.close();
+    assert!(recorder.failure().unwrap().contains("cable pulled"));
+}
+
+#[test]
+fn a_panic_on_the_recorders_thread_is_a_failure_and_no_more() {
+    let mut recorder = Recorder::over(Vec::new(), Box::new(|| Ok(())), Path::new("panic")).unwrap();
+    recorder.record(events(), 0, Box::new(|| panic!("on purpose")));
+    while recorder.failure().is_none() {
+        std::thread::yield_now();
+    }
+    record(&recorder, 1);
+    assert_eq!(recorder.dropped(), 1);
+    recorder.close();
+    assert!(recorder.failure().unwrap().contains("panicked"));
 }
 
 #[test]
@@ -105,25 +172,25 @@ fn a_full_queue_drops_and_counts_and_does_not_block() {
 }
 
 fn in_chunks() -> (Vec<u8>, Vec<usize>) {
-    let mut log = LogWriter::new(Cursor::new(Vec::new())).unwrap();
+    let mut log = LogWriter::new(Vec::new()).unwrap();
     for k in 0..300 {
         log.write(events(), k, &event(k).encode_to_vec()).unwrap();
         if k % 100 == 99 {
             log.flush().unwrap();
         }
     }
-    let bytes = log.finish().unwrap().into_inner();
+    let bytes = log.finish().unwrap();
     // Where each chunk ends: the length of a file that holds just it and those before.
     let ends = (1..=3)
         .map(|chunks| {
-            let mut log = LogWriter::new(Cursor::new(Vec::new())).unwrap();
+            let mut log = LogWriter::new(Vec::new()).unwrap();
             for k in 0..chunks * 100 {
                 log.write(events(), k, &event(k).encode_to_vec()).unwrap();
                 if k % 100 == 99 {
                     log.flush().unwrap();
                 }
             }
-            let summary_free = log.finish().unwrap().into_inner();
+            let summary_free = log.finish().unwrap();
             summary_free.iter().zip(&bytes).take_while(|(a, b)| a == b).count()
         })
         .collect();
@@ -141,6 +208,7 @@ proptest! {
         std::fs::write(&path, &bytes[..length]).unwrap();
         let whole = ends.iter().filter(|end| **end <= length).count() as u64 * 100;
         let log = LogReader::open(&path).unwrap();
+        prop_assert!(!log.is_closed());
         let back: Vec<v1::Event> = log.entries().filter_map(|entry| entry.decode(events())).collect();
         prop_assert!(back.len() as u64 >= whole, "{} of {whole}", back.len());
         prop_assert_eq!(&back[..], &(0..back.len() as u64).map(event).collect::<Vec<_>>()[..]);
@@ -167,4 +235,6 @@ fn compressed_depth_is_exact_and_colour_close() {
     let worst = rgb.iter().zip(&rgb_back).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
     assert!(worst < 40, "{worst}");
     assert!(goshawk_recorder::image::compress(&rgb[3..], &depth, 48, 32).is_err());
+    let mistaken = v1::CompressedRgbd { width: 32, height: 48, ..message };
+    assert!(goshawk_recorder::image::decompress(&mistaken).unwrap_err().to_string().contains("48 x 32"));
 }
