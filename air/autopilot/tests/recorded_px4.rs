@@ -1,6 +1,8 @@
 //! 56 s of a real PX4's traffic through the same parsing as in flight. The recording is not part of the repository:
 //! it lies beside it, in `../shared/data`, and without it these tests say so and pass.
 
+#![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
+
 use goshawk_autopilot::events::AutopilotEvent;
 use goshawk_autopilot::messages::MavMessage;
 use goshawk_autopilot::wire::{Packet, for_each_packet, frame_length};

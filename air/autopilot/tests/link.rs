@@ -1,0 +1,122 @@
+//! The link's socket: what it refuses, and what it survives.
+
+#![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
+
+use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavMessage};
+use goshawk_autopilot::wire::Encoder;
+use goshawk_autopilot::{AutopilotError, AutopilotLink, LinkConfig, StreamRates};
+use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
+use proptest::prelude::*;
+use std::net::{SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
+
+fn anywhere() -> SocketAddr {
+    "127.0.0.1:0".parse().unwrap()
+}
+
+fn open(config: LinkConfig) -> Result<AutopilotLink, AutopilotError> {
+    AutopilotLink::open(config, || Time::from_secs(5.0))
+}
+
+fn level(thrust: f64) -> AttitudeThrust {
+    AttitudeThrust { world_from_body: Rot::identity(), thrust: NormalisedThrust(thrust) }
+}
+
+/// Waits for the receiving thread, at most 10 s.
+fn eventually(done: impl Fn() -> bool) {
+    let patience = Instant::now() + Duration::from_secs(10);
+    while !done() {
+        assert!(Instant::now() < patience, "it never happened");
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_port_in_use_is_named_with_what_to_do() {
+    let first = UdpSocket::bind(anywhere()).unwrap();
+    let bind = first.local_addr().unwrap();
+    let error = open(LinkConfig::customary(bind)).err().unwrap();
+    assert!(matches!(error, AutopilotError::PortInUse(address) if address == bind));
+    assert!(error.to_string().contains("stop it or change `bind`"), "{error}");
+}
+
+#[test]
+fn an_unusable_configuration_is_refused() {
+    let good = LinkConfig::customary(anywhere());
+    let rates = StreamRates { odometry_hz: f64::NAN, ..StreamRates::default() };
+    for config in [
+        LinkConfig { target_component: 0, ..good },
+        LinkConfig { rates, ..good },
+        LinkConfig { peer: Some("[::1]:14580".parse().unwrap()), ..good },
+    ] {
+        assert!(matches!(open(config).err(), Some(AutopilotError::Config(_))), "{config:?}");
+    }
+}
+
+#[test]
+fn without_a_peer_nothing_is_sent_and_the_reason_is_given() {
+    let link = open(LinkConfig::customary(anywhere())).unwrap();
+    assert!(matches!(link.send_setpoint(&level(0.5)), Err(AutopilotError::NoPeer)));
+    assert_eq!(link.status(Time::from_secs(5.0)).counters.sent, 0);
+}
+
+#[test]
+fn a_setpoint_that_is_no_setpoint_is_not_sent() {
+    let listener = UdpSocket::bind(anywhere()).unwrap();
+    let peer = Some(listener.local_addr().unwrap());
+    let link = open(LinkConfig { peer, ..LinkConfig::customary(anywhere()) }).unwrap();
+    let not_a_rotation = Rot::new_unchecked(nalgebra::Quaternion::new(f64::NAN, 0.0, 0.0, 0.0));
+    for setpoint in
+        [level(f64::NAN), level(1.01), level(-0.01), AttitudeThrust { world_from_body: not_a_rotation, ..level(0.5) }]
+    {
+        assert!(matches!(link.send_setpoint(&setpoint), Err(AutopilotError::BadSetpoint)), "{setpoint:?}");
+    }
+    assert!(link.send_setpoint(&level(0.5)).is_ok());
+}
+
+#[test]
+fn the_peer_is_learned_from_the_targets_heartbeat_only() {
+    let link = open(LinkConfig::customary(anywhere())).unwrap();
+    let there = link.local_address().unwrap();
+    let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let other = UdpSocket::bind(anywhere()).unwrap();
+    other.send_to(Encoder::new(9, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
+    let counters = || link.status(Time::from_secs(5.0)).counters;
+    eventually(|| counters().strangers == 1);
+    assert_eq!(link.peer(), None);
+    let autopilot = UdpSocket::bind(anywhere()).unwrap();
+    autopilot.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
+    eventually(|| link.peer() == autopilot.local_addr().ok());
+    assert!(link.status(Time::from_secs(5.0)).connected);
+    assert!(!link.status(Time::from_secs(8.5)).connected, "3 s later it is silent");
+}
+
+#[test]
+fn a_stuck_or_absent_peer_never_blocks_a_setpoint_for_long() {
+    // Port 9 of loopback: nobody reads, each send may come back refused; the caller goes on.
+    let peer = Some("127.0.0.1:9".parse().unwrap());
+    let link = open(LinkConfig { peer, ..LinkConfig::customary(anywhere()) }).unwrap();
+    let mut refused = 0;
+    for _ in 0..2000 {
+        refused += u64::from(link.send_setpoint(&level(0.5)).is_err());
+    }
+    let counters = link.status(Time::from_secs(5.0)).counters;
+    assert_eq!(counters.send_errors, refused);
+    assert!(counters.sent >= 2000 - refused);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+    #[test]
+    fn any_datagrams_are_survived(datagrams in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), 1..20)) {
+        let link = open(LinkConfig::customary(anywhere())).unwrap();
+        let there = link.local_address().unwrap();
+        let sender = UdpSocket::bind(anywhere()).unwrap();
+        for datagram in &datagrams {
+            sender.send_to(datagram, there).unwrap();
+        }
+        let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+        sender.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
+        eventually(|| link.status(Time::from_secs(5.0)).connected);
+    }
+}
