@@ -101,3 +101,64 @@ impl Landing {
         *self = Self { phase, ..Self::new(now) };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MISSION: MissionConfig = MissionConfig {
+        stream_before_offboard: 1.2,
+        request_period: 1.0,
+        request_timeout: 5.0,
+        climb_speed: 1.0,
+        hold_distance: 2.0,
+        resume_distance: 3.0,
+        goal_radius: 1.5,
+        search_timeout: 60.0,
+        descent_speed: 0.7,
+        touchdown_speed: 0.35,
+        slow_height: 1.0,
+        touchdown_time: 0.4,
+    };
+    const FLYING: AutopilotStatus = AutopilotStatus { connected: true, armed: true, offboard: true, landed: None };
+
+    /// Steps of 10 ms at a constant vertical speed, after a first one that ends the braking.
+    fn descend(landing: &mut Landing, now: &mut Time, climb: f64, seconds: f64) -> Vec<Request> {
+        let mut requests = Vec::new();
+        for _ in 0..(seconds * 100.0) as u32 {
+            *now = now.plus(0.01);
+            requests.extend(landing.step(&MISSION, *now, climb, true, &FLYING));
+        }
+        requests
+    }
+
+    #[test]
+    fn a_descent_that_has_not_moved_yet_is_not_on_the_ground_until_it_had_time_to() {
+        let (mut landing, mut now) = (Landing::new(Time(0)), Time(0));
+        descend(&mut landing, &mut now, 0.0, 2.0);
+        assert_eq!(landing.phase(), Phase::Descend);
+        descend(&mut landing, &mut now, 0.0, 1.0);
+        assert_eq!(landing.phase(), Phase::Cut);
+    }
+
+    #[test]
+    fn a_moving_descent_that_stands_for_long_enough_is_on_the_ground_and_asks_to_disarm() {
+        let (mut landing, mut now) = (Landing::new(Time(0)), Time(0));
+        descend(&mut landing, &mut now, -0.6, 1.0);
+        descend(&mut landing, &mut now, 0.0, 0.3);
+        assert_eq!(landing.phase(), Phase::Descend);
+        descend(&mut landing, &mut now, 0.0, 0.2);
+        assert_eq!(landing.phase(), Phase::Cut);
+        assert_eq!(descend(&mut landing, &mut now, 0.0, 3.2), [Request::Disarm; 3]);
+    }
+
+    #[test]
+    fn falling_with_the_motors_cut_descends_again() {
+        let (mut landing, mut now) = (Landing::new(Time(0)), Time(0));
+        descend(&mut landing, &mut now, -0.6, 1.0);
+        descend(&mut landing, &mut now, 0.0, 0.5);
+        assert_eq!(landing.phase(), Phase::Cut);
+        descend(&mut landing, &mut now, -1.2, 0.02);
+        assert_eq!(landing.phase(), Phase::Descend);
+    }
+}

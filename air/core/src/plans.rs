@@ -105,3 +105,65 @@ impl Plans {
 fn finite(v: &Vec3) -> bool {
     v.iter().all(|x| x.is_finite())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::{ANCHORS, Candidate, Rot};
+
+    const LADDER: LadderConfig = LadderConfig {
+        missed_detection: 0.6,
+        plan_stale: 0.3,
+        no_plan_land: 20.0,
+        odometry_stale: 0.2,
+        descend_acc: 0.3,
+        hand_back: 1.5,
+    };
+
+    fn plan(seq: u64, stamp: f64, duration: f64, chosen: Option<usize>) -> Plan {
+        let end = FlatState { pos: Vec3::x(), ..FlatState::default() };
+        let candidate = Candidate { end, cost: 0.0, objectness: 1.0, target_world: None, rejection: None };
+        Plan {
+            seq,
+            stamp: Time::from_secs(stamp),
+            start: FlatState::default(),
+            world_from_cam: Rot::identity(),
+            duration,
+            alpha: 1.0,
+            candidates: [candidate; ANCHORS],
+            chosen,
+            target: None,
+        }
+    }
+
+    #[test]
+    fn a_trajectory_is_not_flown_past_its_end() {
+        let mut plans = Plans::new(Time(0));
+        plans.take(&plan(1, 1.0, 0.1, Some(7)));
+        assert!(plans.flyable(&LADDER, Task::Track, Time::from_secs(1.09)).is_some());
+        assert!(plans.flyable(&LADDER, Task::Track, Time::from_secs(1.11)).is_none());
+    }
+
+    #[test]
+    fn the_newest_plan_with_a_choice_is_flown() {
+        let mut plans = Plans::new(Time(0));
+        plans.take(&plan(1, 1.0, 2.0, Some(7)));
+        plans.take(&plan(2, 1.1, 2.0, Some(3)));
+        plans.take(&plan(3, 1.2, 2.0, None));
+        assert_eq!(plans.flyable(&LADDER, Task::Track, Time::from_secs(1.3)).map(|f| f.seq), Some(2));
+        assert_eq!(plans.silence(Time::from_secs(1.3)), 0.1);
+    }
+
+    #[test]
+    fn a_plan_that_cannot_be_flown_counts_as_a_frame_without_a_choice() {
+        let mut plans = Plans::new(Time(0));
+        let mut endless = plan(1, 1.0, f64::INFINITY, Some(7));
+        plans.take(&endless);
+        endless = plan(2, 1.0, 2.0, Some(7));
+        endless.candidates[7].end.vel.y = f64::NAN;
+        plans.take(&endless);
+        plans.take(&plan(3, 1.0, 2.0, Some(99)));
+        let now = Time::from_secs(1.1);
+        assert!(plans.flyable(&LADDER, Task::Track, now).is_none() && plans.frames_arrive(&LADDER, now));
+    }
+}

@@ -39,6 +39,20 @@ fn an_expired_plan_brakes_then_holds_then_lands() {
 }
 
 #[test]
+fn a_chase_brakes_sooner_when_frames_stop_than_when_they_miss() {
+    for (frames, braking) in [(Frames::None, true), (Frames::Blank, false)] {
+        let mut sim = Loop::new();
+        sim.frames = Frames::Target(Vec3::new(30.0, 0.0, 1.5));
+        sim.start(track());
+        sim.until(12.0, |s| s.mode() == Mode::Track);
+        sim.run(1.0);
+        sim.frames = frames;
+        sim.run(0.4);
+        assert_eq!(sim.out().fallback == Fallback::PlanExpiredBrake, braking);
+    }
+}
+
+#[test]
 fn a_plan_that_comes_back_is_flown_again() {
     let mut sim = navigating();
     sim.frames = Frames::None;
@@ -112,6 +126,48 @@ fn an_odometry_jump_moves_the_hold_point_not_the_vehicle() {
         sim.stop();
         sim.until(20.0, |s| s.mode() == Mode::Landed);
     }
+}
+
+#[test]
+fn a_jump_of_the_heading_does_not_turn_the_vehicle() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(navigate(Vec3::new(40.0, 0.0, 1.5)));
+    sim.until(10.0, |s| s.mode() == Mode::Navigate);
+    sim.stop();
+    sim.run(0.5);
+    let (held, nose) = (sim.pos, sim.attitude * Vec3::x());
+    sim.odometry_turn = 0.8;
+    sim.reset_counter += 1;
+    for _ in 0..100 {
+        sim.tick(None);
+        assert!((sim.attitude * Vec3::x()).dot(&nose) > 0.999 && (sim.pos - held).xy().norm() < 0.1);
+    }
+    sim.until(20.0, |s| s.mode() == Mode::Landed);
+}
+
+#[test]
+fn an_odometry_jump_moves_the_goal_along() {
+    let mut sim = navigating();
+    let goal = sim.out().planning.unwrap().goal_world.unwrap();
+    sim.odometry_offset = Vec3::new(0.0, 12.0, 1.0);
+    sim.reset_counter += 1;
+    sim.run(0.1);
+    let moved = sim.out().planning.unwrap().goal_world.unwrap() - goal;
+    assert!((moved - sim.odometry_offset).norm() < 0.05, "{moved}");
+}
+
+#[test]
+fn odometry_that_ends_after_touch_down_does_not_keep_the_vehicle_from_disarming() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(track());
+    sim.until(10.0, |s| s.mode() == Mode::Search);
+    sim.stop();
+    sim.until(20.0, |s| s.out().setpoint.is_some_and(|setpoint| setpoint.thrust.0 == 0.0));
+    sim.odometry_works = false;
+    sim.until(5.0, |s| s.mode() == Mode::Landed);
+    assert!(sim.requests.iter().all(|r| r.1 != Request::HandBack));
 }
 
 #[test]

@@ -110,6 +110,18 @@ fn the_target_is_chased_until_caught_up_and_chased_again_when_it_moves_off() {
 }
 
 #[test]
+fn a_near_target_that_runs_away_is_chased_on() {
+    let mut sim = chasing(Vec3::new(12.0, 0.0, 1.5));
+    sim.target_vel = Vec3::new(9.0, 0.0, 0.0);
+    sim.run(0.1);
+    sim.frames = Frames::Target(sim.pos + Vec3::new(1.5, 0.0, 0.0));
+    sim.run(0.3);
+    assert_eq!(sim.mode(), Mode::Track);
+    sim.target_vel = Vec3::new(-1.0, 0.0, 0.0);
+    sim.until(0.2, |s| s.mode() == Mode::Hold);
+}
+
+#[test]
 fn a_briefly_missed_target_does_not_interrupt_the_chase() {
     let mut sim = chasing(Vec3::new(20.0, 0.0, 1.5));
     sim.run(1.0);
@@ -183,6 +195,7 @@ fn stop_brakes_lands_disarms_and_becomes_ready_again() {
         let mut fastest = 0.0_f64;
         while sim.mode() == Mode::Stopping {
             fastest = fastest.max(-sim.vel.z);
+            assert!(sim.pos.z > 0.6 || sim.vel.z > -0.45, "slow near the ground");
             sim.tick(None);
             assert!(sim.seconds() < 140.0, "landing never ends: {:?}", sim.out());
         }

@@ -146,6 +146,8 @@ pub struct Loop {
     pub odometry_works: bool,
     /// Added to the odometry's position.
     pub odometry_offset: Vec3,
+    /// Turns the odometry's frame about the vertical.
+    pub odometry_turn: f64,
     pub reset_counter: u32,
     pub ready: bool,
     pub ground: f64,
@@ -182,6 +184,7 @@ impl Loop {
             target_vel: Vec3::zeros(),
             odometry_works: true,
             odometry_offset: Vec3::zeros(),
+            odometry_turn: 0.0,
             reset_counter: 0,
             ready: true,
             ground: 0.0,
@@ -219,9 +222,9 @@ impl Loop {
         if self.ticks.is_multiple_of(2) && self.odometry_works {
             self.odometry = Some(Odometry {
                 stamp: self.now,
-                pos_world: self.pos + self.odometry_offset,
-                vel_world: self.vel,
-                world_from_body: self.attitude,
+                pos_world: self.turn() * self.pos + self.odometry_offset,
+                vel_world: self.turn() * self.vel,
+                world_from_body: self.turn() * self.attitude,
                 ang_vel_body: Vec3::zeros(),
                 reset_counter: self.reset_counter,
             });
@@ -272,6 +275,10 @@ impl Loop {
         assert_eq!(output.reply, Some(Ok(())));
     }
 
+    fn turn(&self) -> Rot {
+        Rot::from_axis_angle(&Vec3::z_axis(), self.odometry_turn)
+    }
+
     fn autopilot_takes(&mut self, output: &ControllerOutput) {
         if let Some(request) = output.request {
             self.requests.push((self.seconds(), request));
@@ -289,7 +296,8 @@ impl Loop {
         let setpoint = output.setpoint.filter(|_| self.autopilot.offboard);
         let running = self.autopilot.armed && setpoint.is_some();
         if let (Some(setpoint), true) = (setpoint, running) {
-            self.attitude = self.attitude.slerp(&setpoint.world_from_body, DT / self.lag);
+            let wanted = self.turn().inverse() * setpoint.world_from_body;
+            self.attitude = self.attitude.slerp(&wanted, DT / self.lag);
             self.thrust = setpoint.thrust.0 / 0.25 * GRAVITY / self.heaviness;
         } else {
             self.thrust = 0.0;
