@@ -30,7 +30,8 @@ class Ema:
         """Move towards the network; faster in the first steps, when the average is still the initial values."""
         decay = min(self.decay, (1 + step) / (10 + step))
         with torch.no_grad():
-            torch._foreach_lerp_(self.average, [t.detach() for t in self.source], 1 - decay)
+            for average, value in zip(self.average, self.source, strict=True):
+                average.lerp_(value.detach(), 1 - decay)
 
     def state_dict(self) -> dict[str, Tensor]:
         """The averaged values by name."""

@@ -69,9 +69,9 @@ class MotionConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
-    """Size of the network; `width` scales every channel count of the backbone (1.0: ResNet-18)."""
+    """Size of the network; `channels` of the backbone's four stages (ResNet-18: 64, 128, 256, 512)."""
 
-    width: float
+    channels: tuple[int, int, int, int]
     head_channels: int
     target_depth_scale_m: float
 
@@ -153,6 +153,7 @@ class TrainingConfig:
     batch: int
     samples: int
     learning_rate: float
+    warm_up_epochs: float
     final_fraction: float
     weight_decay: float
     ema: float
@@ -209,7 +210,7 @@ class Config:
             "motion.v_max_mps": self.motion.v_max_mps,
             "motion.a_max_mps2": self.motion.a_max_mps2,
             "lattice.radius_m": lattice.radius_m,
-            "network.width": self.network.width,
+            "network.channels": min(self.network.channels),
             "depth.max_m": self.depth.max_m - self.depth.min_m,
             "costs.samples": self.costs.samples,
             "costs.potential_scale_m": self.costs.potential_scale_m,
@@ -243,7 +244,7 @@ def _convert(value: Any, wanted: Any, name: str) -> Any:
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not wanted or (wanted is float and not math.isfinite(value)):
-        raise ConfigError(f"{name} must be a {wanted.__name__}, not {value!r}")
+        raise ConfigError(f"{name} must be of type {getattr(wanted, '__name__', wanted)}, not {value!r}")
     return value
 
 

@@ -124,18 +124,18 @@ def read_labels(path: Path, scene: int) -> Labels:
 
 
 def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.float16], F64]:
-    """The distance field, kept beside the points (`esdf.npz`) for the next start; made anew when they are newer."""
-    points, cache = folder / "environment.ply", folder / "esdf.npz"
-    if cache.exists() and cache.stat().st_mtime >= points.stat().st_mtime:
-        with np.load(cache) as stored:
-            if stored["version"] == ESDF_VERSION:
-                return stored["distance"], stored["origin"]
+    """The distance field, mapped from `esdf.npy` beside the points; made first when absent or older than they are."""
+    points, cache, about = folder / "environment.ply", folder / "esdf.npy", folder / "esdf.json"
+    if about.exists() and cache.exists() and about.stat().st_mtime >= points.stat().st_mtime:
+        stored = json.loads(about.read_text())
+        if stored["version"] == ESDF_VERSION:
+            return np.load(cache, mmap_mode="r"), np.array(stored["origin"])
     distance, origin = grid_from_points(read_ply(points), min_xyz=low, max_xyz=high)
-    half = distance.astype(np.float16)
-    partial = folder / "esdf.partial.npz"
-    np.savez(partial, version=ESDF_VERSION, distance=half, origin=origin)
+    partial = folder / "esdf.partial.npy"
+    np.save(partial, distance.astype(np.float16))
     partial.replace(cache)
-    return half, origin
+    about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))
+    return np.load(cache, mmap_mode="r"), origin
 
 
 def read_grid(folder: Path) -> SceneGrid:
@@ -171,20 +171,28 @@ def load(root: Path, config: Config, *, workers: int = 2) -> tuple[Frames, Scene
     """Read a whole data set; depth is filled once here. Raises `DataError`."""
     folders = scene_folders(root)
 
-    def one(item: tuple[int, Path]) -> tuple[NDArray[np.uint8], NDArray[np.uint16], Labels, SceneGrid]:
-        scene, folder = item
-        rgb, depth = np.load(folder / "rgb.npy"), np.load(folder / "depth.npy")
-        labels = read_labels(folder / "labels.csv", scene)
-        size = (len(labels.scene_F), config.camera.height, config.camera.width)
-        if rgb.shape != (*size, 3) or depth.shape != size or rgb.dtype != np.uint8 or depth.dtype != np.uint16:
-            raise DataError(f"{folder}: rgb {rgb.shape} {rgb.dtype}, depth {depth.shape} {depth.dtype}, want {size}")
-        return rgb, preprocess.fill_depth(depth, config.depth), labels, read_grid(folder)
+    parts = [read_labels(folder / "labels.csv", scene) for scene, folder in enumerate(folders)]
+    fields = Labels.__dataclass_fields__
+    labels = Labels(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in fields})
+    size = (config.camera.height, config.camera.width)
+    rgb_FHW3 = np.empty((len(labels.scene_F), *size, 3), dtype=np.uint8)
+    depth_FHW = np.empty((len(labels.scene_F), *size), dtype=np.uint16)
+    starts = np.cumsum([0] + [len(part.scene_F) for part in parts])
+
+    def one(scene: int) -> SceneGrid:
+        folder, here = folders[scene], slice(starts[scene], starts[scene + 1])
+        rgb, depth = np.load(folder / "rgb.npy", mmap_mode="r"), np.load(folder / "depth.npy", mmap_mode="r")
+        if rgb.shape != rgb_FHW3[here].shape or depth.shape != depth_FHW[here].shape:
+            raise DataError(f"{folder}: rgb {rgb.shape} and depth {depth.shape} do not fit {depth_FHW[here].shape}")
+        if rgb.dtype != np.uint8 or depth.dtype != np.uint16:
+            raise DataError(f"{folder}: rgb must be uint8 and depth uint16, not {rgb.dtype} and {depth.dtype}")
+        rgb_FHW3[here] = rgb
+        depth_FHW[here] = preprocess.fill_depth(np.asarray(depth), config.depth)
+        return read_grid(folder)
 
     with ThreadPoolExecutor(workers) as pool:
-        rgb, depth, labels, grids = zip(*pool.map(one, enumerate(folders)), strict=True)
-    fields = Labels.__dataclass_fields__
-    joined = Labels(**{name: np.concatenate([getattr(label, name) for label in labels]) for name in fields})
-    return Frames(rgb_FHW3=np.concatenate(rgb), depth_FHW=np.concatenate(depth), labels=joined), SceneMaps(list(grids))
+        grids = list(pool.map(one, range(len(folders))))
+    return Frames(rgb_FHW3=rgb_FHW3, depth_FHW=depth_FHW, labels=labels), SceneMaps(grids)
 
 
 def epoch_order(frames: int, *, seed: int, epoch: int) -> NDArray[np.int64]:

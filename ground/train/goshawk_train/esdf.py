@@ -129,8 +129,11 @@ class SceneMaps:
     """The maps of all scenes: one flat half-precision tensor, an offset, a shape and an origin for each."""
 
     def __init__(self, grids: list[SceneGrid], *, storage: torch.dtype = torch.float16) -> None:
-        self.distance = torch.cat([torch.from_numpy(g.distance_XYZ).flatten().to(storage) for g in grids])
-        self.base_S = _starts([g.distance_XYZ.size for g in grids])
+        sizes = [g.distance_XYZ.size for g in grids]
+        self.distance = torch.empty(sum(sizes), dtype=storage)
+        for part, grid in zip(self.distance.split(sizes), grids, strict=True):
+            part.numpy()[:] = grid.distance_XYZ.ravel()
+        self.base_S = _starts(sizes)
         self.shape_S3 = torch.tensor([g.distance_XYZ.shape for g in grids])
         self.origin_S3 = torch.tensor(np.array([g.distance_origin for g in grids]))
         self.height = torch.cat([torch.from_numpy(g.ground_XY).flatten() for g in grids])

@@ -149,7 +149,8 @@ def model_card(saved: Checkpoint, agreed: dict[str, Any], metrics: dict[str, flo
     figures = "\n".join(f"| {name} | {value:.4g} |" for name, value in metrics.items())
     return f"""# Policy `{file.name}`
 
-Task: {config.task}. ResNet-18 at width {config.network.width:g}, {parameter_count(network):,} parameters, float32,
+Task: {config.task}. ResNet-18 with stages of {config.network.channels} channels,
+{parameter_count(network):,} parameters, float32,
 {file.stat().st_size / 1e6:.1f} MB. Input RGB-D {config.camera.width} x {config.camera.height} and a state of
 {3 * len(config.state_names)} numbers ({", ".join(config.state_names)}), in the camera frame; {config.lattice.anchors}
 anchors of {len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.

@@ -83,4 +83,4 @@ def pixel_rays(camera: CameraConfig) -> F64:
     v_HW, u_HW = np.meshgrid(v, u, indexing="ij")
     y = (camera.width / 2 - u_HW) / camera.focal_px
     z = (camera.height / 2 - v_HW) / camera.focal_px
-    return np.stack([np.ones_like(y), y, z], axis=-1)
+    return np.stack([np.ones_like(y), y, z], axis=-1).astype(np.float64)

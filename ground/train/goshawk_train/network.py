@@ -1,4 +1,4 @@
-"""The policy network (section III-B): a ResNet-18 of any width, 32x down to the lattice, and a 1x1 head.
+"""The policy network (section III-B): a ResNet-18 of any width in each stage, 32x down to the lattice, and a 1x1 head.
 
 Inputs in the camera frame; the state's rotation into each cell's frame is a constant matrix inside.
 """
@@ -57,7 +57,7 @@ class Policy(nn.Module):
 
     def __init__(self, config: Config) -> None:
         super().__init__()
-        channels = [max(8, round(c * config.network.width)) for c in (64, 128, 256, 512)]
+        channels = config.network.channels
         self.stem = nn.Sequential(
             _conv(4, channels[0], 7, 2), nn.BatchNorm2d(channels[0]), nn.ReLU(inplace=True), nn.MaxPool2d(3, 2, 1)
         )

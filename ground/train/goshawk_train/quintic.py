@@ -24,7 +24,7 @@ def derivative_row(t: float, order: int) -> F64:
 def hermite(duration: float) -> F64:
     """M of eq. 2, [6, 6]: coefficients from the boundary vector."""
     boundary = np.stack([derivative_row(t, order) for t in (0.0, duration) for order in range(3)])
-    return np.linalg.inv(boundary)
+    return np.linalg.inv(boundary).astype(np.float64)
 
 
 def gram(duration: float, order: int) -> F64:

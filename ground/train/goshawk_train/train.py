@@ -51,7 +51,10 @@ class Trainer:
         self.losses = LossModel(config, CostModel(config, maps))
         self.network = Policy(config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.optimiser = torch.optim.AdamW(
-            self.network.parameters(), lr=config.training.learning_rate, weight_decay=config.training.weight_decay
+            self.network.parameters(),
+            lr=config.training.learning_rate,
+            weight_decay=config.training.weight_decay,
+            fused=True,
         )
         self.ema = Ema(self.network, config.training.ema)
         self.steps_per_epoch = len(frames) // config.training.batch
@@ -99,7 +102,7 @@ class Trainer:
         rate = learning_rate(
             self.step,
             total=self.total_steps,
-            warm_up=min(self.steps_per_epoch, max(1, self.total_steps // 10)),
+            warm_up=max(1, min(round(training.warm_up_epochs * self.steps_per_epoch), self.total_steps // 10)),
             peak=training.learning_rate,
             final_fraction=training.final_fraction,
         )
@@ -180,7 +183,7 @@ def run(config: Config, root: Path, out: Path, *, validation: Path | None, resum
 class _Report:
     """Means over some steps, to the terminal and TensorBoard."""
 
-    EVERY = 50
+    EVERY = 100
 
     def __init__(self, trainer: Trainer) -> None:
         self.trainer = trainer

@@ -59,25 +59,32 @@ def _array(value: torch.Tensor) -> NDArray[np.float64]:
     return value.double().numpy()
 
 
+def rank_correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Spearman's correlation of two rows; 0 where one is constant."""
+    if a.std() == 0 or b.std() == 0:
+        return 0.0
+    return float(np.corrcoef(stats.rankdata(a), stats.rankdata(b))[0, 1])
+
+
 def batch_metrics(outcome: Outcome, batch: data.Batch, config: Config) -> dict[str, NDArray[np.float64]]:
     """Raw values to be pooled over batches; each a flat array of one entry per frame, anchor or detection."""
     terms, decoded = outcome.terms, outcome.decoded
     tracking = config.task == "track"
     positive = outcome.assignment.positive_BN.numpy() if tracking else np.ones(terms.safety_BN.shape, dtype=bool)
-    hit = _array(terms.min_distance_BN) < COLLISION_M
+    hit: NDArray[np.bool_] = (terms.min_distance_BN < COLLISION_M).numpy()
     label, predicted = _array(outcome.label_BN), _array(decoded.cost_BN)
     frame = np.arange(len(label))
     end = _array(terms.pos_rel_BNK3[:, :, -1])
     world_z = _array(terms.pos_rel_BNK3[..., 2]) + _array(batch.situation.pos_world_B3)[:, 2][:, None, None]
     off = np.abs(world_z - _array(batch.situation.height_world_B)[:, None, None])
     has_goal = batch.has_goal_B.numpy()
-    rank = [stats.spearmanr(label[b], predicted[b]).statistic for b in frame]
+    rank = [rank_correlation(label[b], predicted[b]) for b in frame]
     out = {
         "loss": np.full(len(label), float(outcome.loss)),
         "collide_positive": hit[positive].astype(float),
         "collide_all": hit.ravel().astype(float),
         "collide_cheapest": hit[frame, predicted.argmin(1)].astype(float),
-        "cost_rank": np.nan_to_num(np.array(rank)),
+        "cost_rank": np.array(rank),
         "cost_error": np.abs(label - predicted).ravel(),
         "cost_label_hit": label[hit],
         "cost_label_clear": label[~hit],
@@ -94,8 +101,9 @@ def batch_metrics(outcome: Outcome, batch: data.Batch, config: Config) -> dict[s
         return out
     goal = _array(batch.situation.goal_rel_B3)
     seen = positive.any(1)
-    score = _array(torch.sigmoid(decoded.objectness_logit_BN))
-    found = score > 0.5
+    score_BN = torch.sigmoid(decoded.objectness_logit_BN)
+    score = _array(score_BN)
+    found: NDArray[np.bool_] = (score_BN > 0.5).numpy()
     target = _array(batch.target_net_B3)
     best = np.where(positive, score, -1).argmax(1)
     error = _array(decoded.target_cam_BN3)[frame, best] - target

@@ -11,9 +11,8 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from synthetic import write_dataset
-
 from goshawk_train.config import Config, load_config
+from synthetic import write_dataset
 
 ROOT = Path(__file__).parents[1]
 VECTORS = ROOT.parents[1] / "tests" / "vectors"
@@ -34,7 +33,7 @@ def small(config: Config) -> Config:
     """A network and batches small enough for tests."""
     torch.set_num_threads(2)
     training = dataclasses.replace(config.training, batch=8, samples=8 * 40, validate_frames=16, learning_rate=2e-3)
-    network = dataclasses.replace(config.network, width=0.125, head_channels=32)
+    network = dataclasses.replace(config.network, channels=(8, 16, 32, 64), head_channels=32)
     return dataclasses.replace(config, training=training, network=network)
 
 

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-
 from goshawk_train import geometry
 from goshawk_train.config import CameraConfig
 
@@ -99,7 +98,8 @@ def write_dataset(root: Path, camera: CameraConfig, *, scenes: int, frames: int,
                 target = np.array([pos[0] + away * np.cos(bearing), pos[1] + away * np.sin(bearing), 0.95])
             rgb[frame], depth, visible = _render(pos, world_from_cam, camera, trees, target)
             noisy = depth * (1 + 0.005 * depth * rng.normal(size=depth.shape))
-            depth_mm[frame] = np.where((noisy < 20) & (rng.uniform(size=depth.shape) > 0.02), noisy * 1000, 0)
+            measured = (noisy > 0) & (noisy < 20) & (rng.uniform(size=depth.shape) > 0.02)
+            depth_mm[frame] = np.where(measured, noisy, 0.0) * 1000
             cells = ["", "", ""] if target is None else [f"{c:.4f}" for c in target]
             numbers = [*pos, *quaternion]
             lines.append(",".join([str(frame), *(f"{n:.6f}" for n in numbers), *cells, f"{visible:.3f}", "0.0"]))

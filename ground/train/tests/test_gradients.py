@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-
 from goshawk_train import quintic
 from goshawk_train.config import Config
 from goshawk_train.costs import CostModel, Situation, boundary_vectors

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-
 from goshawk_train import data
 from goshawk_train.config import Config
 from goshawk_train.esdf import DEEP_VOXELS, FAR_VOXELS, VOXEL_M, SceneGrid, SceneMaps, grid_from_points, signed_distance

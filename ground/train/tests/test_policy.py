@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from goshawk_train import augment, data, geometry, sampling
 from goshawk_train.assign import assign
 from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
 from goshawk_train.decode import Decoder
 from goshawk_train.network import Policy, cell_state_matrix
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 ROOT = Path(__file__).parents[1]
 F64 = torch.float64
@@ -185,7 +184,7 @@ def test_unknown_missing_and_wrong_fields_are_refused(config: Config) -> None:
     assert config_from_dict(table) == config
     for change, message in (
         ({"extra": 1}, "unknown field extra"),
-        ({"seed": "one"}, "seed must be a int"),
+        ({"seed": "one"}, "seed must be of type int"),
         ({"costs": {**table["costs"], "jerk": float("nan")}}, r"costs\.jerk"),
         ({"costs": {k: v for k, v in table["costs"].items() if k != "jerk"}}, r"costs\.jerk is missing"),
         ({"camera": {**table["camera"], "width": 128}}, "32 px"),
@@ -195,7 +194,25 @@ def test_unknown_missing_and_wrong_fields_are_refused(config: Config) -> None:
 
 
 def test_decoding_agrees_with_the_shared_vectors(config: Config) -> None:
-    path = ROOT.parents[1] / "tests" / "vectors" / "decode.json"
-    if not path.exists():
-        pytest.skip("tests/vectors/decode.json is not there")
-    assert json.loads(path.read_text())
+    """Training decodes at alpha = 1 in the camera frame; the vectors are in the world, at several speeds."""
+    document = json.loads((ROOT.parents[1] / "tests" / "vectors" / "decode.json").read_text())
+    assert len(document["cases_B"]) > 1
+    for case in document["cases_B"]:
+        raw = torch.tensor(case["raw_CN"], dtype=F64).view(1, -1, 3, 5)
+        decoded = Decoder(config, dtype=F64)(raw)
+        assert decoded.target_cam_BN3 is not None and decoded.objectness_logit_BN is not None
+        rotation = geometry.matrix_from_quaternion(np.array(case["world_from_cam_Q"]))
+        body = geometry.matrix_from_quaternion(np.array(case["world_from_body_Q"]))
+        start = np.array(case["pos_3"])
+        lens = start + body @ np.array(case["lens_body_3"])
+        alpha = case["speed"] / config.motion.v_max_mps
+        end = decoded.end_cam_BN33[0].numpy() @ rotation.T * np.array([1, alpha, alpha**2])[:, None]
+        target = decoded.target_cam_BN3[0].numpy() @ rotation.T + lens
+        objectness = torch.sigmoid(decoded.objectness_logit_BN[0])
+        for anchor, expected in enumerate(case["candidates_N"]):
+            np.testing.assert_allclose(end[anchor, 0] + start, expected["end_pos"], atol=1e-9)
+            np.testing.assert_allclose(end[anchor, 1], expected["end_vel"], atol=1e-9)
+            np.testing.assert_allclose(end[anchor, 2], expected["end_acc"], atol=1e-9)
+            np.testing.assert_allclose(target[anchor], expected["target"], atol=1e-9)
+            assert float(decoded.cost_BN[0, anchor]) == pytest.approx(expected["cost"], abs=1e-9)
+            assert float(objectness[anchor]) == pytest.approx(expected["objectness"], abs=1e-9)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from goshawk_train import preprocess
 from goshawk_train.config import DepthConfig
 

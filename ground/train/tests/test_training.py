@@ -11,7 +11,6 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-
 from goshawk_train import checkpoint, cli, data, export, train, validate
 from goshawk_train.config import Config, config_to_dict, replace_training
 from goshawk_train.network import Policy
