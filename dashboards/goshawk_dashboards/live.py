@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import socket
 import threading
 import time
 from collections.abc import Callable
 
-import numpy as np
 import viser
 
 from goshawk_dashboards import theme
+from goshawk_dashboards.cameras import Cameras
 from goshawk_dashboards.panels import LivePanels
 from goshawk_dashboards.scene import LiveScene
-from goshawk_dashboards.snapshot import Array, CommandView, Snapshot
+from goshawk_dashboards.snapshot import CommandView, Snapshot
 
 RATE_HZ = 15.0
 TEXT_HZ = 5.0
 PLOT_HZ = 4.0
-_START_OFFSET_FLU_3 = np.array([-5.2, 2.0, 2.4])
-"""Where a viewer's camera stands first, from the vehicle, along its heading: behind, a little left, above; metres."""
 
 
 class PortBusyError(OSError):
@@ -41,7 +41,8 @@ class LiveDashboard:
         """Raises PortBusyError if ``port`` cannot be bound."""
         _check_free(host, port)
         self._latest = latest
-        self.server = viser.ViserServer(host=host, port=port, label="Goshawk", verbose=False)
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner; the address is the caller's to print
+            self.server = viser.ViserServer(host=host, port=port, label="Goshawk", verbose=False)
         self.server.gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.VEHICLE, control_width="large"
         )
@@ -49,9 +50,7 @@ class LiveDashboard:
         self.panels = LivePanels(
             self.server, on_start=on_start, on_stop=on_stop, latest=latest, on_clear=self.scene.clear_trails
         )
-        self.server.initial_camera.fov = float(np.deg2rad(60.0))
-        self.server.on_client_connect(self._place_camera)
-        self._focus_3: Array | None = None
+        self._cameras = Cameras(self.server)
         self._due = {"text": 0.0, "plots": 0.0}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -72,7 +71,8 @@ class LiveDashboard:
         self._stop.set()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
 
     def _run(self) -> None:
         period_s = 1.0 / RATE_HZ
@@ -90,61 +90,13 @@ class LiveDashboard:
             self.panels.update(snap)
         if self._is_due("plots", snap.now_s, PLOT_HZ):
             self.panels.plots.draw()
-        self._move_cameras(snap)
+        self._cameras.update(snap.control, self.panels.camera_mode)
 
     def _is_due(self, what: str, now_s: float, rate_hz: float) -> bool:
         if now_s < self._due[what]:
             return False
         self._due[what] = now_s + 1.0 / rate_hz
         return True
-
-    def _place_camera(self, client: viser.ClientHandle) -> None:
-        control = self._latest().control
-        focus_3 = np.array([0.0, 0.0, 1.0]) if control is None else control.pos_world_3
-        yaw = 0.0 if control is None else _yaw(control.world_from_body_4)
-        with client.atomic():
-            client.camera.position = focus_3 + _turned(_START_OFFSET_FLU_3, yaw)
-            client.camera.look_at = focus_3
-
-    def _move_cameras(self, snap: Snapshot) -> None:
-        """Keeps the vehicle in the middle, each viewer from where they look; Chase also stays behind it."""
-        mode = self.panels.camera_mode
-        if snap.control is None or mode == "Free":
-            return
-        goal_3 = snap.control.pos_world_3 + np.array([0.0, 0.0, 0.3])
-        if self._focus_3 is None or float(np.linalg.norm(goal_3 - self._focus_3)) > 10.0:
-            self._focus_3 = goal_3
-        self._focus_3 = self._focus_3 + 0.35 * (goal_3 - self._focus_3)
-        for client in self.server.get_clients().values():
-            camera = client.camera
-            offset_3 = camera.position - camera.look_at
-            if mode == "Chase":
-                offset_3 = _behind(snap, offset_3)
-            if float(np.linalg.norm(camera.look_at - self._focus_3)) < 0.005 and mode == "Follow":
-                continue
-            with client.atomic():
-                camera.position = self._focus_3 + offset_3
-                camera.look_at = self._focus_3
-
-
-def _behind(snap: Snapshot, offset_3: Array) -> Array:
-    """The viewer's offset, turned a little toward straight behind the nose."""
-    control = snap.control
-    if control is None:
-        return offset_3
-    wanted = _yaw(control.world_from_body_4) + np.pi
-    have = np.arctan2(offset_3[1], offset_3[0])
-    return _turned(offset_3, 0.15 * ((wanted - have + np.pi) % (2.0 * np.pi) - np.pi))
-
-
-def _yaw(wxyz_4: Array) -> float:
-    w, x, y, z = wxyz_4
-    return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-
-
-def _turned(vector_3: Array, yaw: float) -> Array:
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([c * vector_3[0] - s * vector_3[1], s * vector_3[0] + c * vector_3[1], vector_3[2]])
 
 
 def _check_free(host: str, port: int) -> None:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 import viser
 
 from goshawk_dashboards import panels_html as html
 from goshawk_dashboards import theme
+from goshawk_dashboards.cameras import CameraMode
 from goshawk_dashboards.plots import LivePlots
 from goshawk_dashboards.scene import ViewOptions, decode_preview
 from goshawk_dashboards.snapshot import CommandView, Snapshot
 
-CameraMode = Literal["Follow", "Chase", "Free"]
 DEFAULT_PROFILE = "default profile"
 
 
@@ -154,7 +153,6 @@ def _legend_html() -> str:
         ("attitude", theme.VEHICLE),
         ("disturbance", theme.DISTURBANCE),
         ("measured", (205, 211, 220)),
-        ("target", theme.TARGET),
     )
     return (
         '<div style="font:11px system-ui;color:#aab3c0;padding:2px 8px;display:flex;flex-wrap:wrap;gap:2px 9px">'

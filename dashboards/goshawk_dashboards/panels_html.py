@@ -82,10 +82,11 @@ def status_html(snap: Snapshot) -> str:
     )
     return (
         f'<div data-goshawk="status" data-mode="{escape(mode)}" data-stale="{str(stale).lower()}" '
-        f'style="{_TEXT};padding:10px 12px 4px;opacity:{0.55 if stale else 1}">'
+        f'style="{_TEXT};padding:10px 12px 4px">'
         f'<div style="display:flex;justify-content:space-between;align-items:center"><div>{head}</div>'
         f'<div style="text-align:right;{_DIM}"><b style="color:#fff">{escape(snap.vehicle)}</b><br>'
-        f"{escape(health.autopilot if health is not None else '')}</div></div>{faults}{_figures(snap)}</div>"
+        f"{escape(health.autopilot if health is not None else '')}</div></div>"
+        f"{faults}{_faded(_figures(snap), stale)}</div>"
     )
 
 
@@ -137,7 +138,7 @@ def readiness_html(snap: Snapshot) -> str:
         f'<td style="{_DIM if c.ok else "color:#fff"}">{escape(c.reason)}</td></tr>'
         for c in sorted(health.checks, key=lambda c: c.ok)
     )
-    return _table("readiness", rows)
+    return _faded(_table("readiness", rows), is_stale(snap))
 
 
 def failing_checks(snap: Snapshot) -> list[str]:
@@ -220,7 +221,7 @@ def vehicle_html(snap: Snapshot) -> str:
         f"{escape(v)}</td></tr>"
         for n, v in facts
     )
-    return _table("vehicle", rows)
+    return _faded(_table("vehicle", rows), is_stale(snap))
 
 
 def events_html(snap: Snapshot, newest: int = 12) -> str:
@@ -232,6 +233,10 @@ def events_html(snap: Snapshot, newest: int = 12) -> str:
         for e in reversed(snap.events[-newest:])
     )
     return _table("events", rows or f'<tr><td style="{_DIM}">none yet</td></tr>')
+
+
+def _faded(words: str, stale: bool) -> str:
+    return f'<div style="opacity:0.4">{words}</div>' if stale else words
 
 
 def _table(name: str, rows: str) -> str:

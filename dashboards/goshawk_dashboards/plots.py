@@ -23,6 +23,13 @@ _SERIES: tuple[tuple[str, theme.Rgb, Callable[[ControlView], Array]], ...] = (
 )
 
 
+_SPEED_STEP_MPS = 5.0
+_AT_LEAST_4: uplot.Scale = {
+    "range": {"min": {"pad": 0.1, "soft": -4.0, "mode": 1}, "max": {"pad": 0.1, "soft": 4.0, "mode": 1}}
+}
+"""A y axis of at least -4 .. 4 that grows with the data."""
+
+
 class History:
     """The last ``capacity`` rows of ``columns`` values with their times; older rows are overwritten."""
 
@@ -69,20 +76,20 @@ class LivePlots:
     def __init__(self, server: viser.ViserServer) -> None:
         self._history = History(len(_SERIES) * 3 + 2)
         self._stamp_ns: int | None = None
+        self._speed_top_mps = _SPEED_STEP_MPS
         acc_series: tuple[uplot.Series, ...] = (
             _time_series(),
             *(_series(name, color) for name, color, _ in _SERIES),
         )
         self._acc = [
-            _plot(server, f"acceleration {axis}, m/s\u00b2", acc_series, low=-4.0, high=4.0)
+            _plot(server, f"acceleration {axis}, m/s\u00b2", acc_series, _AT_LEAST_4)
             for axis in ("east", "north", "up")
         ]
         self._speed = _plot(
             server,
-            "speed, m/s",
+            "speed, m/s: vehicle blue, target orange",
             (_time_series(), _series("vehicle", theme.VEHICLE), _series("target", theme.TARGET)),
-            low=0.0,
-            high=4.0,
+            {"range": (0.0, _SPEED_STEP_MPS)},
         )
 
     @property
@@ -112,6 +119,11 @@ class LivePlots:
             return
         for axis, plot in enumerate(self._acc):
             plot.data = (ago, *(np.ascontiguousarray(rows[:, 3 * k + axis]) for k in range(len(_SERIES))))
+        # The plot cannot find the range of a series with gaps by itself; steps, because a new range redraws it whole.
+        top = max(1.0, np.ceil(np.nanmax(rows[:, -2:]) / _SPEED_STEP_MPS)) * _SPEED_STEP_MPS
+        if top != self._speed_top_mps:
+            self._speed_top_mps = top
+            self._speed.scales = _scales({"range": (0.0, float(top))})
         self._speed.data = (ago, np.ascontiguousarray(rows[:, -2]), np.ascontiguousarray(rows[:, -1]))
 
 
@@ -123,24 +135,24 @@ def _series(label: str, color: theme.Rgb) -> uplot.Series:
     return {"label": label, "stroke": theme.css(color), "width": 1.5, "points": {"show": False}}
 
 
+def _scales(y_scale: uplot.Scale) -> dict[str, uplot.Scale]:
+    return {"x": {"time": False}, "y": y_scale}
+
+
 def _plot(
     server: viser.ViserServer,
     title: str,
     series: tuple[uplot.Series, ...],
-    *,
-    low: float,
-    high: float,
+    y_scale: uplot.Scale,
 ) -> viser.GuiUplotHandle:
-    """A plot whose y axis spans at least ``low`` .. ``high`` and grows with the data."""
     line = {"show": True, "stroke": "#2a303b", "width": 1.0}
-    axis: uplot.Axis = {"stroke": "#8b95a5", "grid": line, "ticks": line, "font": "11px system-ui"}  # type: ignore[typeddict-item]
-    soft = {"min": {"pad": 0.1, "soft": low, "mode": 1}, "max": {"pad": 0.1, "soft": high, "mode": 1}}
+    axis: uplot.Axis = {"stroke": "#8b95a5", "grid": line, "ticks": line, "font": "11px system-ui", "gap": 2.0}  # type: ignore[typeddict-item]
     return server.gui.add_uplot(
         data=tuple(np.array([-1.0, 0.0]) if k == 0 else np.zeros(2) for k in range(len(series))),
         series=series,
         title=title,
-        scales={"x": {"time": False, "range": (-WINDOW_S, 0.0)}, "y": {"range": soft}},
-        axes=({**axis, "size": 26.0}, {**axis, "size": 38.0, "space": 20.0}),
+        scales=_scales(y_scale),
+        axes=({**axis, "size": 22.0, "space": 40.0}, {**axis, "size": 38.0, "space": 20.0}),
         legend={"show": False},
         height=100,
         padding=(4, 10, 0, 0),

@@ -60,8 +60,8 @@ class LiveScene:
         self._plan_seq: int | None = None
         self._preview_seq: int | None = None
         self._world: WorldView | None = None
-        self._vehicle_trail = shapes.Trail()
-        self._target_trail = shapes.Trail()
+        self._vehicle_trail = shapes.Trail(spacing_m=0.3)
+        self._target_trail = shapes.Trail(spacing_m=0.3)
         self._make_vehicle()
         self._make_plan()
         self._make_target()
@@ -70,7 +70,7 @@ class LiveScene:
         scene = self._server.scene
         self.vehicle = scene.add_frame("/vehicle", show_axes=False, visible=False)
         scene.add_mesh_trimesh("/vehicle/model", shapes.quadrotor(VEHICLE_DRAWN, theme.vivid(theme.VEHICLE)))
-        self._label = scene.add_label("/vehicle/label", "", position=(0.0, 0.0, 0.55))
+        self._label = scene.add_label("/vehicle/label", "STALE", position=(0.0, 0.0, 0.55), visible=False)
         self._disturbance = scene.add_arrows(
             "/disturbance",
             np.zeros((1, 2, 3)),
@@ -84,7 +84,7 @@ class LiveScene:
             "/camera/frustum",
             fov=2.0 * np.arctan(48.0 / 80.0),
             aspect=160.0 / 96.0,
-            scale=0.3,
+            scale=0.22,
             thickness=1.5,
             thickness_units="screen",
             color=theme.vivid(theme.VEHICLE),
@@ -177,7 +177,7 @@ class LiveScene:
         self.vehicle.visible = True
         self.vehicle.position = control.pos_world_3
         self.vehicle.wxyz = control.world_from_body_4
-        self._label.text = control.mode.upper() if fresh else f"{control.mode.upper()}  STALE"
+        self._label.visible = not fresh
         push_3 = control.acc_disturbance_world_3
         size = float(np.linalg.norm(push_3))
         self._disturbance.visible = fresh and size > 0.2

@@ -79,9 +79,13 @@ def wxyz_from_up_K4(direction_K3: Array) -> Array:
     """Rotations that turn z to each direction; the identity where a direction has no length."""
     length_K1 = np.linalg.norm(direction_K3, axis=1, keepdims=True)
     unit_K3 = np.where(length_K1 > 1e-9, direction_K3 / np.maximum(length_K1, 1e-9), (0.0, 0.0, 1.0))
-    # Half-way quaternion between z and the direction: (1 + z . d, z x d).
-    wxyz_K4 = np.stack([1.0 + unit_K3[:, 2], -unit_K3[:, 1], unit_K3[:, 0], np.zeros(len(unit_K3))], axis=1)
-    wxyz_K4[unit_K3[:, 2] < -1.0 + 1e-9] = (0.0, 1.0, 0.0, 0.0)
+    x_K, y_K, z_K = unit_K3.T
+    # Half-way quaternion between z and the direction: (1 + z . d, z x d). Near -z its first part cancels to nothing,
+    # and is had from what is across instead: 1 + z = (x^2 + y^2) / (1 - z).
+    across_K = x_K**2 + y_K**2
+    half_K = np.where(z_K < 0.0, across_K / (1.0 - np.minimum(z_K, 0.0)), 1.0 + z_K)
+    wxyz_K4 = np.stack([half_K, -y_K, x_K, np.zeros(len(unit_K3))], axis=1)
+    wxyz_K4[(z_K < 0.0) & (across_K == 0.0)] = (0.0, 1.0, 0.0, 0.0)
     return wxyz_K4 / np.linalg.norm(wxyz_K4, axis=1, keepdims=True)
 
 
