@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -164,3 +165,29 @@ def test_an_endpoint_that_cannot_be_one_is_refused_at_once(endpoint: str) -> Non
 def test_a_name_that_cannot_be_one_is_refused_at_once(name: str) -> None:
     with pytest.raises(LinkError, match="vehicle name"):
         GroundLink(vehicle=name)
+
+
+def test_a_ground_that_is_busy_still_sees_what_is_now(fake_vehicle: Fakes) -> None:
+    with GroundLink(connect=fake_vehicle().endpoint) as link:
+        assert link.wait_for(ready, 10)
+        busy = threading.Event()
+
+        def hog() -> None:
+            while not busy.is_set():
+                sum(range(1000))
+
+        def behind_s() -> float:
+            control = link.snapshot().control
+            assert control is not None
+            return time.monotonic() - control.stamp_ns * 1e-9
+
+        # The two clocks differ by a constant; what matters is that the difference does not grow.
+        usual = min(behind_s() for _ in range(50) if time.sleep(0.01) is None)
+        threads = [threading.Thread(target=hog) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        late = sorted(behind_s() - usual for _ in range(30) if time.sleep(0.1) is None)
+        busy.set()
+        for thread in threads:
+            thread.join()
+        assert late[len(late) // 2] < 0.3
