@@ -1,0 +1,103 @@
+"""The whole system as an operator meets it: simulator, vehicle and ground station as three processes, and a browser."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from goshawk_ground.link import GroundLink
+from goshawk_ground.ports import free_port
+from playwright.sync_api import expect
+
+ROOT = Path(__file__).resolve().parents[2]
+BIN = ROOT / "target/release"
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Iterator[tuple[GroundLink, str]]:
+    """The three processes; an observing link to the vehicle, and the dashboard's address."""
+    zenoh, web = free_port(17600), free_port(18600)
+    mavlink = free_port(14640, udp=True)
+    endpoint = f"tcp/127.0.0.1:{zenoh}"
+    commands: dict[str, list[str]] = {
+        "air": [
+            str(BIN / "goshawk-air"), "run", "--config", str(ROOT / "air/vehicles/sim.toml"), "--listen", endpoint,
+            "--mavlink-bind", f"127.0.0.1:{mavlink}", "--log-dir", str(tmp_path),
+        ],
+        "sim": [
+            str(BIN / "goshawk-sim"), "serve", "--seed", "3", "--spacing", "6", "--speed", "2", "--connect", endpoint,
+            "--mavlink-port", str(mavlink),
+        ],
+        "ground": [
+            sys.executable, "-c", "from goshawk_ground.cli import main; main()", "ground", "--connect", endpoint,
+            "--port", str(web),
+        ],
+    }  # fmt: skip
+    processes: dict[str, subprocess.Popen[bytes]] = {}
+    for name, command in commands.items():
+        with (tmp_path / f"{name}.out").open("wb") as out:
+            processes[name] = subprocess.Popen(command, stdout=out, stderr=out, start_new_session=True)
+    link = GroundLink(connect=endpoint)
+    ready = link.wait_for(lambda s: s.mode == "ready" and s.health is not None and s.health.ready, 90)
+    deadline = time.monotonic() + 30
+    while b"dashboard:" not in (tmp_path / "ground.out").read_bytes() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    words = {name: (tmp_path / f"{name}.out").read_text(errors="replace")[-2000:] for name in commands}
+    if ready is not None:
+        yield link, f"http://127.0.0.1:{web}"
+    link.close()
+    for process in processes.values():
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGINT)
+    for process in processes.values():
+        try:
+            process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    if ready is None:
+        pytest.fail(f"the vehicle was never ready: {words}")
+
+
+def test_start_in_the_browser_begins_the_flight_and_stop_ends_it(
+    flight: tuple[GroundLink, str], visit: Callable[[str], Any], look: Any
+) -> None:
+    link, url = flight
+    page = visit(url).page
+    status = page.locator('[data-goshawk="status"]')
+    expect(status).to_have_attribute("data-mode", "ready")
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_role("button", name="Start now", exact=True).click()
+    assert link.wait_for(lambda s: s.mode == "takeoff", 10)
+    assert link.wait_for(lambda s: s.mode == "track" and s.plan is not None, 40)
+    expect(status).to_have_attribute("data-mode", "track")
+
+    deadline = time.monotonic() + 30
+    while look.flown_green(look.picture(page)) < 40:
+        assert time.monotonic() < deadline, "the chosen trajectory was never seen"
+    plan, before = link.snapshot().plan, look.picture(page)
+    time.sleep(1.0)
+    later, after = link.snapshot().plan, look.picture(page)
+    assert plan is not None
+    assert later is not None
+    assert len(later.cost_N) == 15
+    assert later.seq > plan.seq
+    assert float(np.abs(later.end_pos_world_N3 - plan.end_pos_world_N3).max()) > 0.1
+    assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
+
+    page.get_by_role("button", name="Stop", exact=True).click()
+    assert link.wait_for(lambda s: s.mode in ("stopping", "landed"), 10)
+    assert link.wait_for(lambda s: s.mode == "landed", 40)
+    expect(status).to_have_attribute("data-mode", "landed")
+    truth = link.snapshot().truth
+    assert truth is not None
+    assert float(np.linalg.norm(truth.vel_world_3)) < 0.3
