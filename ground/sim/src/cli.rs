@@ -1,6 +1,7 @@
 //! The command line: one subcommand a module.
 
 use crate::dataset::{DatasetConfig, generate};
+use crate::fly::args::FlyArgs;
 use crate::forest::{ForestConfig, forest};
 use crate::world_preview::preview;
 use clap::{Args, Parser, Subcommand};
@@ -25,6 +26,8 @@ pub enum Command {
     World(WorldArgs),
     /// Generate a data set for training.
     Dataset(DatasetArgs),
+    /// Fly campaigns in lockstep and report successes.
+    Fly(FlyArgs),
 }
 
 /// `goshawk-sim world`.
@@ -70,6 +73,7 @@ impl Cli {
         match self.command {
             Command::World(args) => args.run(),
             Command::Dataset(args) => args.run(),
+            Command::Fly(args) => args.run(),
         }
     }
 }

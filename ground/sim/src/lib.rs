@@ -4,11 +4,14 @@
 
 pub mod cli;
 pub mod dataset;
+pub mod evader;
+pub mod fly;
 pub mod forest;
 pub mod person;
 pub mod px4;
 pub mod quadrotor;
 pub mod render;
 pub mod sensor;
+pub mod trial;
 pub mod world;
 pub mod world_preview;

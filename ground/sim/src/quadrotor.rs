@@ -112,7 +112,8 @@ impl Quadrotor {
 
         let drag_world = {
             let air_body = s.world_from_body.inverse() * (s.vel_world - wind_world);
-            let drag_body = p.rotor_drag_npmps.component_mul(&air_body) + air_body * (p.body_drag_npmps2 * air_body.norm());
+            let drag_body =
+                p.rotor_drag_npmps.component_mul(&air_body) + air_body * (p.body_drag_npmps2 * air_body.norm());
             -(s.world_from_body * drag_body)
         };
         let force_world = s.world_from_body * (Vector3::z() * thrust_n) + drag_world;
@@ -146,9 +147,9 @@ impl Quadrotor {
             if self.state.on_ground && collective_n < 0.3 * p.weight().0 {
                 self.rate_loop.reset();
             }
+            let ang_acc = self.rate_loop.step(&p.loops, rate_des, self.state.ang_vel_body, self.saturated, dt_s);
             let ang_acc =
-                self.rate_loop.step(&p.loops, rate_des, self.state.ang_vel_body, self.saturated, dt_s);
-            let ang_acc = if self.state.on_ground && collective_n < 0.3 * p.weight().0 { Vec3::zeros() } else { ang_acc };
+                if self.state.on_ground && collective_n < 0.3 * p.weight().0 { Vec3::zeros() } else { ang_acc };
             let torque = p.inertia_kgm2.component_mul(&ang_acc);
             let mixed = self.mixer.mix(collective_n, torque, IDLE_FRACTION * rotor_max_n, rotor_max_n);
             self.saturated = mixed.saturated;

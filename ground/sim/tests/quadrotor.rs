@@ -77,8 +77,7 @@ fn level_thrust_tilted_reaches_the_speed_where_drag_balances_it() {
     let parameters = ideal();
     let tilt: f64 = 0.4;
     let attitude = UnitQuaternion::from_euler_angles(0.0, tilt, 0.0);
-    let (linear, quadratic, mass) =
-        (parameters.rotor_drag_npmps, parameters.body_drag_npmps2, parameters.mass_kg);
+    let (linear, quadratic, mass) = (parameters.rotor_drag_npmps, parameters.body_drag_npmps2, parameters.mass_kg);
     let mut quad = Quadrotor::new(parameters.clone(), Vec3::new(0.0, 0.0, 50.0), 0.0);
     // Hold height by the thrust alone.
     for _ in 0..60_000 {
@@ -189,9 +188,8 @@ fn no_energy_comes_from_nowhere() {
         let mass = parameters.mass_kg;
         let mut quad = Quadrotor::new(parameters, Vec3::new(0.0, 0.0, 1000.0), 0.0);
         quad.set_motion(Vec3::new(0.0, 0.0, 1000.0), Vec3::new(8.0, -3.0, 5.0));
-        let energy = |q: &Quadrotor| {
-            0.5 * mass * q.state().vel_world.norm_squared() + mass * GRAVITY * q.state().pos_world.z
-        };
+        let energy =
+            |q: &Quadrotor| 0.5 * mass * q.state().vel_world.norm_squared() + mass * GRAVITY * q.state().pos_world.z;
         let first = energy(&quad);
         let mut last = first;
         for _ in 0..5000 {

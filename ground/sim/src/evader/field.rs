@@ -61,10 +61,7 @@ impl<'a> Field<'a> {
 
     fn centre(&self, cell: usize) -> Point {
         let min = self.world.min_world();
-        Point::new(
-            min.x + (cell % self.columns) as f64 * CELL_M,
-            min.y + (cell / self.columns) as f64 * CELL_M,
-        )
+        Point::new(min.x + (cell % self.columns) as f64 * CELL_M, min.y + (cell / self.columns) as f64 * CELL_M)
     }
 
     fn cell_at(&self, at: &Point) -> Option<usize> {

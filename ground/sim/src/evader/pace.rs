@@ -49,10 +49,8 @@ pub(super) fn timetable(path: &Path, from: Knot, limits: Limits) -> Option<Vec<K
         bend.push(path.curvature(parameter));
     }
     // Squared speeds: what the bends allow, then what braking and speeding up allow.
-    let mut square: Vec<f64> = bend
-        .iter()
-        .map(|k| (BEND_SHARE * acc / k.max(1e-9)).min(limits.speed_mps * limits.speed_mps))
-        .collect();
+    let mut square: Vec<f64> =
+        bend.iter().map(|k| (BEND_SHARE * acc / k.max(1e-9)).min(limits.speed_mps * limits.speed_mps)).collect();
     square[steps] = 0.0;
     let along = |square: f64, bend: f64| (acc * acc - (square * bend) * (square * bend)).max(0.0).sqrt();
     for i in (0..steps).rev() {

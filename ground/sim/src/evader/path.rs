@@ -41,11 +41,9 @@ impl Path {
             + c * (-3.0 * t.powi(3) + 3.0 * t * t + 3.0 * t + 1.0)
             + d * t.powi(3))
             / 6.0;
-        let first = (-a * (1.0 - t) * (1.0 - t)
-            + b * (3.0 * t * t - 4.0 * t)
-            + c * (-3.0 * t * t + 2.0 * t + 1.0)
-            + d * t * t)
-            / 2.0;
+        let first =
+            (-a * (1.0 - t) * (1.0 - t) + b * (3.0 * t * t - 4.0 * t) + c * (-3.0 * t * t + 2.0 * t + 1.0) + d * t * t)
+                / 2.0;
         let second = a * (1.0 - t) + b * (3.0 * t - 2.0) + c * (1.0 - 3.0 * t) + d * t;
         (position, first, second)
     }
@@ -159,7 +157,9 @@ mod tests {
 
     #[test]
     fn the_spline_starts_and_ends_on_its_ends_without_curvature_there() {
-        let path = Path { control: vec![Point::new(0.0, 0.0), Point::new(0.5, 0.1), Point::new(0.9, 0.4), Point::new(1.2, 0.9)] };
+        let path = Path {
+            control: vec![Point::new(0.0, 0.0), Point::new(0.5, 0.1), Point::new(0.9, 0.4), Point::new(1.2, 0.9)],
+        };
         assert!((path.at(0.0).0 - path.control[0]).norm() < 1e-12);
         assert!((path.at(path.end()).0 - path.control[3]).norm() < 1e-12);
         assert!(path.curvature(0.0) < 1e-9 && path.curvature(path.end()) < 1e-9);
@@ -167,7 +167,8 @@ mod tests {
 
     #[test]
     fn the_derivatives_are_those_of_the_position() {
-        let path = Path { control: (0..8).map(|i| Point::new(0.5 * f64::from(i), (0.8 * f64::from(i)).sin())).collect() };
+        let path =
+            Path { control: (0..8).map(|i| Point::new(0.5 * f64::from(i), (0.8 * f64::from(i)).sin())).collect() };
         let h = 1e-5;
         for parameter in [0.3, 1.0, 2.7, 5.5, 6.9] {
             let (before, here, after) = (path.at(parameter - h), path.at(parameter), path.at(parameter + h));
@@ -178,7 +179,8 @@ mod tests {
 
     #[test]
     fn a_relaxed_beam_is_straight_when_nothing_holds_it() {
-        let mut points: Vec<Point> = (0..30).map(|i| Point::new(0.5 * f64::from(i), if i == 15 { 1.0 } else { 0.0 })).collect();
+        let mut points: Vec<Point> =
+            (0..30).map(|i| Point::new(0.5 * f64::from(i), if i == 15 { 1.0 } else { 0.0 })).collect();
         for _ in 0..200 {
             points = beam(&points, 1, 1000.0);
         }

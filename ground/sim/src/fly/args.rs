@@ -1,0 +1,158 @@
+//! `goshawk-sim fly`.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use color_eyre::eyre::{Result, WrapErr, ensure};
+use goshawk_air::config::Vehicle;
+use goshawk_core::types::Task;
+use goshawk_policy::Policy;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::log::header;
+use super::{Campaign, table};
+use crate::trial::{Network, Outcome};
+
+/// The task to fly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TaskName {
+    /// Chase a running person.
+    Track,
+    /// Fly to a goal 40 m ahead.
+    Navigate,
+}
+
+/// The world to fly in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WorldName {
+    /// Trees by a Poisson process.
+    Forest,
+}
+
+/// Fly campaigns in lockstep and report successes.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  goshawk-sim fly --task track --speed 3,5,7 --trials 100 --seed 1 --spacing 4\n  \
+                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json")]
+pub struct FlyArgs {
+    /// What to fly.
+    #[arg(long, value_enum)]
+    task: TaskName,
+    /// Speeds, m/s: the evader's (track) or the vehicle's (navigate); a cell for each.
+    #[arg(long, value_name = "V[,V…]", value_delimiter = ',', required = true, value_parser = positive)]
+    speed: Vec<f64>,
+    /// Flights in each cell.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    trials: usize,
+    /// Seed of everything.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Mean spacings of the trees, m; cells for each.
+    #[arg(long, value_name = "M[,M…]", value_delimiter = ',', default_value = "4", value_parser = positive)]
+    spacing: Vec<f64>,
+    /// The world.
+    #[arg(long, value_enum, default_value = "forest")]
+    world: WorldName,
+    /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it.
+    #[arg(long, value_name = "FILE")]
+    policy: Option<PathBuf>,
+    /// The vehicle file.
+    #[arg(long, value_name = "FILE", default_value = "air/vehicles/sim.toml")]
+    vehicle_file: PathBuf,
+    /// What gusts reach, m/s.
+    #[arg(long, value_name = "MPS", default_value_t = 0.0)]
+    wind: f64,
+    /// Track: the vehicle's desired largest speed over the evader's.
+    #[arg(long, value_name = "RATIO", default_value_t = 2.5, value_parser = positive)]
+    speed_ratio: f64,
+    /// Height of the flight above the start, m; absent: that of the vehicle's default profile.
+    #[arg(long, value_name = "M", value_parser = positive)]
+    height: Option<f64>,
+    /// Write the report as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write a log (MCAP) of each flight into this folder.
+    #[arg(long, value_name = "DIR")]
+    log: Option<PathBuf>,
+    /// Flights at once; 0: one for each core.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("{text} is not above 0")) }
+}
+
+impl FlyArgs {
+    /// Flies, prints the table, writes the JSON.
+    ///
+    /// # Errors
+    /// If the campaign could not be flown; the message says on what and what to do.
+    pub fn run(self) -> Result<()> {
+        let WorldName::Forest = self.world;
+        ensure!(self.trials > 0, "--trials is 0: there is nothing to fly");
+        ensure!(self.wind.is_finite() && self.wind >= 0.0, "--wind is {}: it must be 0 or more", self.wind);
+        let vehicle = Vehicle::load(&self.vehicle_file)?;
+        let task = match self.task {
+            TaskName::Track => Task::Track,
+            TaskName::Navigate => Task::Navigate,
+        };
+        let model = self.model(&vehicle);
+        let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
+        let load = || Policy::load(&model, library.as_deref(), 1);
+        let first = load()?;
+        ensure!(
+            first.contract().model().task == task,
+            "policy {} was trained for another task than --task {}: give --policy",
+            model.display(),
+            super::report::task_name(task)
+        );
+        if let Some(folder) = &self.log {
+            std::fs::create_dir_all(folder).wrap_err_with(|| format!("cannot make {}", folder.display()))?;
+        }
+        let campaign = Campaign {
+            task,
+            speeds_mps: self.speed.clone(),
+            spacings_m: self.spacing.clone(),
+            trials: self.trials,
+            seed: self.seed,
+            wind_mps: self.wind,
+            speed_ratio: self.speed_ratio,
+            height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
+            threads: self.threads,
+            log: self.log.clone().map(|folder| (folder, header(&vehicle, &first))),
+        };
+        let flights = campaign.speeds_mps.len() * campaign.spacings_m.len() * campaign.trials;
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} flights, {msg}  {elapsed} (left {eta})")?;
+        let bar = ProgressBar::new(flights as u64).with_style(style).with_message("0 failed");
+        let failed = std::sync::atomic::AtomicUsize::new(0);
+        let make = || Ok(Box::new(load()?) as Box<dyn Network + Send>);
+        let mut report = campaign.run(&vehicle, &make, &|flight| {
+            if flight.outcome != Outcome::Success {
+                let failed = failed.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+                bar.set_message(format!("{failed} failed"));
+            }
+            bar.inc(1);
+        })?;
+        bar.finish_and_clear();
+        report.policy_sha256 = Some(first.sha256().to_owned());
+        if let Some(path) = &self.json {
+            let file = File::create(path).wrap_err_with(|| format!("cannot write {}", path.display()))?;
+            serde_json::to_writer_pretty(BufWriter::new(file), &report)
+                .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+        }
+        println!("{}", table(&report));
+        Ok(())
+    }
+
+    fn model(&self, vehicle: &Vehicle) -> PathBuf {
+        let own = vehicle.resolve(&vehicle.policy.model);
+        match (&self.policy, self.task) {
+            (Some(path), _) => path.clone(),
+            (None, TaskName::Track) => own,
+            (None, TaskName::Navigate) => own.with_file_name("navigate.onnx"),
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! A lockstep flight's log: the same MCAP file as the vehicle writes, with the simulator's truth in it.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use goshawk_air::config::Vehicle;
+use goshawk_air::convert;
+use goshawk_core::types::Time;
+use goshawk_core::{ControllerOutput, Odometry, Plan};
+use goshawk_policy::Policy;
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+use goshawk_recorder::{Channel, LogWriter};
+use prost::Message;
+
+use crate::render::Camera;
+use crate::sensor::RgbdImage;
+use crate::trial::{Truth, Witness};
+
+/// The log cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write the flight log {}: {cause}", path.display())]
+pub struct LogError {
+    path: PathBuf,
+    cause: String,
+}
+
+/// Writes one flight.
+pub struct FlightLog {
+    path: PathBuf,
+    camera: Camera,
+    writer: LogWriter<BufWriter<File>>,
+    failure: Option<String>,
+    controls: u64,
+    odometry: Option<Time>,
+}
+
+/// The header of a campaign's logs: vehicle file and policy.
+#[must_use]
+pub fn header(vehicle: &Vehicle, policy: &Policy) -> v1::LogHeader {
+    v1::LogHeader {
+        vehicle: vehicle.name.clone(),
+        vehicle_toml: vehicle.text.clone(),
+        policy_sha256: policy.sha256().to_owned(),
+        policy_contract_json: policy.contract_json().to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        ..Default::default()
+    }
+}
+
+impl FlightLog {
+    /// Begins a file; one of that name is never overwritten.
+    ///
+    /// # Errors
+    /// It exists, or cannot be created.
+    pub fn create(path: &Path, camera: Camera, header: &v1::LogHeader) -> Result<Self, LogError> {
+        let error = |cause: String| LogError { path: path.to_owned(), cause };
+        let file = File::create_new(path).map_err(|e| error(e.to_string()))?;
+        let writer = LogWriter::new(BufWriter::new(file)).map_err(|e| error(e.to_string()))?;
+        let mut log = Self { path: path.to_owned(), camera, writer, failure: None, controls: 0, odometry: None };
+        log.write(Channel::HEADER, Time(0), header);
+        Ok(log)
+    }
+
+    /// Ends the file.
+    ///
+    /// # Errors
+    /// Anything of it could not be written.
+    pub fn finish(self) -> Result<(), LogError> {
+        let Self { path, writer, failure, .. } = self;
+        let ended = writer.finish().map_err(|e| e.to_string()).and_then(|mut w| w.flush().map_err(|e| e.to_string()));
+        match failure.map_or(ended, Err) {
+            Ok(()) => Ok(()),
+            Err(cause) => Err(LogError { path, cause }),
+        }
+    }
+
+    fn write(&mut self, channel: Channel, stamp: Time, message: &impl Message) {
+        if self.failure.is_none() {
+            self.failure = self.writer.write(channel, stamp.0, &message.encode_to_vec()).err().map(|e| e.to_string());
+        }
+    }
+
+    fn tell(&mut self, key: Key, stamp: Time, message: &impl Message) {
+        if let Some(channel) = Channel::of(key) {
+            self.write(channel, stamp, message);
+        }
+    }
+}
+
+impl Witness for FlightLog {
+    fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
+        self.controls += 1;
+        if let Some(fresh) = odometry.filter(|o| self.odometry != Some(o.stamp)) {
+            self.odometry = Some(fresh.stamp);
+            self.write(Channel::ODOMETRY, now, &convert::odometry(self.controls, fresh));
+        }
+        self.tell(Key::Control, now, &convert::control(self.controls, now, output, odometry));
+        if let Some(t) = output.transition {
+            let event = v1::Event {
+                stamp_ns: now.0,
+                severity: v1::Severity::Info.into(),
+                kind: "mode".to_owned(),
+                text: format!("{:?} → {:?}: {}", t.from, t.to, t.cause),
+            };
+            self.tell(Key::Event, now, &event);
+        }
+    }
+
+    fn frame(&mut self, seq: u64, stamp: Time, image: &RgbdImage) {
+        let (width, height) = (image.width as u32, image.height as u32);
+        match goshawk_recorder::image::compress(&image.rgb, &image.depth_mm, width, height) {
+            Ok(message) => {
+                let message = v1::CompressedRgbd {
+                    seq,
+                    stamp_ns: stamp.0,
+                    hfov_rad: self.camera.hfov_rad,
+                    vfov_rad: self.camera.vfov_rad(),
+                    ..message
+                };
+                self.write(Channel::RGBD, stamp, &message);
+            }
+            Err(error) => self.failure = Some(error.to_string()),
+        }
+    }
+
+    fn plan(&mut self, ready: Time, plan: &Plan) {
+        self.tell(Key::Plan, ready, &convert::plan(plan, ready));
+        if let Some(target) = &plan.target {
+            self.tell(Key::Target, ready, &convert::target(plan.seq, target, ready));
+        }
+    }
+
+    fn truth(&mut self, now: Time, truth: &Truth<'_>) {
+        self.tell(Key::SimTruth, now, &truth.to_proto(now, 0));
+    }
+}

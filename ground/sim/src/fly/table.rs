@@ -1,0 +1,67 @@
+//! The campaign's table for the terminal.
+
+use std::fmt::Write;
+
+use super::report::{Cell, Report};
+
+/// One line a cell, then the timing.
+#[must_use]
+pub fn table(report: &Report) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "{:<9}{:>6}{:>8}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>13}",
+        "task",
+        "speed",
+        "spacing",
+        "success",
+        "95 %",
+        "collision",
+        "lost",
+        "timeout",
+        "clearance min/5/50",
+        "in view",
+        "dist mean/x",
+        "lateral 5..95",
+        "along 5..95",
+        "flown mean/x"
+    );
+    for cell in &report.cells {
+        let _ = writeln!(text, "{}", row(cell));
+    }
+    let t = &report.timing;
+    let _ = write!(
+        text,
+        "{:.0} s of flight in {:.1} s: {:.1} x real time ({} threads, {:.1} x each)",
+        t.simulated_s,
+        t.wall_s,
+        t.realtime_factor,
+        t.threads,
+        t.realtime_factor / t.threads.max(1) as f64
+    );
+    text
+}
+
+fn row(cell: &Cell) -> String {
+    let [low, high] = cell.success_interval;
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.2}"));
+    let c = &cell.clearance_m;
+    let range = |r: Option<super::report::Range>| r.map_or("-".to_owned(), |r| format!("{:.2}..{:.2}", r.p5, r.p95));
+    format!(
+        "{:<9}{:>6}{:>8}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>13}",
+        cell.task,
+        cell.speed_mps,
+        cell.spacing_m,
+        format!("{}/{}", cell.successes, cell.trials),
+        format!("{:.0}-{:.0} %", 100.0 * low, 100.0 * high),
+        cell.failures.collision,
+        cell.failures.lost,
+        cell.failures.timeout,
+        format!("{}/{}/{}", number(c.min), number(c.p5), number(c.p50)),
+        cell.in_view_fraction.map_or("-".to_owned(), |f| format!("{:.0} %", 100.0 * f)),
+        cell.target_distance_m.map_or("-".to_owned(), |d| format!("{:.1}/{:.1}", d.mean, d.max)),
+        range(cell.target_error_m.map(|e| e.lateral)),
+        range(cell.target_error_m.map(|e| e.longitudinal)),
+        format!("{:.1}/{:.1}", cell.flown_speed_mps.mean, cell.flown_speed_mps.max),
+    )
+}

@@ -1,0 +1,173 @@
+//! One flight in lockstep, as fast as the machine allows: the vehicle's own planner and controller, the true physics,
+//! and a verdict. A flight is a pure function of its configuration, the vehicle file and the policy.
+
+pub mod airframe;
+mod autopilot;
+pub mod estimator;
+pub mod judge;
+mod lockstep;
+pub mod onboard;
+pub mod scene;
+
+use goshawk_air::config::Vehicle;
+use goshawk_air::convert;
+use goshawk_core::types::{Task, Time, Vec3};
+use goshawk_core::{Cause, ConfigError, ControllerOutput, Mode, Odometry, Plan};
+use goshawk_policy::{PolicyError, PreprocessError};
+use goshawk_proto::v1;
+use thiserror::Error;
+
+use crate::evader::{EvaderError, EvaderState};
+use crate::quadrotor::QuadrotorState;
+use crate::sensor::RgbdImage;
+use crate::world::WorldError;
+pub use judge::{Contact, Metrics};
+pub use onboard::{Network, Onboard};
+pub use scene::{Scene, SceneConfig};
+
+/// Why a flight cannot be flown at all. A flight that ends badly is no error.
+#[derive(Debug, Error)]
+pub enum TrialError {
+    /// The forest.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// Nobody can run in it.
+    #[error(transparent)]
+    Evader(#[from] EvaderError),
+    /// The vehicle file does not fit the policy or cannot be flown with.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The policy failed.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// The camera does not fit the policy.
+    #[error(transparent)]
+    Preprocess(#[from] PreprocessError),
+}
+
+/// One flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrialConfig {
+    /// Chase or fly to a goal.
+    pub task: Task,
+    /// The evader's largest speed (track), or the vehicle's own desired speed (navigate), m/s.
+    pub speed_mps: f64,
+    /// Track: the vehicle's desired largest speed over the evader's.
+    pub speed_ratio: f64,
+    /// Height of the flight above the start, m.
+    pub height_m: f64,
+    /// Mean spacing of the trees, m.
+    pub spacing_m: f64,
+    /// What the wind's gusts reach, m/s; 0: still air.
+    pub wind_mps: f64,
+    /// Everything random is drawn from it.
+    pub seed: u64,
+}
+
+/// How a flight ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Outcome {
+    /// The goal was reached, or the evader arrived with the vehicle behind it.
+    Success,
+    /// The vehicle touched something.
+    Collision,
+    /// Track: out of sight, too far away, or the mission was given up.
+    Lost,
+    /// It took too long.
+    Timeout,
+}
+
+/// The record of one flight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flight {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// What was hit.
+    pub contact: Option<Contact>,
+    /// Where the vehicle was at the end.
+    pub end_world: Vec3,
+    /// Distance to the target or the goal at the end, m.
+    pub end_distance_m: f64,
+    /// How long it was since the target was last detected at the end, s; none: it never was.
+    pub unseen_s: Option<f64>,
+    /// All of it, from the Start command, s.
+    pub flown_s: f64,
+    /// Changes of mode: s since the Start command, what to, why.
+    pub modes: Vec<(f64, Mode, Cause)>,
+    /// What was measured.
+    pub metrics: Metrics,
+}
+
+/// True places at one instant, for a [`Witness`].
+#[derive(Clone, Copy, Debug)]
+pub struct Truth<'a> {
+    /// The vehicle.
+    pub vehicle: &'a QuadrotorState,
+    /// The runner.
+    pub evader: Option<EvaderState>,
+    /// From the vehicle's sphere to the nearest obstacle, m.
+    pub clearance_m: f64,
+    /// The last frame showed the target.
+    pub visible: bool,
+}
+
+/// Someone who records a flight. All methods do nothing unless they are overridden.
+pub trait Witness {
+    /// A step of the controller.
+    fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
+        let _ = (now, output, odometry);
+    }
+    /// A frame was exposed.
+    fn frame(&mut self, seq: u64, stamp: Time, image: &RgbdImage) {
+        let _ = (seq, stamp, image);
+    }
+    /// A plan became available at `ready`.
+    fn plan(&mut self, ready: Time, plan: &Plan) {
+        let _ = (ready, plan);
+    }
+    /// The truth, 20 times a second.
+    fn truth(&mut self, now: Time, truth: &Truth<'_>) {
+        let _ = (now, truth);
+    }
+}
+
+/// Nobody looks.
+pub struct Unwatched;
+impl Witness for Unwatched {}
+
+/// Flies one flight.
+///
+/// # Errors
+/// If it cannot be flown at all; see [`TrialError`].
+pub fn fly_trial(
+    config: &TrialConfig,
+    vehicle: &Vehicle,
+    network: &mut dyn Network,
+    witness: &mut dyn Witness,
+) -> Result<Flight, TrialError> {
+    let scene = Scene::new(&SceneConfig::of_task(config.task, config.speed_mps, config.spacing_m, config.seed))?;
+    lockstep::Lockstep::new(config, vehicle, &scene, network)?.fly(witness)
+}
+
+impl Truth<'_> {
+    /// As the wire has it; `collisions` so far.
+    #[must_use]
+    pub fn to_proto(&self, now: Time, collisions: u32) -> v1::SimTruth {
+        let evader = self.evader.as_ref();
+        let centre = evader.map(EvaderState::centre_world);
+        v1::SimTruth {
+            stamp_ns: now.0,
+            pos_world: Some(convert::vec3(self.vehicle.pos_world)),
+            world_from_body: Some(convert::quat(self.vehicle.world_from_body)),
+            vel_world: Some(convert::vec3(self.vehicle.vel_world)),
+            target_pos_world: centre.map(convert::vec3),
+            target_vel_world: evader.map(|e| convert::vec3(e.vel_world)),
+            clearance_m: self.clearance_m,
+            collisions,
+            target_distance_m: centre.map_or(0.0, |c| (c - self.vehicle.pos_world).norm()),
+            target_path_m: evader.map_or(0.0, |e| e.path_m),
+            target_arrived: evader.is_some_and(|e| e.arrived),
+            target_visible: self.visible,
+        }
+    }
+}

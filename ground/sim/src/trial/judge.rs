@@ -1,0 +1,189 @@
+//! What happened in a flight: contacts, clearance, how well the target was seen and located.
+
+use goshawk_core::types::{Time, Vec3};
+use goshawk_core::{Plan, TargetEstimate};
+
+use super::airframe::BODY_RADIUS_M;
+use crate::evader::EvaderState;
+use crate::quadrotor::QuadrotorState;
+use crate::render::Frame;
+use crate::world::{Kind, World};
+
+/// What the vehicle hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contact {
+    /// A tree's stem.
+    Trunk,
+    /// A thin limb.
+    Branch,
+    /// Leaves.
+    Foliage,
+    /// The ground, in flight.
+    Ground,
+    /// The target itself.
+    Person,
+}
+
+/// A person's body for contacts: an upright capsule about the centre line, m.
+const PERSON_RADIUS_M: f64 = 0.25;
+const PERSON_LOW_M: f64 = 0.25;
+const PERSON_HIGH_M: f64 = 1.5;
+
+/// An estimate farther from the truth than this is not the target, m.
+const SAME_TARGET_M: f64 = 2.0;
+
+/// The target counts as in view if this many pixels and this fraction of them are unhidden.
+const VIEW_PIXELS: u32 = 6;
+const VIEW_FRACTION: f64 = 0.2;
+
+/// Acceleration is averaged over this many physics steps before it is differentiated.
+const JERK_STEPS: u32 = 20;
+
+/// Measured over one flight, from the task's beginning.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Metrics {
+    /// How long the task was flown, s.
+    pub task_s: f64,
+    /// Least distance from the vehicle's sphere to an obstacle (not the ground), m; none: not flown.
+    pub clearance_m: Option<f64>,
+    /// Frames, and those in which the target was truly in view.
+    pub frames: u64,
+    /// See `frames`.
+    pub frames_in_view: u64,
+    /// Distance to the target, m: sum over frames and largest.
+    pub distance_sum_m: f64,
+    /// See `distance_sum_m`.
+    pub distance_max_m: f64,
+    /// Errors of the target's estimate across the line of sight, horizontal, one a frame with an estimate, m.
+    pub lateral_m: Vec<f64>,
+    /// Along the line of sight, m.
+    pub longitudinal_m: Vec<f64>,
+    /// ∫ jerk² dt, m²/s⁵, of the true motion's 20 ms means.
+    pub jerk_integral: f64,
+    /// Way flown, m.
+    pub way_m: f64,
+    /// Highest speed, m/s.
+    pub speed_max_mps: f64,
+}
+
+/// Watches a flight.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Judge {
+    pub(super) metrics: Metrics,
+    /// When the vehicle last detected the true target.
+    last_seen: Option<Time>,
+    acc_sum: Vec3,
+    acc_count: u32,
+    acc_last: Option<Vec3>,
+}
+
+/// True places at a frame's exposure.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exposure {
+    pub(super) vehicle_world: Vec3,
+    pub(super) target_world: Option<Vec3>,
+}
+
+/// Distance from a point to the person's capsule, m.
+fn person_distance(at: &Vec3, person: &EvaderState) -> f64 {
+    let foot = person.pose.foot_world;
+    let height = (at.z - foot.z).clamp(PERSON_LOW_M, PERSON_HIGH_M);
+    (at - (foot + Vec3::new(0.0, 0.0, height))).norm() - PERSON_RADIUS_M
+}
+
+/// What the vehicle's sphere touches, the ground only if it is `airborne`.
+pub fn contact(world: &World, at: &Vec3, person: Option<&EvaderState>, airborne: bool) -> Option<Contact> {
+    if world.clearance(at) < BODY_RADIUS_M {
+        let nearest = world
+            .parts()
+            .iter()
+            .min_by(|a, b| a.shape.signed_distance(at).total_cmp(&b.shape.signed_distance(at)))
+            .map(|part| part.kind);
+        return Some(match nearest {
+            Some(Kind::Branch) => Contact::Branch,
+            Some(Kind::Foliage) => Contact::Foliage,
+            _ => Contact::Trunk,
+        });
+    }
+    if person.is_some_and(|p| person_distance(at, p) < BODY_RADIUS_M) {
+        return Some(Contact::Person);
+    }
+    // On the ground the sphere would stand in it: it counts only in flight.
+    (airborne && at.z - world.ground_height(at.x, at.y) < BODY_RADIUS_M).then_some(Contact::Ground)
+}
+
+/// Whether the frame shows the target well enough to count as seen.
+pub fn in_view(frame: &Frame) -> bool {
+    frame.person_pixels_visible >= VIEW_PIXELS && frame.person_visible() >= VIEW_FRACTION
+}
+
+impl Judge {
+    /// One physics step of the task.
+    pub(super) fn physics(&mut self, dt_s: f64, state: &QuadrotorState) {
+        let m = &mut self.metrics;
+        m.task_s += dt_s;
+        let speed = state.vel_world.norm();
+        m.way_m += speed * dt_s;
+        m.speed_max_mps = m.speed_max_mps.max(speed);
+        self.acc_sum += state.acc_world;
+        self.acc_count += 1;
+        if self.acc_count == JERK_STEPS {
+            let mean = self.acc_sum / f64::from(JERK_STEPS);
+            let span = f64::from(JERK_STEPS) * dt_s;
+            if let Some(last) = self.acc_last {
+                m.jerk_integral += ((mean - last) / span).norm_squared() * span;
+            }
+            (self.acc_last, self.acc_sum, self.acc_count) = (Some(mean), Vec3::zeros(), 0);
+        }
+    }
+
+    /// The clearance now.
+    pub(super) fn clearance(&mut self, world: &World, at: &Vec3) {
+        let clearance = world.clearance(at) - BODY_RADIUS_M;
+        let least = self.metrics.clearance_m.get_or_insert(clearance);
+        *least = least.min(clearance);
+    }
+
+    /// A frame was exposed during the task.
+    pub(super) fn frame(&mut self, frame: &Frame, exposure: &Exposure) {
+        let m = &mut self.metrics;
+        m.frames += 1;
+        if let Some(target) = exposure.target_world {
+            m.frames_in_view += u64::from(in_view(frame));
+            let distance = (target - exposure.vehicle_world).norm();
+            m.distance_sum_m += distance;
+            m.distance_max_m = m.distance_max_m.max(distance);
+        }
+    }
+
+    /// A plan was made from the frame that was exposed at `exposure`.
+    pub(super) fn plan(&mut self, plan: &Plan, exposure: &Exposure, in_task: bool) {
+        let (Some(target), Some(estimate)) = (exposure.target_world, &plan.target) else { return };
+        let true_line = target - exposure.vehicle_world;
+        let error = (estimate.pos_world - plan.start.pos) - true_line;
+        if error.norm() < SAME_TARGET_M && estimate.confirmed {
+            self.last_seen = self.last_seen.max(Some(estimate.last_seen));
+        }
+        if in_task && believed(estimate) {
+            let along = Vec3::new(true_line.x, true_line.y, 0.0).try_normalize(1e-6).unwrap_or(Vec3::x());
+            let across = Vec3::new(-along.y, along.x, 0.0);
+            self.metrics.lateral_m.push(error.dot(&across));
+            self.metrics.longitudinal_m.push(error.dot(&along));
+        }
+    }
+
+    /// Seconds since the vehicle last detected the true target; none: it never has.
+    pub(super) fn unseen_s(&self, now: Time) -> Option<f64> {
+        self.last_seen.map(|seen| now.since(seen))
+    }
+
+    /// The vehicle has detected the true target within `within_s` before `now`.
+    pub(super) fn seen(&self, now: Time, within_s: f64) -> bool {
+        self.last_seen.is_some_and(|seen| now.since(seen) <= within_s)
+    }
+}
+
+/// Confirmed, and updated by the newest frame.
+fn believed(estimate: &TargetEstimate) -> bool {
+    estimate.confirmed && estimate.stamp == estimate.last_seen
+}

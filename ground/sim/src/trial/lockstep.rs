@@ -1,0 +1,329 @@
+//! The clockwork of a lockstep flight: physics at 1 kHz, odometry at 100 Hz and 10 ms late, the camera at 30 Hz with
+//! 20 ms from exposure to plan, the controller at its own rate.
+
+use goshawk_air::config::Vehicle;
+use goshawk_core::types::{Task, Time, Vec3};
+use goshawk_core::{Cause, Command, Mode, Plan, Profile};
+
+use super::airframe::{Mount, airframe};
+use super::autopilot::Obliging;
+use super::estimator::{Estimator, EstimatorConfig};
+use super::judge::{Contact, Exposure, Judge, contact, in_view};
+use super::onboard::{Network, Onboard};
+use super::scene::Scene;
+use super::{Flight, Outcome, TrialConfig, TrialError, Truth, Witness};
+use crate::quadrotor::{Quadrotor, STEP_S, Wind};
+use crate::render::{Frame, Renderer};
+use crate::sensor::{RgbdImage, Sensor, SensorConfig, mix};
+
+const STEPS_PER_S: u64 = 1000;
+const FRAMES_PER_S: u64 = 30;
+const ODOMETRY_STEPS: u64 = 10;
+const WIND_STEPS: u64 = 10;
+const TRUTH_STEPS: u64 = 50;
+const CLEARANCE_STEPS: u64 = 2;
+/// From the middle of the exposure to the network's start, and to the plan, s.
+const FRAME_AT_PLANNER_S: f64 = 0.015;
+const PLAN_READY_S: f64 = 0.020;
+
+/// The evader begins to run this long after the vehicle first tracks it, s.
+const HEAD_START_S: f64 = 0.5;
+/// Or, if the vehicle does not find it, this long after the take-off's end, s.
+const RUNS_ANYWAY_S: f64 = 5.0;
+/// Success of a chase: at most this far behind when the evader arrives, and seen this recently.
+const CAUGHT_UP_M: f64 = 12.0;
+const SEEN_WITHIN_S: f64 = 1.0;
+/// A chase is over when the target has not been seen for so long and is so far away.
+const GONE_S: f64 = 8.0;
+const GONE_M: f64 = 25.0;
+/// Success of a navigation.
+const GOAL_RADIUS_M: f64 = 2.0;
+/// The take-off may take this long, a navigation this long beyond its way at a quarter of its speed, s.
+const TAKEOFF_S: f64 = 25.0;
+const NAVIGATION_GRACE_S: f64 = 20.0;
+const GOAL_AHEAD_M: f64 = 40.0;
+
+/// A frame on its way through the vehicle.
+struct InFlight {
+    stamp: Time,
+    exposure: Exposure,
+    planned: bool,
+}
+
+pub(super) struct Lockstep<'a> {
+    config: TrialConfig,
+    scene: &'a Scene,
+    mount: Mount,
+    control_steps: u64,
+    quad: Quadrotor,
+    wind: Wind,
+    wind_world: Vec3,
+    estimator: Estimator,
+    autopilot: Obliging,
+    onboard: Onboard<'a>,
+    renderer: Renderer,
+    sensor: Sensor,
+    frame: Frame,
+    image: RgbdImage,
+    frames: u64,
+    pending: Option<InFlight>,
+    plan: Option<Plan>,
+    judge: Judge,
+    step: u64,
+    mode: Mode,
+    modes: Vec<(f64, Mode, Cause)>,
+    /// When Start was accepted, the take-off ended, the evader begins to run.
+    started: Option<Time>,
+    up: Option<Time>,
+    runs: Option<Time>,
+}
+
+impl<'a> Lockstep<'a> {
+    pub(super) fn new(
+        config: &TrialConfig,
+        vehicle: &Vehicle,
+        scene: &'a Scene,
+        network: &'a mut dyn Network,
+    ) -> Result<Self, TrialError> {
+        let mount = Mount::of(vehicle);
+        let parameters = airframe(vehicle);
+        let start = scene.vehicle_start(&parameters);
+        Ok(Self {
+            config: *config,
+            scene,
+            mount,
+            control_steps: (STEPS_PER_S as f64 / vehicle.controller.rate_hz).round().max(1.0) as u64,
+            quad: Quadrotor::new(parameters, start, 0.0),
+            wind: Wind::new(config.wind_mps, mix(config.seed, 12)),
+            wind_world: Vec3::zeros(),
+            estimator: Estimator::new(EstimatorConfig::default(), mix(config.seed, 11)),
+            autopilot: Obliging::default(),
+            onboard: Onboard::new(vehicle, &mount, network)?,
+            renderer: Renderer::new(mount.camera),
+            sensor: Sensor::new(SensorConfig::default()),
+            frame: Frame::default(),
+            image: RgbdImage::default(),
+            frames: 0,
+            pending: None,
+            plan: None,
+            judge: Judge::default(),
+            step: 0,
+            mode: Mode::Idle,
+            modes: Vec::new(),
+            started: None,
+            up: None,
+            runs: None,
+        })
+    }
+
+    /// Flies to the end.
+    pub(super) fn fly(mut self, witness: &mut dyn Witness) -> Result<Flight, TrialError> {
+        loop {
+            let now = self.now();
+            self.sense(now);
+            self.see(now, witness)?;
+            if self.step.is_multiple_of(self.control_steps) {
+                self.control(now, witness);
+            }
+            self.move_on(now);
+            if self.step.is_multiple_of(TRUTH_STEPS) {
+                witness.truth(now, &self.truth(now));
+            }
+            if let Some((outcome, contact)) = self.verdict(now) {
+                witness.truth(now, &self.truth(now));
+                return Ok(self.flight(now, outcome, contact));
+            }
+            self.step += 1;
+        }
+    }
+
+    fn now(&self) -> Time {
+        // The clock begins at 1 s, so that nothing lies before its zero.
+        Time((self.step + STEPS_PER_S) * 1_000_000)
+    }
+
+    fn running_for(&self, now: Time) -> f64 {
+        self.runs.map_or(-1.0, |runs| now.since(runs))
+    }
+
+    fn in_task(&self, now: Time) -> bool {
+        match self.config.task {
+            Task::Track => self.runs.is_some_and(|runs| now >= runs),
+            Task::Navigate => self.up.is_some(),
+        }
+    }
+
+    fn sense(&mut self, now: Time) {
+        if self.step.is_multiple_of(ODOMETRY_STEPS) {
+            self.estimator.observe(now, self.quad.state());
+        }
+        while let Some(odometry) = self.estimator.known(now) {
+            self.onboard.take_odometry(&odometry);
+        }
+    }
+
+    /// Exposes, plans, delivers.
+    fn see(&mut self, now: Time, witness: &mut dyn Witness) -> Result<(), TrialError> {
+        if self.step == self.frames * STEPS_PER_S / FRAMES_PER_S {
+            self.frames += 1;
+            // On the ground nobody looks at the images.
+            if self.started.is_some() {
+                self.expose(now, witness);
+            }
+        }
+        let Some(frame) = &mut self.pending else { return Ok(()) };
+        if !frame.planned && now >= frame.stamp.plus(FRAME_AT_PLANNER_S) {
+            frame.planned = true;
+            self.plan = self.onboard.plan(frame.stamp, &self.image)?;
+        }
+        if now >= frame.stamp.plus(PLAN_READY_S) {
+            let exposure = frame.exposure;
+            self.pending = None;
+            if let Some(plan) = self.plan.take() {
+                witness.plan(now, &plan);
+                self.judge.plan(&plan, &exposure, self.in_task(now));
+                self.onboard.take_plan(plan);
+            }
+        }
+        Ok(())
+    }
+
+    fn expose(&mut self, now: Time, witness: &mut dyn Witness) {
+        let since = self.running_for(now);
+        let person = self.scene.person_at(since);
+        let pose = self.mount.pose(self.quad.state());
+        self.renderer.render(&self.scene.world, person.as_ref(), &pose, &mut self.frame);
+        self.sensor.capture(&self.frame, mix(mix(self.config.seed, 13), self.frames), &mut self.image);
+        let exposure = Exposure {
+            vehicle_world: self.quad.state().pos_world,
+            target_world: person.map(|p| p.pose.centre_world()),
+        };
+        if self.in_task(now) {
+            self.judge.frame(&self.frame, &exposure);
+        }
+        witness.frame(self.frames, now, &self.image);
+        self.pending = Some(InFlight { stamp: now, exposure, planned: false });
+    }
+
+    fn control(&mut self, now: Time, witness: &mut dyn Witness) {
+        let command = (self.mode == Mode::Ready).then(|| Command::Start(self.profile()));
+        let output = self.onboard.control(now, self.autopilot.status(self.quad.state().on_ground), command);
+        self.autopilot.take(now, &output);
+        self.mode = output.mode;
+        if output.reply == Some(Ok(())) {
+            self.started = Some(now);
+        }
+        if let (Some(change), Some(started)) = (output.transition, self.started) {
+            self.modes.push((now.since(started), change.to, change.cause));
+            if change.from == Mode::Takeoff {
+                self.up = Some(now);
+                self.runs = Some(now.plus(RUNS_ANYWAY_S));
+            }
+            if change.to == Mode::Track && self.runs.is_none_or(|runs| runs > now) {
+                self.runs = Some(now.plus(HEAD_START_S));
+            }
+        }
+        witness.control(now, &output, self.onboard.odometry());
+    }
+
+    fn profile(&self) -> Profile {
+        let config = &self.config;
+        match config.task {
+            Task::Track => Profile {
+                task: Task::Track,
+                speed: config.speed_mps * config.speed_ratio,
+                height: config.height_m,
+                goal: None,
+            },
+            Task::Navigate => Profile {
+                task: Task::Navigate,
+                speed: config.speed_mps,
+                height: config.height_m,
+                goal: Some(Vec3::new(GOAL_AHEAD_M, 0.0, config.height_m)),
+            },
+        }
+    }
+
+    fn move_on(&mut self, now: Time) {
+        if self.step.is_multiple_of(WIND_STEPS) {
+            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S);
+        }
+        let demand = self.autopilot.demand(now);
+        let world = &self.scene.world;
+        self.quad.step(STEP_S, demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
+        if self.in_task(now) {
+            self.judge.physics(STEP_S, self.quad.state());
+            if self.step.is_multiple_of(CLEARANCE_STEPS) {
+                self.judge.clearance(world, &self.quad.state().pos_world);
+            }
+        }
+    }
+
+    fn goal_world(&self) -> Vec3 {
+        let start = self.scene.vehicle_start(self.quad.parameters());
+        start + Vec3::new(GOAL_AHEAD_M, 0.0, self.config.height_m)
+    }
+
+    fn truth(&self, now: Time) -> Truth<'_> {
+        let vehicle = self.quad.state();
+        Truth {
+            vehicle,
+            evader: self.scene.evader_at(self.running_for(now)),
+            clearance_m: self.scene.world.clearance(&vehicle.pos_world) - super::airframe::BODY_RADIUS_M,
+            visible: in_view(&self.frame),
+        }
+    }
+
+    fn verdict(&self, now: Time) -> Option<(Outcome, Option<Contact>)> {
+        let since_start = now.since(self.started.unwrap_or(Time::from_secs(1.0)));
+        if self.up.is_none() {
+            let failed = matches!(self.mode, Mode::Fault | Mode::Stopping) || since_start > TAKEOFF_S;
+            return failed.then_some((Outcome::Timeout, None));
+        }
+        let at = self.quad.state().pos_world;
+        let evader = self.scene.evader_at(self.running_for(now));
+        if self.step.is_multiple_of(CLEARANCE_STEPS)
+            && let Some(touched) = contact(&self.scene.world, &at, evader.as_ref(), true)
+        {
+            return Some((Outcome::Collision, Some(touched)));
+        }
+        let given_up = matches!(self.mode, Mode::Stopping | Mode::Landed | Mode::Fault);
+        let outcome = match evader {
+            Some(evader) => {
+                let distance = (evader.centre_world() - at).norm();
+                if evader.arrived {
+                    let behind = distance <= CAUGHT_UP_M && self.judge.seen(now, SEEN_WITHIN_S);
+                    Some(if behind { Outcome::Success } else { Outcome::Lost })
+                } else {
+                    let gone = distance > GONE_M && !self.judge.seen(now, GONE_S) && self.in_task(now);
+                    (gone || given_up).then_some(Outcome::Lost)
+                }
+            }
+            None => {
+                let limit = NAVIGATION_GRACE_S + GOAL_AHEAD_M / (0.25 * self.config.speed_mps);
+                let late = self.up.is_some_and(|up| now.since(up) > limit);
+                if (self.goal_world() - at).norm() <= GOAL_RADIUS_M {
+                    Some(Outcome::Success)
+                } else {
+                    (late || given_up).then_some(Outcome::Timeout)
+                }
+            }
+        };
+        outcome.map(|outcome| (outcome, None))
+    }
+
+    fn flight(self, now: Time, outcome: Outcome, contact: Option<Contact>) -> Flight {
+        let at = self.quad.state().pos_world;
+        let target = self.scene.evader_at(self.running_for(now)).map_or(self.goal_world(), |e| e.centre_world());
+        Flight {
+            outcome,
+            contact,
+            end_world: at,
+            end_distance_m: (target - at).norm(),
+            unseen_s: self.judge.unseen_s(now),
+            flown_s: self.started.map_or(0.0, |started| now.since(started)),
+            modes: self.modes,
+            metrics: self.judge.metrics,
+        }
+    }
+}
