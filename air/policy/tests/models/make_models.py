@@ -14,7 +14,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 MODELS_DIR = Path(__file__).resolve().parent
-TRACK_CHANNELS = "theta phi r vx vy vz ax ay az cost objectness du dv distance".split()
+TRACK_CHANNELS = ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost", "objectness", "du", "dv", "distance"]
 TRACK_STATE = ["velocity", "acceleration", "up"]
 
 
