@@ -144,6 +144,16 @@ mod tests {
     }
 
     #[test]
+    fn the_command_leads_the_plan_by_the_loops_lag() {
+        let mut yaw = YawPlanner::new(YawConfig { lag: 0.2, ..CONFIG });
+        for _ in 0..200 {
+            let command = yaw.step(0.005, YawGoal::Sweep(-1.0));
+            assert!(wrap(command - (yaw.yaw() + 0.2 * yaw.rate)).abs() < 1e-12);
+        }
+        assert!((yaw.rate + 1.0).abs() < 1e-9, "sweeps to the right");
+    }
+
+    #[test]
     fn a_target_overhead_keeps_the_heading() {
         assert_eq!(toward(Vec3::new(0.1, 0.1, 3.0), Vec3::zeros()), YawGoal::Keep);
     }

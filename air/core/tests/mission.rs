@@ -92,6 +92,16 @@ fn an_autopilot_that_refuses_offboard_or_arming_ends_in_a_fault_with_its_reason(
 }
 
 #[test]
+fn a_vehicle_too_heavy_to_lift_gives_up_and_disarms() {
+    let mut sim = Loop::new();
+    sim.heaviness = 5.0;
+    sim.start(track());
+    sim.until(20.0, |s| s.mode() == Mode::Stopping);
+    assert_eq!(sim.last_cause(), Cause::TakeoffTimeout);
+    sim.until(10.0, |s| s.mode() == Mode::Landed);
+}
+
+#[test]
 fn the_target_is_chased_until_caught_up_and_chased_again_when_it_moves_off() {
     let mut sim = chasing(Vec3::new(15.0, 3.0, 1.5));
     assert_eq!(sim.last_cause(), Cause::TargetConfirmed);

@@ -1,0 +1,249 @@
+//! The target filter and the planner: frames in, plans out.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
+
+mod common;
+
+use goshawk_core::target::{Detection, TargetFilter};
+use goshawk_core::*;
+use proptest::prelude::*;
+
+fn config() -> TargetConfig {
+    common::planner_config(Task::Track).target
+}
+
+fn seen(pos_world: Vec3) -> [Option<Detection>; 2] {
+    [Some(Detection { pos_world, distance: pos_world.norm(), objectness: 0.9 }), None]
+}
+
+/// Frames at 30 Hz; `what(t)` is the detection.
+fn watch(filter: &mut TargetFilter, from: f64, frames: u32, what: impl Fn(f64) -> [Option<Detection>; 2]) -> [bool; 2] {
+    let mut consistent = [false; 2];
+    for k in 0..frames {
+        let t = from + f64::from(k) / 30.0;
+        filter.step(Time::from_secs(t), &what(t), &mut consistent);
+    }
+    consistent
+}
+
+fn confirmed_at(pos: Vec3) -> TargetFilter {
+    let mut filter = TargetFilter::new(config());
+    watch(&mut filter, 0.0, 30, |_| seen(pos));
+    assert!(filter.estimate().unwrap().confirmed);
+    filter
+}
+
+#[test]
+fn four_of_six_frames_confirm_and_three_do_not() {
+    let mut filter = TargetFilter::new(config());
+    let here = Vec3::new(5.0, 0.0, 1.0);
+    assert_eq!(watch(&mut filter, 0.0, 3, |_| seen(here)), [false, false]);
+    assert!(!filter.estimate().unwrap().confirmed);
+    assert_eq!(watch(&mut filter, 0.1, 1, |_| seen(here)), [true, false]);
+    assert!(filter.estimate().unwrap().confirmed);
+}
+
+#[test]
+fn a_constant_velocity_is_learned() {
+    let mut filter = TargetFilter::new(config());
+    let path = |t: f64| Vec3::new(5.0 + 4.0 * t, -2.0 * t, 1.0);
+    watch(&mut filter, 0.0, 60, |t| seen(path(t)));
+    let estimate = filter.estimate().unwrap();
+    assert!((estimate.vel_world - Vec3::new(4.0, -2.0, 0.0)).norm() < 0.05);
+    assert!((estimate.pos_world - path(59.0 / 30.0)).norm() < 0.02);
+}
+
+#[test]
+fn a_false_positive_far_away_is_not_consistent() {
+    let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+    assert_eq!(watch(&mut filter, 1.0, 1, |_| seen(Vec3::new(8.0, 4.0, 1.0))), [false, false]);
+    assert!((filter.estimate().unwrap().pos_world - Vec3::new(5.0, 0.0, 1.0)).norm() < 0.1);
+}
+
+#[test]
+fn short_blindness_keeps_the_target_and_long_blindness_loses_it() {
+    let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+    watch(&mut filter, 1.0, 13, |_| [None; 2]);
+    assert!(filter.estimate().unwrap().confirmed);
+    watch(&mut filter, 1.0 + 13.0 / 30.0, 5, |_| [None; 2]);
+    let lost = filter.estimate().unwrap();
+    assert!(!lost.confirmed);
+    assert!((lost.pos_world - Vec3::new(5.0, 0.0, 1.0)).norm() < 0.2);
+}
+
+#[test]
+fn a_lost_target_is_taken_again_only_where_it_can_have_run() {
+    let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+    watch(&mut filter, 1.0, 24, |_| [None; 2]); // lost at about 1.5 s, now 1.8 s
+    watch(&mut filter, 1.8, 6, |_| seen(Vec3::new(0.0, 19.0, 1.0)));
+    assert!(!filter.estimate().unwrap().confirmed, "20 m in 0.8 s");
+    watch(&mut filter, 2.0, 6, |_| seen(Vec3::new(8.0, 2.0, 1.0)));
+    assert!(filter.estimate().unwrap().confirmed);
+}
+
+#[test]
+fn an_odometry_jump_moves_the_target_along() {
+    let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+    filter.shift(Vec3::new(0.0, 30.0, 0.0));
+    assert!(!watch(&mut filter, 1.0, 1, |_| seen(Vec3::new(5.0, 30.0, 1.0)))[0], "beyond max_distance");
+    filter.shift(Vec3::new(0.0, -20.0, 0.0));
+    assert_eq!(watch(&mut filter, 1.1, 1, |_| seen(Vec3::new(5.0, 10.0, 1.0))), [true, false]);
+}
+
+proptest! {
+    #[test]
+    fn any_detections_keep_the_estimate_finite_slow_and_certain(
+        points in prop::collection::vec(prop::array::uniform3(prop::num::f64::ANY), 1..40),
+        near in prop::collection::vec(prop::array::uniform3(-3.0..3.0), 40), step in 0.0..2.0
+    ) {
+        let mut filter = TargetFilter::new(config());
+        let mut consistent = [false; 2];
+        for (k, point) in points.iter().enumerate() {
+            let (wild, tame) = (Vec3::from(*point), Vec3::from(near[k]));
+            let detections = [
+                Some(Detection { pos_world: wild, distance: wild.norm(), objectness: 0.9 }),
+                Some(Detection { pos_world: tame, distance: tame.norm(), objectness: 0.6 }),
+            ];
+            filter.step(Time::from_secs(step * k as f64), &detections, &mut consistent);
+            if let Some(e) = filter.estimate() {
+                prop_assert!(e.pos_world.iter().all(|x| x.is_finite()));
+                prop_assert!(e.vel_world.norm() <= config().max_speed + 1e-9);
+                prop_assert!(e.covariance.diagonal().iter().all(|v| *v > 0.0 && v.is_finite()));
+            }
+        }
+    }
+}
+
+fn planner(task: Task) -> Planner {
+    Planner::new(common::planner_config(task)).unwrap()
+}
+
+fn odometry(stamp: f64) -> Odometry {
+    Odometry { stamp: Time::from_secs(stamp), ..common::odometry() }
+}
+
+/// All cells empty but those of `held`, whose costs are given.
+fn network(held: &[(usize, f32)]) -> NetworkOutput {
+    let mut values = [0.0; MAX_CHANNELS * ANCHORS];
+    for index in 0..ANCHORS {
+        values[9 * ANCHORS + index] = 5.0;
+        values[10 * ANCHORS + index] = -4.0;
+    }
+    for (index, cost) in held {
+        values[9 * ANCHORS + index] = *cost;
+        values[10 * ANCHORS + index] = 4.0;
+    }
+    NetworkOutput { values }
+}
+
+fn frames(planner: &mut Planner, from: u64, count: u64, network: &NetworkOutput) -> Plan {
+    let mut plan = None;
+    for seq in from..from + count {
+        let odometry = odometry(seq as f64 / 30.0);
+        let input =
+            PlannerInput { seq, odometry: &odometry, acc_world: Vec3::zeros(), speed: 6.0, goal_world: None, network };
+        plan = Some(planner.step(&input));
+    }
+    plan.unwrap()
+}
+
+#[test]
+fn a_target_is_chased_once_confirmed() {
+    let mut planner = planner(Task::Track);
+    let seen = network(&[(7, 1.0)]);
+    let early = frames(&mut planner, 0, 3, &seen);
+    assert_eq!((early.chosen, early.candidates[7].rejection), (None, Some(Rejection::Gate)));
+    let plan = frames(&mut planner, 3, 1, &seen);
+    assert_eq!((plan.chosen, plan.candidates[7].rejection), (Some(7), None));
+    assert_eq!(plan.candidates[0].rejection, Some(Rejection::Objectness));
+    assert!(plan.target.unwrap().confirmed);
+    assert_eq!(plan.start.pos, odometry(0.0).pos_world);
+}
+
+#[test]
+fn a_detection_elsewhere_is_gated_out_even_if_cheaper() {
+    let mut planner = planner(Task::Track);
+    frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));
+    let plan = frames(&mut planner, 6, 1, &network(&[(7, 1.0), (10, 0.0)]));
+    assert_eq!((plan.chosen, plan.candidates[10].rejection), (Some(7), Some(Rejection::Gate)));
+}
+
+#[test]
+fn a_missed_frame_chooses_nothing_and_keeps_the_target() {
+    let mut planner = planner(Task::Track);
+    frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));
+    let plan = frames(&mut planner, 6, 1, &network(&[]));
+    assert_eq!(plan.chosen, None);
+    assert!(plan.target.unwrap().confirmed);
+}
+
+#[test]
+fn navigation_flies_the_cheapest_valid_candidate() {
+    let mut planner = planner(Task::Navigate);
+    let mut output = network(&[(3, 0.5), (4, 0.2)]);
+    assert_eq!(frames(&mut planner, 0, 1, &output).chosen, Some(4));
+    output.values[4] = f32::NAN;
+    let plan = frames(&mut planner, 1, 1, &output);
+    assert_eq!((plan.chosen, plan.candidates[4].rejection), (Some(3), Some(Rejection::Invalid)));
+    assert_eq!(plan.candidates[3].objectness, 1.0);
+}
+
+#[test]
+fn a_network_of_nan_chooses_nothing() {
+    for task in [Task::Track, Task::Navigate] {
+        let nan = NetworkOutput { values: [f32::NAN; MAX_CHANNELS * ANCHORS] };
+        assert_eq!(frames(&mut planner(task), 0, 3, &nan).chosen, None);
+    }
+}
+
+#[test]
+fn the_state_is_seen_from_the_tilted_camera() {
+    let state = planner(Task::Navigate).network_state(
+        &odometry(0.0),
+        Vec3::new(0.0, 0.0, 1.5),
+        3.0,
+        Some(Vec3::new(1.0, 12.0, 3.0)),
+    );
+    let (sin, cos) = (0.17_f32.sin(), 0.17_f32.cos());
+    // alpha 0.5: velocity 2 / 3, acceleration 1.5 / (0.25 * 6) = 1; a camera looking up sees them below and ahead.
+    let want = [2.0 / 3.0 * cos, 0.0, -2.0 / 3.0 * sin, sin, 0.0, cos, sin, 0.0, cos, 0.0, 1.0, 0.0];
+    for (got, want) in state.iter().zip(want) {
+        assert!((got - want).abs() < 1e-6, "{state:?}");
+    }
+}
+
+#[test]
+fn an_odometry_jump_does_not_lose_the_target() {
+    let mut planner = planner(Task::Track);
+    let seen = network(&[(7, 1.0)]);
+    frames(&mut planner, 0, 6, &seen);
+    let mut jumped = odometry(0.2);
+    jumped.pos_world += jumped.vel_world / 30.0 + Vec3::new(0.0, 50.0, 0.0);
+    jumped.reset_counter = 1;
+    let input = PlannerInput {
+        seq: 6,
+        odometry: &jumped,
+        acc_world: Vec3::zeros(),
+        speed: 6.0,
+        goal_world: None,
+        network: &seen,
+    };
+    assert_eq!(planner.step(&input).chosen, Some(7));
+}
+
+proptest! {
+    #[test]
+    fn no_input_makes_it_panic(
+        values in prop::collection::vec(prop::num::f32::ANY, MAX_CHANNELS * ANCHORS),
+        pos in prop::array::uniform3(prop::num::f64::ANY), speed in prop::num::f64::ANY, stamp in prop::num::u64::ANY
+    ) {
+        let mut planner = planner(Task::Track);
+        let network = NetworkOutput { values: values.try_into().unwrap() };
+        let odometry = Odometry { stamp: Time(stamp), pos_world: Vec3::from(pos), ..odometry(0.0) };
+        for seq in 0..8 {
+            let acc_world = Vec3::from(pos);
+            let input = PlannerInput { seq, odometry: &odometry, acc_world, speed, goal_world: None, network: &network };
+            let plan = planner.step(&input);
+            prop_assert!(plan.duration.is_finite() && plan.duration > 0.0);
+        }
+    }
+}
