@@ -117,8 +117,11 @@ def _export(args: argparse.Namespace) -> int:
     agreed = export.export(saved, args.out, commit=export.current_commit())
     worst = export.verify(network.eval(), args.out, saved.config)
     if args.data:
-        metrics = validate.Validator(saved.config, args.data).evaluate(network)
-        args.out.with_suffix(".md").write_text(export.model_card(saved, agreed, metrics, file=args.out))
+        validator = validate.Validator(saved.config, args.data)
+        card = export.model_card(
+            saved, agreed, validator.evaluate(network), frames=len(validator.index_F), file=args.out
+        )
+        args.out.with_suffix(".md").write_text(card)
     samples = agreed["training"]["samples"]
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, {samples} samples, largest difference {worst:.1e}")
     return 0

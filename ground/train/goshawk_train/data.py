@@ -167,6 +167,12 @@ def scene_folders(root: Path) -> list[Path]:
     return folders
 
 
+def describe(root: Path) -> str:
+    """What a data set is, in a line for the policy's contract."""
+    about = json.loads((root / "dataset.json").read_text())
+    return f"{root.name}: seed {about['seed']}, {about['scenes']} x {about['frames']} frames, {about['commit'][:12]}"
+
+
 def load(root: Path, config: Config, *, workers: int = 2) -> tuple[Frames, SceneMaps]:
     """Read a whole data set; depth is filled once here. Raises `DataError`."""
     folders = scene_folders(root)

@@ -142,33 +142,34 @@ def verify(network: Policy, path: Path, config: Config, *, trials: int = 4) -> f
     return worst
 
 
-def model_card(saved: Checkpoint, agreed: dict[str, Any], metrics: dict[str, float], *, file: Path) -> str:
+def model_card(saved: Checkpoint, agreed: dict[str, Any], metrics: dict[str, float], *, frames: int, file: Path) -> str:
     """The Markdown that lies beside a shipped policy."""
     config, training = saved.config, agreed["training"]
     network = Policy(config)
     figures = "\n".join(f"| {name} | {value:.4g} |" for name, value in metrics.items())
     return f"""# Policy `{file.name}`
 
-Task: {config.task}. ResNet-18 with stages of {config.network.channels} channels,
-{parameter_count(network):,} parameters, float32,
-{file.stat().st_size / 1e6:.1f} MB. Input RGB-D {config.camera.width} x {config.camera.height} and a state of
-{3 * len(config.state_names)} numbers ({", ".join(config.state_names)}), in the camera frame; {config.lattice.anchors}
-anchors of {len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.
+Task: {config.task}. ResNet-18 with stages of {", ".join(map(str, config.network.channels))} channels,
+{parameter_count(network):,} parameters, float32, {file.stat().st_size / 1e6:.1f} MB. Input: RGB-D of
+{config.camera.width} x {config.camera.height} and {3 * len(config.state_names)} state values
+({", ".join(config.state_names)}; camera frame). Output: {config.lattice.anchors} anchors of
+{len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.
 
 ## Training
-{training["samples"]:,} samples in {training["hours"]:.2f} h on {config.training.threads} CPU threads, data set
-`{training["data"]}`, commit `{training["commit"]}`, seed {training["seed"]}, weight average
-{config.training.ema:g}. Reproduce with `configs/{config.task}.toml`.
+{training["samples"]:,} samples in {training["hours"]:.2f} h on {config.training.threads} shared CPU threads, weight
+average {config.training.ema:g}, seed {training["seed"]}, commit `{training["commit"]}`, configuration
+`ground/train/configs/{config.task}.toml`. Data set: {training["data"]}.
 
 ## Held-out scenes
-Scenes never trained on, {config.training.validate_frames} frames at most, states drawn like the training's. Distances
-in m; `collide_*` is the share of trajectories that come nearer than 0.16 m to an obstacle within their T.
+{min(config.training.validate_frames, frames)} frames of scenes never trained on, states drawn like the training's.
+Distances in m. `collide_*`: share of trajectories that come nearer than 0.16 m to an obstacle within T, many of them
+from states that no trajectory could save (drawn at random: full speed, half a metre before a trunk).
 
 | metric | value |
 |---|---|
 {figures}
 
 ## Limits
-Trained on synthetic forests with a synthetic person only, at alpha = 1 and scaled by alpha in flight. It sees one
-frame: what is hidden behind a trunk is unknown to it. Detection beyond about 10 m is untested.
+Trained on synthetic forests with a synthetic person only, at alpha = 1; flight scales by alpha. It sees one frame:
+what is hidden behind a trunk is unknown to it. Targets were 1.2 to 14 m away.
 """

@@ -146,7 +146,7 @@ def run(config: Config, root: Path, out: Path, *, validation: Path | None, resum
         raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
     print(f"loading {root}", flush=True)
     frames, maps = data.load(root, config)
-    trainer = Trainer(config, frames, maps, data_name=root.name)
+    trainer = Trainer(config, frames, maps, data_name=data.describe(root))
     if resume and path.exists():
         trainer.restore(checkpoint.load(path))
     held_out = validate.Validator(config, validation) if validation else None

@@ -25,12 +25,17 @@ def trainer(config: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> train
     return train.Trainer(config, *loaded, data_name="synthetic")
 
 
-def test_loss_falls_on_a_few_frames(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
-    run = trainer(replace_training(small, samples=8 * 60), loaded)
-    losses = [run.advance() for _ in range(60)]
-    early, late = losses[:10], losses[-10:]
-    for name, share in (("loss", 0.8), ("trajectory", 0.9), ("objectness", 0.8), ("target", 0.9)):
-        assert np.mean([float(p[name]) for p in late]) < share * np.mean([float(p[name]) for p in early]), name
+def test_network_fits_a_few_frames(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
+    """Without augmentation; the states are new in each step, so it is no plain memory."""
+    plain = dataclasses.replace(small.augment, hue_rad=0.0, saturation=0.0, value=0.0, noise=0.0)
+    plain = dataclasses.replace(plain, blank_rgb=0.0, blank_depth=0.0, flip=0.0)
+    training = replace_training(small, samples=8 * 60, learning_rate=8e-3, ema=0.9)
+    run = trainer(dataclasses.replace(training, augment=plain), loaded)
+    parts = [{name: float(value) for name, value in run.advance().items()} for _ in range(60)]
+    shares = {"loss": 0.88, "cost_error": 0.85, "objectness": 0.85, "target": 0.93}
+    for name, share in shares.items():
+        early, late = (np.mean([p[name] for p in part]) for part in (parts[:6], parts[-18:]))
+        assert late < share * early, f"{name}: {early:.3f} -> {late:.3f}"
 
 
 def test_resumed_run_repeats_the_uninterrupted_one(
