@@ -6,21 +6,26 @@
 
 pub mod clock;
 pub mod commands;
+pub mod config;
+mod endpoint;
 pub mod error;
 pub mod events;
 pub mod frames;
 pub mod link;
 pub mod mode;
 mod pose;
+pub mod status;
 pub mod view;
 pub mod wire;
 
 pub use commands::{Ack, Command, Outcome};
+pub use config::{HeartbeatKind, LinkConfig, StreamRates};
 pub use error::AutopilotError;
 pub use events::AutopilotEvent;
-pub use link::{AutopilotLink, HeartbeatKind, LinkConfig, StreamRates};
+pub use link::AutopilotLink;
 pub use mode::Px4Mode;
-pub use view::{Counters, Imu, Status, StatusText, View};
+pub use status::{Counters, Imu, Status, StatusText};
+pub use view::View;
 
 /// The generated MAVLink messages that the link and the stand-in speak.
 pub use mavlink::dialects::common as messages;

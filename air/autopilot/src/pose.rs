@@ -2,7 +2,7 @@
 
 use crate::frames::{enu_from_ned, flu_from_frd, world_from_body};
 use crate::messages::{ATTITUDE_QUATERNION_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA};
-use crate::view::Imu;
+use crate::status::Imu;
 use goshawk_core::types::{Odometry, Rot, Time, Vec3};
 use nalgebra::Quaternion;
 

@@ -77,18 +77,26 @@ fn a_failsafe_is_not_a_pilots_choice() {
 fn events_tell_at_once_what_the_heartbeat_tells_late() {
     let mut view = View::new(1, 1);
     view.accept(at(1.0), &packet(heartbeat(Px4Mode::Offboard, false)));
+    let failsafe = |action: u8| {
+        let mut arguments = [0; 40];
+        arguments[4] = action;
+        let id = AutopilotEvent::FailsafeEntered.id();
+        packet(MavMessage::EVENT(EVENT_DATA { id, arguments, ..EVENT_DATA::default() }))
+    };
     let event =
         |event: AutopilotEvent| packet(MavMessage::EVENT(EVENT_DATA { id: event.id(), ..EVENT_DATA::default() }));
     view.accept(at(1.1), &event(AutopilotEvent::Armed));
     view.accept(at(1.2), &event(AutopilotEvent::TakeoffDetected));
     let status = view.status(at(1.2));
     assert_eq!((status.armed, status.landed, status.offboard), (true, Some(false), true));
-    view.accept(at(1.3), &event(AutopilotEvent::FailsafeEntered));
+    view.accept(at(1.25), &failsafe(1));
+    assert!(!view.status(at(1.25)).failsafe && view.status(at(1.25)).offboard, "a warning takes nothing away");
+    view.accept(at(1.3), &failsafe(2));
     assert!(view.status(at(1.3)).failsafe && !view.status(at(1.3)).offboard);
     view.accept(at(1.4), &event(AutopilotEvent::LandingDetected));
     view.accept(at(1.5), &event(AutopilotEvent::Disarmed));
     assert_eq!((view.status(at(1.5)).armed, view.status(at(1.5)).landed), (false, Some(true)));
-    assert_eq!(view.take_events().len(), 5);
+    assert_eq!(view.take_events().len(), 6);
 }
 
 fn odometry(time_us: u64, x: f32) -> Packet {
