@@ -5,7 +5,10 @@ matrix exponentials of augmented systems), so that an error in one is not repeat
 
     python tests/vectors/generate.py [DIRECTORY]    writes *.json, by default beside this file
 
-Shape suffixes: B case, N anchor (row-major from the image's top left), C channel, K sample, 3 x y z, Q quaternion w x y z.
+`preprocess.json` beside them is written by the training side.
+
+Shape suffixes: B case, N anchor (row-major from the image's top left), C channel, K sample, 3 x y z,
+Q quaternion w x y z.
 """
 
 from __future__ import annotations
@@ -263,7 +266,7 @@ class Filter:
 
 
 def target() -> Json:
-    """A runner seen at irregular frames, with a detection beside it in some, a false one in some, blank ones between."""
+    """A runner seen at irregular frames: some with a second detection of it, some with a false one, some blank."""
     config, rng = Filter(), np.random.default_rng(4)
     lens = np.array([1.0, -2.0, 1.5])
     x, covariance = np.zeros(6), np.eye(6)
