@@ -113,8 +113,8 @@ def batch_metrics(outcome: Outcome, batch: data.Batch, config: Config) -> dict[s
     missing = np.linalg.norm(end[frame, best] - goal, axis=1)
     needed = np.linalg.norm(goal, axis=1)
     return out | {
-        "recall": (found & positive).any(1)[seen].astype(float),
-        "false_alarm_empty": found.any(1)[_array(batch.visible_B) == 0].astype(float),
+        "recall": np.asarray((found & positive).any(1))[seen].astype(float),
+        "false_alarm_empty": np.asarray(found.any(1))[_array(batch.visible_B) == 0].astype(float),
         "false_alarm_cell": found[negative].astype(float),
         "distance_error": along[seen],
         "lateral_error": np.linalg.norm(error - along[:, None] * ray, axis=1)[seen],
