@@ -1,6 +1,6 @@
 //! The modes that the stand-in flies itself, on the simulated quadrotor.
 
-use super::logic_tests::standing;
+use super::bench::standing;
 use super::{LossAction, Px4Config, Px4Logic, VehicleState};
 use crate::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
 use goshawk_autopilot::Px4Mode;

@@ -201,8 +201,15 @@ impl Px4Logic {
         } else if self.mode == Px4Mode::Offboard {
             let patience_s = self.config.loss_s + FAILSAFE_DELAY_S;
             if self.stream_age().is_none_or(|age| age > patience_s) {
-                self.event(AutopilotEvent::NoOffboardSignal);
-                self.event(AutopilotEvent::FailsafeEntered);
+                self.event(AutopilotEvent::NoOffboardSignal, &[]);
+                // The mode left, and failsafe_action_t: fall back to POSCTL, hold, land.
+                let [a, b, c, d] = Px4Mode::Offboard.custom_mode().to_le_bytes();
+                let action = match self.config.loss_action {
+                    LossAction::Position => 2,
+                    LossAction::Hold => 5,
+                    LossAction::Land => 7,
+                };
+                self.event(AutopilotEvent::FailsafeEntered, &[a, b, c, d, action]);
                 self.text("Failsafe activated: offboard signal lost");
                 self.enter(match self.config.loss_action {
                     LossAction::Position => Px4Mode::Position,
@@ -235,11 +242,11 @@ impl Px4Logic {
         match self.landed.step(self.now, thrust, vehicle) {
             Some(Detected::Takeoff) => {
                 self.flown = true;
-                self.event(AutopilotEvent::TakeoffDetected);
+                self.event(AutopilotEvent::TakeoffDetected, &[]);
             }
             Some(Detected::Landing) => {
                 self.landed_at = self.now;
-                self.event(AutopilotEvent::LandingDetected);
+                self.event(AutopilotEvent::LandingDetected, &[]);
             }
             None => {}
         }
@@ -260,23 +267,26 @@ impl Px4Logic {
         self.armed_at = self.now;
         self.flown = false;
         self.flight.reset();
-        self.event(AutopilotEvent::Armed);
+        self.event(AutopilotEvent::Armed, &[]);
     }
 
     pub(super) fn set_disarmed(&mut self) {
         if self.armed {
             self.armed = false;
-            self.event(AutopilotEvent::Disarmed);
+            self.event(AutopilotEvent::Disarmed, &[]);
         }
     }
 
-    fn event(&mut self, event: AutopilotEvent) {
+    fn event(&mut self, event: AutopilotEvent, arguments: &[u8]) {
+        let mut padded = [0; 40];
+        padded[..arguments.len()].copy_from_slice(arguments);
         self.event_sequence = self.event_sequence.wrapping_add(1);
         let message = MavMessage::EVENT(EVENT_DATA {
             id: event.id(),
             event_time_boot_ms: (self.boot_ns() / 1_000_000) as u32,
             sequence: self.event_sequence,
             log_levels: 0x66,
+            arguments: padded,
             ..EVENT_DATA::default()
         });
         self.outbox.push((self.now, message));

@@ -13,11 +13,15 @@ mod streams;
 mod udp;
 
 #[cfg(test)]
+mod bench;
+#[cfg(test)]
 mod flight_tests;
 #[cfg(test)]
 mod link_tests;
 #[cfg(test)]
 mod logic_tests;
+#[cfg(test)]
+mod reports_tests;
 
 use goshawk_autopilot::Px4Mode;
 use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Vec3};
