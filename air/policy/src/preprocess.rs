@@ -1,7 +1,7 @@
 //! Sensor image to network input, the same rules as the training side (`tests/vectors/preprocess.json`).
 //!
 //! Colour: box average to the network's size, areas weighted where the sizes do not divide; 0..=1. Depth: millimetres;
-//! the source pixel under each target pixel's centre; 0, 65535 (full scale) and nearer than `min_m` are no measurement;
+//! the source pixel under each target pixel's centre; 0 and whatever is nearer than `min_m` are no measurement;
 //! each filling pass gives a pixel without one the nearest of its 3 x 3 neighbours as they were before the pass; what
 //! still has none becomes `max_m`; clipped to `max_m` and divided by it. Nothing is allocated after construction.
 
@@ -10,8 +10,10 @@ use crate::contract::{Contract, Depth, Image};
 /// Largest relative difference between the source's field of view and the policy's.
 pub const FIELD_OF_VIEW_TOLERANCE: f64 = 0.02;
 
-/// Stands for "no measurement", as it does for a sensor at full scale: beyond every `max_m`, it never wins a minimum.
+/// Stands for "no measurement" while filling: it never wins a minimum.
 const NONE: u16 = u16::MAX;
+/// The farthest measurement: beyond every `max_m`, so what a sensor at full scale says is clipped either way.
+const FARTHEST: u16 = NONE - 1;
 
 /// A source of images, as it says of itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -277,7 +279,7 @@ impl DepthImage {
         for (row, &start) in self.image[stride..].chunks_exact_mut(stride).zip(&self.row_starts) {
             for (out, &column) in row[1..].iter_mut().zip(&self.columns) {
                 let mm = depth_at(start + column);
-                *out = if mm < nearest { NONE } else { mm };
+                *out = if mm < nearest { NONE } else { mm.min(FARTHEST) };
             }
         }
         for _ in 0..self.passes {

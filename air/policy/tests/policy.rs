@@ -206,3 +206,17 @@ fn a_policy_may_move_to_another_thread() {
     fn needs_send<T: Send>() {}
     needs_send::<Policy>();
 }
+
+#[test]
+fn every_shipped_policy_loads_and_gives_finite_values() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+    let files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let policies: Vec<&PathBuf> = files.iter().filter(|path| path.extension().is_some_and(|e| e == "onnx")).collect();
+    assert!(!policies.is_empty());
+    for path in policies {
+        let mut policy = Policy::load(path, None, 1).unwrap();
+        let (rgbd, state) = inputs(&policy);
+        let output = policy.infer(&rgbd, &state).unwrap();
+        assert!(output.values.iter().all(|value| value.is_finite()), "{}", path.display());
+    }
+}

@@ -51,7 +51,7 @@ fn definition(width: usize, height: usize, rgb: &[u8], depth_mm: &[u16]) -> Vec<
             }
             let (v, u) = (((y as f64 + 0.5) * sy) as usize, ((x as f64 + 0.5) * sx) as usize);
             let mm = depth_mm[v * width + u];
-            metres.push((200..65535).contains(&mm).then(|| f64::from(mm) / 1000.0));
+            metres.push((mm >= 200).then(|| f64::from(mm) / 1000.0));
         }
     }
     for _ in 0..2 {
@@ -217,5 +217,48 @@ fn an_impossible_size_is_refused() {
     for (width, height) in [(0, 96), (160, 0), (u32::MAX, u32::MAX)] {
         let error = Preprocessor::new(&contract(), source(width, height)).unwrap_err();
         assert_eq!(error, PreprocessError::Size { width, height });
+    }
+}
+
+/// One case of `tests/vectors/preprocess.json`, which the training side writes.
+#[derive(serde::Deserialize)]
+struct Case {
+    name: String,
+    source: Size,
+    target: Size,
+    depth_mm: Vec<u16>,
+    rgb: Vec<u8>,
+    expected_depth: Vec<f64>,
+    expected_rgb_planes: Vec<f64>,
+}
+
+#[derive(Clone, Copy, serde::Deserialize)]
+struct Size {
+    width: u32,
+    height: u32,
+}
+
+#[test]
+fn the_training_side_prepares_the_same() {
+    #[derive(serde::Deserialize)]
+    struct Vectors {
+        depth: goshawk_policy::contract::Depth,
+        cases: Vec<Case>,
+    }
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors/preprocess.json");
+    let vectors: Vectors = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    assert!(!vectors.cases.is_empty());
+    for case in vectors.cases {
+        let mut contract = contract();
+        contract.depth = vectors.depth;
+        contract.image.width = case.target.width as usize;
+        contract.image.height = case.target.height as usize;
+        let mut preprocessor = Preprocessor::new(&contract, source(case.source.width, case.source.height)).unwrap();
+        let found = preprocessor.run(&case.rgb, &case.depth_mm).unwrap();
+        let needed = [case.expected_rgb_planes, case.expected_depth].concat();
+        assert_eq!(found.len(), needed.len(), "{}", case.name);
+        for (i, (&found, needed)) in found.iter().zip(needed).enumerate() {
+            assert!((f64::from(found) - needed).abs() < 1e-5, "{} value {i}: {found}, not {needed}", case.name);
+        }
     }
 }

@@ -14,7 +14,7 @@ U16 = NDArray[np.uint16]
 F32 = NDArray[np.float32]
 
 _NONE = np.uint16(65535)
-"""Stands for "no measurement" while filling: beyond every depth limit, so it never wins a minimum."""
+"""Stands for "no measurement" while filling: it never wins a minimum. Longer measurements count as one less."""
 
 
 def fill_depth(depth_mm: U16, config: DepthConfig) -> U16:
@@ -25,7 +25,7 @@ def fill_depth(depth_mm: U16, config: DepthConfig) -> U16:
     """
     near = np.uint16(round(config.min_m * 1000))
     far = np.uint16(round(config.max_m * 1000))
-    out = np.where(depth_mm < near, _NONE, depth_mm)
+    out = np.where(depth_mm < near, _NONE, np.minimum(depth_mm, _NONE - np.uint16(1)))
     for _ in range(config.fill_passes):
         rows = _min3(out, axis=-2)
         out = np.where(out == _NONE, _min3(rows, axis=-1), out)

@@ -76,6 +76,7 @@ def document() -> str:
 def test_vectorised_fill_equals_the_rule_pixel_by_pixel() -> None:
     rng = np.random.default_rng(0)
     stack = rng.integers(0, 30000, (20, 7, 9)).astype(np.uint16)
+    stack[rng.uniform(size=stack.shape) < 0.1] = 65535  # full scale is a measurement
     stack[rng.uniform(size=stack.shape) < 0.7] = 0
     got = preprocess.normalise_depth(preprocess.fill_depth(stack, RULES), RULES)
     np.testing.assert_allclose(got, np.stack([reference_fill(d) for d in stack]), atol=1e-7)
