@@ -17,7 +17,6 @@ from goshawk_dashboards.live import LiveDashboard
 from goshawk_dashboards.panels_html import failing_checks
 from goshawk_dashboards.snapshot import Snapshot
 from rich.console import Console
-from rich.table import Table
 
 from goshawk_ground.children import Child, stop_all
 from goshawk_ground.director import Action, Director, Limits, Phase
@@ -187,12 +186,8 @@ def _report(summary: Summary, options: DemoOptions, console: Console) -> None:
             options.json_file.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
         except OSError as error:
             raise DemoError(f"cannot write {options.json_file}: {error.strerror}") from error
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column(justify="left", overflow="fold")
     for name, value in _rows(summary):
-        table.add_row(name, value.replace("[", r"\["))
-    console.print(table)
+        console.print(f"{name:<15} {value}", markup=False, soft_wrap=True)
 
 
 def _rows(s: Summary) -> Iterator[tuple[str, str]]:
