@@ -10,9 +10,17 @@ use zenoh::qos::{CongestionControl, Priority};
 pub enum BusError {
     /// Zenoh refused: commonly a port in use or an endpoint that does not parse.
     #[error("cannot listen on {endpoints}: {cause}; is another goshawk-air running, or is the endpoint misspelt?")]
-    Open {
+    Listen {
         /// The endpoints asked for.
         endpoints: String,
+        /// Zenoh's own words.
+        cause: String,
+    },
+    /// The endpoint to dial cannot be one.
+    #[error("cannot dial {endpoint}: {cause}; an endpoint is such as tcp/192.168.1.7:7447")]
+    Dial {
+        /// The endpoint asked for.
+        endpoint: String,
         /// Zenoh's own words.
         cause: String,
     },
@@ -33,26 +41,32 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// Opens a peer that listens on `endpoints` (such as `tcp/0.0.0.0:7447`) and dials nobody. Lease 2 s, no
-    /// multicast, no gossip-made connections.
+    /// Opens a session that listens on `endpoints` (such as `tcp/0.0.0.0:7447`) and dials nobody.
     ///
     /// # Errors
     /// An endpoint in use or malformed.
     pub fn listen(vehicle: VehicleName, endpoints: &[String]) -> Result<Self, BusError> {
-        let error = |cause: String| BusError::Open { endpoints: endpoints.join(", "), cause };
-        let mut config = zenoh::Config::default();
-        for (path, value) in [
-            ("mode", r#""peer""#.to_owned()),
-            ("listen/endpoints", serde_json::to_string(endpoints).map_err(|e| error(e.to_string()))?),
-            ("listen/exit_on_failure", "true".to_owned()),
-            ("connect/endpoints", "[]".to_owned()),
-            ("scouting/multicast/enabled", "false".to_owned()),
-            ("scouting/gossip/autoconnect", r#"{"router": [], "peer": []}"#.to_owned()),
-            ("transport/link/tx/lease", "2000".to_owned()),
-        ] {
-            config.insert_json5(path, &value).map_err(|e| error(format!("{path}: {e}")))?;
-        }
-        let session = zenoh::open(config).wait().map_err(|e| error(e.to_string()))?;
+        let error = |cause| BusError::Listen { endpoints: endpoints.join(", "), cause };
+        let listed = serde_json::to_string(endpoints).map_err(|e| error(e.to_string()))?;
+        let session = open(&[("listen/endpoints", &listed), ("connect/endpoints", "[]")]).map_err(error)?;
+        Ok(Bus { session, vehicle })
+    }
+
+    /// Opens a session that dials `endpoint`, listens nowhere, and keeps dialling whenever the other side is away.
+    ///
+    /// # Errors
+    /// The endpoint is malformed.
+    pub fn dial(vehicle: VehicleName, endpoint: &str) -> Result<Self, BusError> {
+        let error = |cause| BusError::Dial { endpoint: endpoint.to_owned(), cause };
+        let listed = serde_json::to_string(&[endpoint]).map_err(|e| error(e.to_string()))?;
+        let session = open(&[
+            ("connect/endpoints", &listed),
+            ("connect/timeout_ms", "-1"),
+            ("connect/exit_on_failure", "false"),
+            ("connect/retry", r#"{"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}"#),
+            ("listen/endpoints", "[]"),
+        ])
+        .map_err(error)?;
         Ok(Bus { session, vehicle })
     }
 
@@ -138,6 +152,22 @@ impl Publisher {
         self.inner.put(self.buffer.as_slice()).wait().ok()?;
         Some(self.buffer.len())
     }
+}
+
+// What both sides have in common: no multicast, no connections made by gossip, a lease of 2 s.
+fn open(own: &[(&str, &str)]) -> Result<zenoh::Session, String> {
+    let mut config = zenoh::Config::default();
+    let common = [
+        ("mode", r#""peer""#),
+        ("listen/exit_on_failure", "true"),
+        ("scouting/multicast/enabled", "false"),
+        ("scouting/gossip/autoconnect", r#"{"router": [], "peer": []}"#),
+        ("transport/link/tx/lease", "2000"),
+    ];
+    for (path, value) in common.iter().chain(own) {
+        config.insert_json5(path, value).map_err(|e| format!("{path}: {e}"))?;
+    }
+    zenoh::open(config).wait().map_err(|e| e.to_string())
 }
 
 fn priority(priority: KeyPriority) -> Priority {

@@ -1,0 +1,256 @@
+//! The real-time front door: one world on the wall clock, with the camera over Zenoh and the autopilot stand-in over
+//! MAVLink, for an onboard process that cannot tell it from the field.
+//!
+//! Two threads: physics and autopilot here, on a 1 kHz grid of the host's monotonic clock; the camera in [`camera`].
+
+mod camera;
+mod session;
+mod watch;
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use color_eyre::eyre::{Result, WrapErr, ensure};
+use goshawk_air::clock;
+use goshawk_air::config::Vehicle;
+use goshawk_core::types::{NormalisedThrust, Time, Vec3};
+
+use crate::px4::{Px4Config, Px4Udp, VehicleState};
+use crate::quadrotor::{Quadrotor, STEP_S, Wind};
+use crate::sensor::mix;
+use crate::trial::airframe::airframe;
+use crate::trial::estimator::{Estimator, EstimatorConfig};
+use crate::trial::{Scene, SceneConfig};
+use camera::{Camera, Exposure};
+use session::Session;
+use watch::Watch;
+
+/// One physics step.
+const STEP_NS: u64 = 1_000_000;
+/// Steps between wake-ups: one sleep for each costs a tenth of a core.
+const BATCH_STEPS: u64 = 2;
+const ESTIMATE_STEPS: u64 = 10;
+const WIND_STEPS: u64 = 10;
+const WATCH_STEPS: u64 = 5;
+const TRUTH_STEPS: u64 = 50;
+/// Behind the wall clock by more than this, the simulation lets time go instead of racing after it.
+const HOPELESS_NS: u64 = 200 * STEP_NS;
+/// The evader runs once the vehicle has been this high for so long.
+const AIRBORNE_M: f64 = 0.8;
+const AIRBORNE_S: f64 = 2.0;
+
+/// A world in real time: camera over Zenoh, autopilot over MAVLink.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  goshawk-sim serve --seed 3 --spacing 5 --speed 3\n  \
+                  goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541")]
+pub struct ServeArgs {
+    /// Seed of the world, the runner and the noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Mean spacing of the trees, m.
+    #[arg(long, value_name = "M", default_value_t = 5.0)]
+    spacing: f64,
+    /// Most speed of the evader, m/s.
+    #[arg(long, value_name = "MPS", default_value_t = 3.0)]
+    speed: f64,
+    /// How far the evader runs, m.
+    #[arg(long, value_name = "M", default_value_t = 40.0)]
+    distance: f64,
+    /// The vehicle file.
+    #[arg(long, value_name = "FILE", default_value = "air/vehicles/sim.toml")]
+    vehicle_file: PathBuf,
+    /// The vehicle's Zenoh endpoint.
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    connect: String,
+    /// The vehicle's UDP port for MAVLink; absent: the vehicle file's.
+    #[arg(long, value_name = "PORT")]
+    mavlink_port: Option<u16>,
+    /// Images a second.
+    #[arg(long, value_name = "HZ", default_value_t = 30.0)]
+    frame_rate: f64,
+    /// What gusts reach, m/s.
+    #[arg(long, value_name = "MPS", default_value_t = 0.0)]
+    wind: f64,
+    /// End by itself after so long, s.
+    #[arg(long, value_name = "S")]
+    exit_after: Option<f64>,
+}
+
+impl ServeArgs {
+    /// Runs until SIGINT, SIGTERM or the given time, and prints a summary.
+    ///
+    /// # Errors
+    /// What keeps it from starting; the message says on what and what to do.
+    pub fn run(self) -> Result<()> {
+        for (name, value, least, most) in [
+            ("--speed", self.speed, 0.1, 12.0),
+            ("--distance", self.distance, 5.0, 500.0),
+            ("--frame-rate", self.frame_rate, 1.0, 120.0),
+            ("--wind", self.wind, 0.0, 30.0),
+        ] {
+            ensure!(
+                value.is_finite() && (least..=most).contains(&value),
+                "{name} is {value}: it must be {least} to {most}"
+            );
+        }
+        let vehicle = Vehicle::load(&self.vehicle_file)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register(signal, Arc::clone(&stop)).wrap_err("cannot handle signals")?;
+        }
+        let scene = Arc::new(Scene::new(&SceneConfig {
+            seed: self.seed,
+            spacing_m: self.spacing,
+            distance_m: self.distance,
+            evader_mps: Some(self.speed),
+        })?);
+        let mut session = Session::dial(&vehicle.name, &self.connect, &scene)?;
+        let camera = Camera::start(&session, &vehicle, &scene, self.seed, Arc::clone(&stop))?;
+        let mut simulation = Simulation::new(&self, &vehicle, &scene)?;
+        println!(
+            "seed {}: {} trees {} m apart, the target runs {} m at up to {} m/s; vehicle at {}, autopilot to UDP {}",
+            self.seed,
+            scene.world.trees().len(),
+            self.spacing,
+            self.distance,
+            self.speed,
+            self.connect,
+            simulation.mavlink
+        );
+        let end = self.exit_after.map(|s| clock::now().plus(s));
+        while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
+            simulation.catch_up(clock::now(), &mut session, &camera);
+            clock::sleep_until(Time(simulation.now.0 + BATCH_STEPS * STEP_NS));
+        }
+        stop.store(true, Ordering::Relaxed);
+        let frames = camera.join();
+        println!("{}", simulation.watch.summary(frames, simulation.skipped_s));
+        Ok(())
+    }
+}
+
+struct Simulation<'a> {
+    scene: &'a Scene,
+    quad: Quadrotor,
+    px4: Px4Udp,
+    mavlink: SocketAddr,
+    wind: Wind,
+    wind_world: Vec3,
+    estimator: Estimator,
+    /// What the autopilot believes minus the truth: position and velocity.
+    error: (Vec3, Vec3),
+    watch: Watch,
+    /// The simulated instant; follows the monotonic clock.
+    now: Time,
+    step: u64,
+    frame_period_ns: u64,
+    next_frame: Time,
+    airborne_since: Option<Time>,
+    runs: Option<Time>,
+    skipped_s: f64,
+}
+
+impl<'a> Simulation<'a> {
+    fn new(args: &ServeArgs, vehicle: &Vehicle, scene: &'a Scene) -> Result<Self> {
+        let parameters = airframe(vehicle);
+        let start = scene.vehicle_start(&parameters);
+        let mut mavlink = vehicle.autopilot.bind;
+        if let Some(port) = args.mavlink_port {
+            mavlink.set_port(port);
+        }
+        let config =
+            Px4Config { hover_thrust: NormalisedThrust(vehicle.airframe.hover_thrust), ..Px4Config::default() };
+        let here = SocketAddr::new(mavlink.ip(), 0);
+        let now = clock::now();
+        Ok(Self {
+            scene,
+            quad: Quadrotor::new(parameters, start, 0.0),
+            px4: Px4Udp::open(config, here, Some(mavlink))?,
+            mavlink,
+            wind: Wind::new(args.wind, mix(args.seed, 12)),
+            wind_world: Vec3::zeros(),
+            estimator: Estimator::new(EstimatorConfig::default(), mix(args.seed, 11)),
+            error: (Vec3::zeros(), Vec3::zeros()),
+            watch: Watch::default(),
+            now,
+            step: 0,
+            frame_period_ns: (1e9 / args.frame_rate) as u64,
+            next_frame: now,
+            airborne_since: None,
+            runs: None,
+            skipped_s: 0.0,
+        })
+    }
+
+    /// Steps up to the wall clock.
+    fn catch_up(&mut self, wall: Time, session: &mut Session, camera: &Camera) {
+        let behind = wall.0.saturating_sub(self.now.0);
+        if behind > HOPELESS_NS {
+            let skipped = behind - STEP_NS;
+            self.now = Time(self.now.0 + skipped);
+            self.skipped_s += skipped as f64 * 1e-9;
+        }
+        while self.now.0 + STEP_NS <= wall.0 {
+            self.now = Time(self.now.0 + STEP_NS);
+            self.advance(session, camera);
+            self.step += 1;
+        }
+    }
+
+    fn advance(&mut self, session: &mut Session, camera: &Camera) {
+        let world = &self.scene.world;
+        if self.step.is_multiple_of(WIND_STEPS) {
+            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S);
+        }
+        if self.step.is_multiple_of(ESTIMATE_STEPS) {
+            let truth = self.quad.state();
+            let estimate = self.estimator.estimate(self.now, truth);
+            self.error = (estimate.pos_world - truth.pos_world, estimate.vel_world - truth.vel_world);
+        }
+        let output = self.px4.poll(self.now, &self.sensed());
+        self.quad.step(STEP_S, output.demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
+        self.release_the_evader();
+        let since = self.running_for();
+        if self.now >= self.next_frame {
+            self.next_frame = Time((self.next_frame.0 + self.frame_period_ns).max(self.now.0));
+            camera.expose(Exposure { stamp: self.now, vehicle: *self.quad.state(), running_for_s: since });
+        }
+        if self.step.is_multiple_of(WATCH_STEPS) {
+            let evader = self.scene.evader_at(since);
+            self.watch.look(self.now, world, self.quad.state(), evader, self.runs.is_some(), camera.sees_target());
+            if self.step.is_multiple_of(TRUTH_STEPS) {
+                session.truth(&self.watch.truth(self.now, self.quad.state()));
+            }
+        }
+    }
+
+    fn sensed(&self) -> VehicleState {
+        let truth = self.quad.state();
+        VehicleState {
+            pos_world: truth.pos_world + self.error.0,
+            vel_world: truth.vel_world + self.error.1,
+            world_from_body: truth.world_from_body,
+            ang_vel_body: truth.ang_vel_body,
+            acc_world: truth.acc_world,
+            on_ground: truth.on_ground,
+            battery_fraction: self.quad.battery_fraction(),
+            reset_counter: 0,
+        }
+    }
+
+    fn release_the_evader(&mut self) {
+        let at = self.quad.state().pos_world;
+        let high = at.z - self.scene.world.ground_height(at.x, at.y) > AIRBORNE_M;
+        self.airborne_since = if high { self.airborne_since.or(Some(self.now)) } else { None };
+        if self.runs.is_none() && self.airborne_since.is_some_and(|since| self.now.since(since) >= AIRBORNE_S) {
+            self.runs = Some(self.now);
+        }
+    }
+
+    fn running_for(&self) -> f64 {
+        self.runs.map_or(-1.0, |runs| self.now.since(runs))
+    }
+}

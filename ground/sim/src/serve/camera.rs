@@ -1,0 +1,127 @@
+//! The camera's thread: renders what physics exposed and publishes it. Rendering never delays physics.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use color_eyre::eyre::{Result, WrapErr};
+use goshawk_air::bus::Publisher;
+use goshawk_air::config::Vehicle;
+use goshawk_air::slot::Slot;
+use goshawk_core::types::Time;
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+
+use super::session::Session;
+use crate::quadrotor::QuadrotorState;
+use crate::render::{Frame, Renderer};
+use crate::sensor::{RgbdImage, Sensor, SensorConfig, mix};
+use crate::trial::Scene;
+use crate::trial::airframe::Mount;
+use crate::trial::judge::in_view;
+
+/// What the camera was pointed at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exposure {
+    pub(super) stamp: Time,
+    pub(super) vehicle: QuadrotorState,
+    /// Since the evader began to run; negative before.
+    pub(super) running_for_s: f64,
+}
+
+/// The running thread.
+pub(super) struct Camera {
+    exposures: Slot<Exposure>,
+    sees_target: Arc<AtomicBool>,
+    published: Arc<AtomicU64>,
+    thread: JoinHandle<()>,
+}
+
+impl Camera {
+    pub(super) fn start(
+        session: &Session,
+        vehicle: &Vehicle,
+        scene: &Arc<Scene>,
+        seed: u64,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self> {
+        let exposures = Slot::default();
+        let sees_target = Arc::new(AtomicBool::new(false));
+        let published = Arc::new(AtomicU64::new(0));
+        let mut work = Work {
+            publisher: session.publisher(Key::Rgbd)?,
+            mount: Mount::of(vehicle),
+            vfov_rad: vehicle.camera.vfov_deg.to_radians(),
+            scene: Arc::clone(scene),
+            seed,
+            frame: Frame::default(),
+            image: RgbdImage::default(),
+        };
+        let (inbox, seen, count) = (exposures.clone(), Arc::clone(&sees_target), Arc::clone(&published));
+        let thread = thread::Builder::new()
+            .name("camera".to_owned())
+            .spawn(move || {
+                let mut renderer = Renderer::new(work.mount.camera);
+                let mut sensor = Sensor::new(SensorConfig::default());
+                let mut newest = 0;
+                while !stop.load(Ordering::Relaxed) {
+                    if let Some((exposure, _)) = inbox.wait_newer(&mut newest, Duration::from_millis(100)) {
+                        let seq = count.fetch_add(1, Ordering::Relaxed);
+                        work.shoot(&mut renderer, &mut sensor, &exposure, seq);
+                        seen.store(in_view(&work.frame), Ordering::Relaxed);
+                    }
+                }
+            })
+            .wrap_err("cannot start the camera's thread")?;
+        Ok(Self { exposures, sees_target, published, thread })
+    }
+
+    /// Hands an exposure over; one that the thread has not begun is replaced.
+    pub(super) fn expose(&self, exposure: Exposure) {
+        self.exposures.put(Arc::new(exposure));
+    }
+
+    /// Whether the last image shows the target.
+    pub(super) fn sees_target(&self) -> bool {
+        self.sees_target.load(Ordering::Relaxed)
+    }
+
+    /// Waits for the thread's end; returns how many images it published.
+    pub(super) fn join(self) -> u64 {
+        if self.thread.join().is_err() {
+            tracing::error!("the camera's thread failed");
+        }
+        self.published.load(Ordering::Relaxed)
+    }
+}
+
+struct Work {
+    publisher: Publisher,
+    mount: Mount,
+    vfov_rad: f64,
+    scene: Arc<Scene>,
+    seed: u64,
+    frame: Frame,
+    image: RgbdImage,
+}
+
+impl Work {
+    fn shoot(&mut self, renderer: &mut Renderer, sensor: &mut Sensor, exposure: &Exposure, seq: u64) {
+        let person = self.scene.person_at(exposure.running_for_s);
+        let pose = self.mount.pose(&exposure.vehicle);
+        renderer.render(&self.scene.world, person.as_ref(), &pose, &mut self.frame);
+        sensor.capture(&self.frame, mix(mix(self.seed, 13), seq), &mut self.image);
+        let image = &self.image;
+        self.publisher.put(&v1::Rgbd {
+            seq,
+            stamp_ns: exposure.stamp.0,
+            width: image.width as u32,
+            height: image.height as u32,
+            hfov_rad: self.mount.camera.hfov_rad,
+            vfov_rad: self.vfov_rad,
+            rgb: image.rgb.clone(),
+            depth_mm: image.depth_mm.iter().flat_map(|mm| mm.to_le_bytes()).collect(),
+        });
+    }
+}

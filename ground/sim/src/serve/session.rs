@@ -1,0 +1,41 @@
+//! The simulator's end of the network: it dials the vehicle and keeps dialling.
+
+use std::sync::Arc;
+
+use color_eyre::eyre::{Result, WrapErr};
+use goshawk_air::bus::{Bus, Publisher};
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+use prost::Message;
+use zenoh::Wait;
+
+use crate::trial::Scene;
+
+/// The session with its publishers.
+pub(super) struct Session {
+    bus: Bus,
+    truth: Publisher,
+}
+
+impl Session {
+    /// Dials `endpoint`; answers queries for the world.
+    pub(super) fn dial(vehicle: &str, endpoint: &str, scene: &Arc<Scene>) -> Result<Self> {
+        let bus = Bus::dial(vehicle.parse()?, endpoint)?;
+        let truth = bus.publisher(Key::SimTruth)?;
+        let world = scene.world.to_proto().encode_to_vec();
+        bus.queryable(Key::SimWorld, move |query| {
+            if let Err(e) = query.reply(query.key_expr().clone(), world.clone()).wait() {
+                tracing::warn!("the world could not be sent: {e}");
+            }
+        })?;
+        Ok(Self { bus, truth })
+    }
+
+    pub(super) fn publisher(&self, key: Key) -> Result<Publisher> {
+        self.bus.publisher(key).wrap_err("cannot publish images")
+    }
+
+    pub(super) fn truth(&mut self, truth: &v1::SimTruth) {
+        self.truth.put(truth);
+    }
+}

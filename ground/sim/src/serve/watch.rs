@@ -1,0 +1,102 @@
+//! What the simulator knows of a flight and the vehicle does not: clearance, collisions, where the target is.
+
+use goshawk_core::types::Time;
+use goshawk_proto::v1;
+
+use crate::evader::EvaderState;
+use crate::quadrotor::QuadrotorState;
+use crate::trial::Truth;
+use crate::trial::airframe::BODY_RADIUS_M;
+use crate::trial::judge::contact;
+use crate::world::World;
+
+/// Contacts closer together than this are one collision, s.
+const ONE_COLLISION_S: f64 = 1.0;
+
+/// Gathers as the flight goes on.
+#[derive(Clone, Debug)]
+pub(super) struct Watch {
+    evader: Option<EvaderState>,
+    clearance_m: f64,
+    least_clearance_m: f64,
+    collisions: u32,
+    last_contact: Option<Time>,
+    visible: bool,
+    looks: u64,
+    looks_in_view: u64,
+    most_distance_m: f64,
+}
+
+impl Default for Watch {
+    fn default() -> Self {
+        Self {
+            evader: None,
+            clearance_m: f64::INFINITY,
+            least_clearance_m: f64::INFINITY,
+            collisions: 0,
+            last_contact: None,
+            visible: false,
+            looks: 0,
+            looks_in_view: 0,
+            most_distance_m: 0.0,
+        }
+    }
+}
+
+impl Watch {
+    /// Looks once. `chase`: the evader has begun to run.
+    pub(super) fn look(
+        &mut self,
+        now: Time,
+        world: &World,
+        vehicle: &QuadrotorState,
+        evader: Option<EvaderState>,
+        chase: bool,
+        visible: bool,
+    ) {
+        let at = vehicle.pos_world;
+        self.clearance_m = world.clearance(&at) - BODY_RADIUS_M;
+        self.visible = visible;
+        if chase {
+            self.least_clearance_m = self.least_clearance_m.min(self.clearance_m);
+        }
+        // Coming down to land is no collision with the ground.
+        if contact(world, &at, evader.as_ref(), false).is_some() {
+            if self.last_contact.is_none_or(|last| now.since(last) > ONE_COLLISION_S) {
+                self.collisions += 1;
+            }
+            self.last_contact = Some(now);
+        }
+        if chase && let Some(evader) = evader.filter(|e| !e.arrived) {
+            self.looks += 1;
+            self.looks_in_view += u64::from(visible);
+            self.most_distance_m = self.most_distance_m.max((evader.centre_world() - at).norm());
+        }
+        self.evader = evader;
+    }
+
+    pub(super) fn truth(&self, now: Time, vehicle: &QuadrotorState) -> v1::SimTruth {
+        let truth = Truth { vehicle, evader: self.evader, clearance_m: self.clearance_m, visible: self.visible };
+        truth.to_proto(now, self.collisions)
+    }
+
+    /// One line for the end.
+    pub(super) fn summary(&self, frames: u64, skipped_s: f64) -> String {
+        let way = self.evader.map_or(0.0, |e| e.path_m);
+        let in_view = if self.looks == 0 { 0.0 } else { 100.0 * self.looks_in_view as f64 / self.looks as f64 };
+        let clearance = if self.least_clearance_m.is_finite() {
+            format!("{:.2} m", self.least_clearance_m)
+        } else {
+            "none measured".to_owned()
+        };
+        let mut line = format!(
+            "the target ran {way:.1} m, in view {in_view:.0} % of the time, at most {:.1} m away; least clearance \
+             {clearance}, {} collisions; {frames} images",
+            self.most_distance_m, self.collisions
+        );
+        if skipped_s > 0.0 {
+            line += &format!("; this machine could not keep up: {skipped_s:.1} s were skipped");
+        }
+        line
+    }
+}
