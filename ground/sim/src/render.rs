@@ -115,9 +115,8 @@ impl Renderer {
             canvas.cone(&ViewCone::new(&part.cone, pose), ID_PERSON | index as u32, true);
         }
         frame.person_pixels = count_person(canvas.ids);
-        for (index, part) in world.parts().iter().enumerate() {
-            let (centre, radius) = part.shape.bounding_sphere();
-            if !self.rays.may_see(&pose.to_cam(&centre), radius as f32, RANGE_M) {
+        for (index, (part, (centre, radius))) in world.parts().iter().zip(world.bounding_spheres()).enumerate() {
+            if !self.rays.may_see(&pose.to_cam(centre), *radius as f32, RANGE_M) {
                 continue;
             }
             let id = index as u32 + 1;

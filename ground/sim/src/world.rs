@@ -170,6 +170,12 @@ impl World {
         &self.from.parts
     }
 
+    /// Centre and radius of a sphere around each part.
+    #[must_use]
+    pub fn bounding_spheres(&self) -> &[(Vec3, f64)] {
+        self.grid.spheres()
+    }
+
     /// The trees in outline.
     #[must_use]
     pub fn trees(&self) -> &[Tree] {

@@ -1,6 +1,7 @@
 //! Colours: sun, sky light, haze, and a texture for each material. Light is linear until the last line.
 
 use super::camera::{CameraPose, Rays};
+use super::ground::Field;
 use super::texture::{floor, hash, signed, smooth};
 use super::{Class, Frame, ID_GROUND, ID_NONE, ID_PERSON};
 use crate::person::{BODY_PARTS, BodyPart};
@@ -19,7 +20,13 @@ pub(super) fn shade(
     ids: &[u32],
     frame: &mut Frame,
 ) {
-    let painter = Painter { look: world.look(), world, sun: V3::from(world.look().sun_dir_world) };
+    let painter = Painter {
+        look: world.look(),
+        world,
+        sun: V3::from(world.look().sun_dir_world),
+        field: Field::new(world.ground()),
+        field_min: world.ground().min_xy().map(|c| c as f32),
+    };
     let rotation = pose.rotation();
     let origin = pose.pos_world.cast::<f32>();
     for v in 0..rays.height {
@@ -53,6 +60,8 @@ struct Painter<'a> {
     look: &'a Look,
     world: &'a World,
     sun: V3,
+    field: Field<'a>,
+    field_min: [f32; 2],
 }
 
 impl Painter<'_> {
@@ -103,12 +112,9 @@ impl Painter<'_> {
     }
 
     fn ground(&self, point: &V3, depth: f32) -> V3 {
-        let (x, y) = (f64::from(point.x), f64::from(point.y));
-        // A coarse normal is enough; it only tilts the light.
-        let h = |dx: f64, dy: f64| self.world.ground_height(x + dx, y + dy) as f32;
         let normal = if depth < 25.0 {
-            let here = h(0.0, 0.0);
-            V3::new(here - h(0.5, 0.0), here - h(0.0, 0.5), 0.5).normalize()
+            let (_, along_x, along_y) = self.field.sample(point.x - self.field_min[0], point.y - self.field_min[1]);
+            V3::new(-along_x, -along_y, 1.0).normalize()
         } else {
             V3::z()
         };

@@ -44,6 +44,10 @@ impl Grid {
         Self { min_xy, nx, ny, starts, members: cells.concat(), spheres }
     }
 
+    pub(super) fn spheres(&self) -> &[(Vec3, f64)] {
+        &self.spheres
+    }
+
     fn cell_of(&self, x: f64, y: f64) -> (i64, i64) {
         let cell = |v: f64, axis: usize| ((v - self.min_xy[axis]) / CELL_M).floor() as i64;
         (cell(x, 0), cell(y, 1))
