@@ -3,6 +3,7 @@
 use crate::dataset::{DatasetConfig, generate};
 use crate::fly::args::FlyArgs;
 use crate::forest::{ForestConfig, forest};
+use crate::serve::ServeArgs;
 use crate::world_preview::preview;
 use clap::{Args, Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
@@ -28,6 +29,8 @@ pub enum Command {
     Dataset(DatasetArgs),
     /// Fly campaigns in lockstep and report successes.
     Fly(FlyArgs),
+    /// Run one world in real time, for an onboard process.
+    Serve(ServeArgs),
 }
 
 /// `goshawk-sim world`.
@@ -74,6 +77,7 @@ impl Cli {
             Command::World(args) => args.run(),
             Command::Dataset(args) => args.run(),
             Command::Fly(args) => args.run(),
+            Command::Serve(args) => args.run(),
         }
     }
 }

@@ -12,6 +12,7 @@ pub mod px4;
 pub mod quadrotor;
 pub mod render;
 pub mod sensor;
+pub mod serve;
 pub mod trial;
 pub mod world;
 pub mod world_preview;
