@@ -37,17 +37,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for file in &mut files.file {
         file.source_code_info = None; // comments are for prost; every log carries the rest
     }
-    std::fs::write(
-        out.join("descriptor_set.bin"),
-        protox::prost::Message::encode_to_vec(&files),
-    )?;
+    std::fs::write(out.join("descriptor_set.bin"), protox::prost::Message::encode_to_vec(&files))?;
 
-    let messages: Vec<&str> = files
-        .file
-        .iter()
-        .flat_map(|f| &f.message_type)
-        .map(|m| m.name())
-        .collect();
+    let messages: Vec<&str> = files.file.iter().flat_map(|f| &f.message_type).map(|m| m.name()).collect();
     let table: Table = toml::from_str(&std::fs::read_to_string("keys.toml")?)?;
     std::fs::write(out.join("keys.rs"), generate(&table, &messages)?)?;
     Ok(())
@@ -60,11 +52,7 @@ fn generate(table: &Table, messages: &[&str]) -> Result<String, Box<dyn Error>> 
     let mut rows = String::new();
     for row in &table.key {
         let variant = camel(&row.name);
-        writeln!(
-            variants,
-            "    /// `goshawk/{{vehicle}}/{}`\n    {variant},",
-            row.suffix
-        )?;
+        writeln!(variants, "    /// `goshawk/{{vehicle}}/{}`\n    {variant},", row.suffix)?;
         write!(all, "Key::{variant}, ")?;
         writeln!(
             rows,
@@ -77,15 +65,7 @@ fn generate(table: &Table, messages: &[&str]) -> Result<String, Box<dyn Error>> 
             message(&row.reply, messages)?,
             one_of(
                 &row.priority,
-                &[
-                    "real_time",
-                    "interactive_high",
-                    "interactive_low",
-                    "data_high",
-                    "data",
-                    "data_low",
-                    "background"
-                ]
+                &["real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"]
             )?,
             one_of(&row.congestion, &["drop", "block"])?,
             row.express
@@ -102,9 +82,7 @@ fn generate(table: &Table, messages: &[&str]) -> Result<String, Box<dyn Error>> 
 }
 
 fn camel(name: &str) -> String {
-    name.split('_')
-        .map(|word| word[..1].to_uppercase() + &word[1..])
-        .collect()
+    name.split('_').map(|word| word[..1].to_uppercase() + &word[1..]).collect()
 }
 
 fn one_of(value: &str, allowed: &[&str]) -> Result<String, Box<dyn Error>> {

@@ -84,13 +84,8 @@ impl Key {
     /// The key and vehicle that an expression without wildcards names; none if it is not in the table.
     #[must_use]
     pub fn parse(expression: &str) -> Option<(Key, VehicleName)> {
-        let (vehicle, suffix) = expression
-            .strip_prefix(PREFIX)?
-            .strip_prefix('/')?
-            .split_once('/')?;
-        let key = Key::ALL
-            .into_iter()
-            .find(|key| key.row().suffix == suffix)?;
+        let (vehicle, suffix) = expression.strip_prefix(PREFIX)?.strip_prefix('/')?.split_once('/')?;
+        let key = Key::ALL.into_iter().find(|key| key.row().suffix == suffix)?;
         Some((key, vehicle.parse().ok()?))
     }
 }
@@ -144,34 +139,22 @@ mod tests {
 
     #[test]
     fn a_key_expression_has_prefix_vehicle_and_suffix() {
-        assert_eq!(
-            Key::Plan.expression(&vehicle("kite-1")),
-            "goshawk/kite-1/tel/plan"
-        );
-        assert_eq!(
-            Key::Health.expression_of_any_vehicle(),
-            "goshawk/*/tel/health"
-        );
+        assert_eq!(Key::Plan.expression(&vehicle("kite-1")), "goshawk/kite-1/tel/plan");
+        assert_eq!(Key::Health.expression_of_any_vehicle(), "goshawk/*/tel/health");
     }
 
     #[test]
     fn commands_are_urgent_queries_that_are_answered() {
         for key in [Key::CmdStart, Key::CmdStop] {
             let row = key.row();
-            assert_eq!(
-                (row.kind, row.priority, row.congestion),
-                (Kind::Query, Priority::RealTime, Congestion::Block)
-            );
+            assert_eq!((row.kind, row.priority, row.congestion), (Kind::Query, Priority::RealTime, Congestion::Block));
             assert_eq!(row.reply, Some("goshawk.v1.CommandReply"));
         }
     }
 
     #[test]
     fn nothing_published_in_flight_blocks() {
-        for key in Key::ALL
-            .into_iter()
-            .filter(|key| key.row().kind == Kind::Pub)
-        {
+        for key in Key::ALL.into_iter().filter(|key| key.row().kind == Kind::Pub) {
             assert_eq!(key.row().congestion, Congestion::Drop, "{}", key.row().name);
         }
     }
@@ -182,17 +165,9 @@ mod tests {
         let names: BTreeSet<String> = set
             .file
             .iter()
-            .flat_map(|f| {
-                f.message_type
-                    .iter()
-                    .map(|m| format!("{}.{}", f.package(), m.name()))
-            })
+            .flat_map(|f| f.message_type.iter().map(|m| format!("{}.{}", f.package(), m.name())))
             .collect();
-        let named: Vec<&str> = Key::ALL
-            .iter()
-            .flat_map(|k| [k.row().message, k.row().reply])
-            .flatten()
-            .collect();
+        let named: Vec<&str> = Key::ALL.iter().flat_map(|k| [k.row().message, k.row().reply]).flatten().collect();
         assert!(named.len() > 10);
         for name in named {
             assert!(names.contains(name), "{name}");
@@ -203,31 +178,19 @@ mod tests {
     fn names_and_suffixes_are_unique() {
         let names: BTreeSet<_> = Key::ALL.iter().map(|k| k.row().name).collect();
         let suffixes: BTreeSet<_> = Key::ALL.iter().map(|k| k.row().suffix).collect();
-        assert_eq!(
-            (names.len(), suffixes.len()),
-            (Key::ALL.len(), Key::ALL.len())
-        );
+        assert_eq!((names.len(), suffixes.len()), (Key::ALL.len(), Key::ALL.len()));
     }
 
     #[test]
     fn a_wildcard_slash_or_empty_vehicle_name_is_refused() {
         for name in ["", "*", "**", "a/b", "Kite", "a b", "a$*", "é"] {
-            assert_eq!(
-                name.parse::<VehicleName>(),
-                Err(VehicleNameError(name.to_owned()))
-            );
+            assert_eq!(name.parse::<VehicleName>(), Err(VehicleNameError(name.to_owned())));
         }
     }
 
     #[test]
     fn an_unknown_key_does_not_parse() {
-        for expression in [
-            "goshawk/kite",
-            "goshawk/kite/tel/nothing",
-            "hawk/kite/tel/plan",
-            "goshawk/*/tel/plan",
-            "",
-        ] {
+        for expression in ["goshawk/kite", "goshawk/kite/tel/nothing", "hawk/kite/tel/plan", "goshawk/*/tel/plan", ""] {
             assert_eq!(Key::parse(expression), None, "{expression}");
         }
     }

@@ -11,8 +11,7 @@ pub mod v1 {
 }
 
 /// The encoded `google.protobuf.FileDescriptorSet` of all messages, without source comments: the schema of a log.
-pub const FILE_DESCRIPTOR_SET: &[u8] =
-    include_bytes!(concat!(env!("OUT_DIR"), "/descriptor_set.bin"));
+pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptor_set.bin"));
 
 /// The protobuf package of every message; a full name is `goshawk.v1.Plan`.
 pub const PACKAGE: &str = "goshawk.v1";

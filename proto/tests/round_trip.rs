@@ -11,37 +11,19 @@ use prost::Message;
 
 // Values follow the fixtures' rule: field number n holds n + 0.5, 1000 n, 10 n or its name.
 fn vec3() -> Option<Vec3> {
-    Some(Vec3 {
-        x: 1.5,
-        y: 2.5,
-        z: 3.5,
-    })
+    Some(Vec3 { x: 1.5, y: 2.5, z: 3.5 })
 }
 
 fn vec3f() -> Option<Vec3f> {
-    Some(Vec3f {
-        x: 1.5,
-        y: 2.5,
-        z: 3.5,
-    })
+    Some(Vec3f { x: 1.5, y: 2.5, z: 3.5 })
 }
 
 fn quat() -> Option<Quat> {
-    Some(Quat {
-        w: 1.5,
-        x: 2.5,
-        y: 3.5,
-        z: 4.5,
-    })
+    Some(Quat { w: 1.5, x: 2.5, y: 3.5, z: 4.5 })
 }
 
 fn reply() -> CommandReply {
-    CommandReply {
-        command_id: "command_id".into(),
-        accepted: true,
-        reason: "reason".into(),
-        mode: Mode::Track.into(),
-    }
+    CommandReply { command_id: "command_id".into(), accepted: true, reason: "reason".into(), mode: Mode::Track.into() }
 }
 
 fn candidate() -> Candidate {
@@ -107,35 +89,19 @@ fn target() -> Target {
 }
 
 fn check() -> Check {
-    Check {
-        name: "name".into(),
-        ok: true,
-        reason: "reason".into(),
-    }
+    Check { name: "name".into(), ok: true, reason: "reason".into() }
 }
 
 fn rate() -> Rate {
-    Rate {
-        name: "name".into(),
-        hz: 2.5,
-    }
+    Rate { name: "name".into(), hz: 2.5 }
 }
 
 fn latency() -> Latency {
-    Latency {
-        name: "name".into(),
-        p50_ms: 2.5,
-        p99_ms: 3.5,
-        max_ms: 4.5,
-        count: 5000,
-    }
+    Latency { name: "name".into(), p50_ms: 2.5, p99_ms: 3.5, max_ms: 4.5, count: 5000 }
 }
 
 fn drops() -> Drops {
-    Drops {
-        name: "name".into(),
-        count: 2000,
-    }
+    Drops { name: "name".into(), count: 2000 }
 }
 
 fn health() -> Health {
@@ -204,12 +170,7 @@ fn sim_truth() -> SimTruth {
 }
 
 fn tree() -> SimTree {
-    SimTree {
-        base_world: vec3f(),
-        top_world: vec3f(),
-        radius_m: 3.5,
-        foliage_radius_m: 4.5,
-    }
+    SimTree { base_world: vec3f(), top_world: vec3f(), radius_m: 3.5, foliage_radius_m: 4.5 }
 }
 
 fn fixture_bytes(name: &str) -> Vec<u8> {
@@ -237,19 +198,8 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("Vec3", vec3().unwrap()),
         entry("Vec3f", vec3f().unwrap()),
         entry("Quat", quat().unwrap()),
-        entry(
-            "StartRequest",
-            StartRequest {
-                command_id: text("command_id"),
-                profile: text("profile"),
-            },
-        ),
-        entry(
-            "StopRequest",
-            StopRequest {
-                command_id: text("command_id"),
-            },
-        ),
+        entry("StartRequest", StartRequest { command_id: text("command_id"), profile: text("profile") }),
+        entry("StopRequest", StopRequest { command_id: text("command_id") }),
         entry("CommandReply", reply()),
         entry("Candidate", candidate()),
         entry("Plan", plan()),
@@ -260,24 +210,10 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("Latency", latency()),
         entry("Drops", drops()),
         entry("Health", health()),
-        entry(
-            "Preview",
-            Preview {
-                seq: 1000,
-                stamp_ns: 2000,
-                width: 30,
-                height: 40,
-                jpeg: vec![5, 0, 255],
-            },
-        ),
+        entry("Preview", Preview { seq: 1000, stamp_ns: 2000, width: 30, height: 40, jpeg: vec![5, 0, 255] }),
         entry(
             "Event",
-            Event {
-                stamp_ns: 1000,
-                severity: Severity::Warning.into(),
-                kind: text("kind"),
-                text: text("text"),
-            },
+            Event { stamp_ns: 1000, severity: Severity::Warning.into(), kind: text("kind"), text: text("text") },
         ),
         entry(
             "Rgbd",
@@ -309,23 +245,11 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         ),
         entry(
             "CommandRecord",
-            CommandRecord {
-                stamp_ns: 1000,
-                verb: text("verb"),
-                profile: text("profile"),
-                reply: Some(reply()),
-            },
+            CommandRecord { stamp_ns: 1000, verb: text("verb"), profile: text("profile"), reply: Some(reply()) },
         ),
         entry("SimTruth", sim_truth()),
         entry("SimTree", tree()),
-        entry(
-            "SimWorld",
-            SimWorld {
-                trees: vec![tree()],
-                seed: 2000,
-                spacing_m: 3.5,
-            },
-        ),
+        entry("SimWorld", SimWorld { trees: vec![tree()], seed: 2000, spacing_m: 3.5 }),
     ])
 }
 
@@ -339,12 +263,7 @@ fn bytes_of_python_decode_to_the_same_values_and_encode_identically() {
 #[test]
 fn every_message_of_the_descriptor_set_is_checked() {
     let set = prost_types::FileDescriptorSet::decode(goshawk_proto::FILE_DESCRIPTOR_SET).unwrap();
-    let mut named: Vec<&str> = set
-        .file
-        .iter()
-        .flat_map(|f| &f.message_type)
-        .map(|m| m.name())
-        .collect();
+    let mut named: Vec<&str> = set.file.iter().flat_map(|f| &f.message_type).map(|m| m.name()).collect();
     named.sort_unstable();
     assert_eq!(checks().keys().copied().collect::<Vec<_>>(), named);
 }
