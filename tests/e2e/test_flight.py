@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import signal
@@ -11,10 +12,10 @@ from collections import defaultdict
 from pathlib import Path
 
 import pytest
-from conftest import BIN, Rig
 from goshawk_dashboards.snapshot import Snapshot
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
+from rig import BIN, Rig
 
 GOSHAWK = Path(BIN).parents[1] / ".venv/bin/goshawk"
 FLYING = {"track", "search", "hold"}
@@ -22,7 +23,7 @@ FLYING = {"track", "search", "hold"}
 
 def rate_hz(stamps_ns: list[int]) -> float:
     """Median rate: pauses of the machine do not count, a slow loop does."""
-    return 1e9 / statistics.median(b - a for a, b in zip(stamps_ns, stamps_ns[1:], strict=False))
+    return 1e9 / statistics.median(b - a for a, b in itertools.pairwise(stamps_ns))
 
 
 def read_log(path: Path) -> dict[str, list[object]]:

@@ -167,7 +167,25 @@ fn open(own: &[(&str, &str)]) -> Result<zenoh::Session, String> {
     for (path, value) in common.iter().chain(own) {
         config.insert_json5(path, value).map_err(|e| format!("{path}: {e}"))?;
     }
-    zenoh::open(config).wait().map_err(|e| e.to_string())
+    zenoh::open(config).wait().map_err(|e| without_source_places(&e.to_string()))
+}
+
+/// Zenoh's errors name the source line of each layer (`… at /path/tcp.rs:61.]`): of no use to an operator.
+fn without_source_places(cause: &str) -> String {
+    let mut kept: Vec<String> = Vec::new();
+    for word in cause.split_whitespace() {
+        let Some((_, after)) = word.split_once(".rs:") else {
+            kept.push(word.to_owned());
+            continue;
+        };
+        if kept.last().is_some_and(|last| last == "at") {
+            kept.pop();
+        }
+        if let Some(last) = kept.last_mut() {
+            last.push_str(after.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.'));
+        }
+    }
+    kept.join(" ")
 }
 
 fn priority(priority: KeyPriority) -> Priority {
@@ -179,5 +197,17 @@ fn priority(priority: KeyPriority) -> Priority {
         KeyPriority::Data => Priority::Data,
         KeyPriority::DataLow => Priority::DataLow,
         KeyPriority::Background => Priority::Background,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_names_no_source_line() {
+        let cause =
+            "bound to tcp/[::1]:7: [[::1]:7: Address in use (os error 98) at /a/tcp.rs:61.] at /b/unicast.rs:338.";
+        assert_eq!(without_source_places(cause), "bound to tcp/[::1]:7: [[::1]:7: Address in use (os error 98)]");
     }
 }

@@ -2,6 +2,7 @@
 
 use goshawk_autopilot::Status;
 use goshawk_core::Time;
+use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 
 use crate::stats::{Quantiles, RateMeter, Window};
@@ -52,7 +53,7 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), now: Time)
         reason: problem.unwrap_or_default(),
     };
     vec![
-        check("camera", stale("image", "in/rgbd", age(facts.frame), FRAME_STALE_S, refused.0)),
+        check("camera", stale("image", Key::Rgbd.row().suffix, age(facts.frame), FRAME_STALE_S, refused.0)),
         check(
             "odometry",
             stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1),

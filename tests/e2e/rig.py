@@ -1,0 +1,76 @@
+"""Real processes over real Zenoh and MAVLink on loopback, each on ports of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from goshawk_ground.link import GroundLink
+
+ROOT = Path(__file__).resolve().parents[2]
+BIN = ROOT / "target/release"
+VEHICLE = ROOT / "air/vehicles/sim.toml"
+
+
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@dataclass(kw_only=True)
+class Rig:
+    """The ports and processes of one test."""
+
+    folder: Path
+    zenoh_port: int = field(default_factory=free_port)
+    mavlink_port: int = field(default_factory=lambda: free_port(socket.SOCK_DGRAM))
+    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+
+    @property
+    def endpoint(self) -> str:
+        return f"tcp/127.0.0.1:{self.zenoh_port}"
+
+    @property
+    def logs(self) -> Path:
+        return self.folder / "logs"
+
+    def spawn(self, name: str, *command: str | Path) -> subprocess.Popen[bytes]:
+        with (self.folder / f"{name}.out").open("wb") as out:
+            process = subprocess.Popen([str(c) for c in command], stdout=out, stderr=out, start_new_session=True)
+        self.processes[name] = process
+        return process
+
+    def air(self, *arguments: str | Path) -> subprocess.Popen[bytes]:
+        return self.spawn(
+            "air", BIN / "goshawk-air", "run", "--config", VEHICLE, "--listen", self.endpoint,
+            "--mavlink-bind", f"127.0.0.1:{self.mavlink_port}", "--log-dir", self.logs, *arguments,
+        )  # fmt: skip
+
+    def sim(self, *arguments: str) -> subprocess.Popen[bytes]:
+        return self.spawn(
+            "sim", BIN / "goshawk-sim", "serve", "--connect", self.endpoint, "--mavlink-port", str(self.mavlink_port),
+            *arguments,
+        )  # fmt: skip
+
+    def output(self, name: str) -> str:
+        return (self.folder / f"{name}.out").read_text(errors="replace")
+
+    def link(self) -> GroundLink:
+        return GroundLink(connect=self.endpoint)
+
+    def close(self) -> None:
+        for process in self.processes.values():
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGINT)
+        for process in self.processes.values():
+            try:
+                process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
