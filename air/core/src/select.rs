@@ -9,6 +9,9 @@ use crate::types::{ANCHORS, Candidate, Rejection, Task, Time, Vec3};
 pub struct SelectConfig {
     /// Least objectness of a candidate that holds the target, 0..1 (0.5).
     pub min_objectness: f64,
+    /// Least objectness where a confirmed target is expected, 0..=min_objectness (0.2): there a weak detection that
+    /// passes the gate is more likely the target than not. Far or half hidden targets are weak.
+    pub keep_objectness: f64,
 }
 
 impl SelectConfig {
@@ -17,7 +20,10 @@ impl SelectConfig {
     /// # Errors
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        check("select.min_objectness", self.min_objectness, "above 0 and below 1", |x| x > 0.0 && x < 1.0)
+        check("select.min_objectness", self.min_objectness, "above 0 and below 1", |x| x > 0.0 && x < 1.0)?;
+        check("select.keep_objectness", self.keep_objectness, "above 0 and at most min_objectness", |x| {
+            x > 0.0 && x <= self.min_objectness
+        })
     }
 }
 
@@ -32,15 +38,22 @@ pub fn select(
     candidates: &mut [Candidate; ANCHORS],
 ) -> Option<usize> {
     if task == Task::Track {
-        let detections = std::array::from_fn(|index| detection(config, cam_world, &candidates[index]));
+        let least = if filter.is_confirmed() { config.keep_objectness } else { config.min_objectness };
+        let detections = std::array::from_fn(|index| detection(least, cam_world, &candidates[index]));
         let mut consistent = [false; ANCHORS];
         filter.step(stamp, &detections, &mut consistent);
+        let strong = |candidate: &Candidate| candidate.objectness >= config.min_objectness;
+        // A weak one was not trained as one that holds the target: only the likeliest, and only where no other is.
+        let weak = (0..ANCHORS)
+            .filter(|&index| consistent[index])
+            .max_by(|&a, &b| candidates[a].objectness.total_cmp(&candidates[b].objectness))
+            .filter(|&index| !strong(&candidates[index]));
         for (index, candidate) in candidates.iter_mut().enumerate() {
-            if candidate.rejection.is_none() {
-                candidate.rejection = match (detections[index], consistent[index]) {
-                    (None, _) => Some(Rejection::Objectness),
-                    (Some(_), false) => Some(Rejection::Gate),
-                    (Some(_), true) => None,
+            if candidate.rejection.is_none() && weak != Some(index) {
+                candidate.rejection = match (strong(candidate), consistent[index]) {
+                    (false, _) => Some(Rejection::Objectness),
+                    (true, false) => Some(Rejection::Gate),
+                    (true, true) => None,
                 };
             }
         }
@@ -59,7 +72,7 @@ pub fn select(
     chosen
 }
 
-fn detection(config: &SelectConfig, cam_world: Vec3, candidate: &Candidate) -> Option<Detection> {
-    let pos_world = candidate.target_world.filter(|_| candidate.objectness >= config.min_objectness)?;
+fn detection(least: f64, cam_world: Vec3, candidate: &Candidate) -> Option<Detection> {
+    let pos_world = candidate.target_world.filter(|_| candidate.objectness >= least)?;
     Some(Detection { pos_world, distance: (pos_world - cam_world).norm(), objectness: candidate.objectness })
 }

@@ -241,7 +241,7 @@ impl TargetFilter {
         if self.track.is_none() {
             self.acquire(now, detections);
         }
-        if !self.track.is_some_and(|track| track.confirmed) {
+        if !self.is_confirmed() {
             *consistent = [false; N];
         }
     }
@@ -285,6 +285,12 @@ impl TargetFilter {
         if self.config.confirm_hits == 1 {
             self.judge(now);
         }
+    }
+
+    /// The target is believed.
+    #[must_use]
+    pub fn is_confirmed(&self) -> bool {
+        self.track.is_some_and(|track| track.confirmed)
     }
 
     /// The estimate; once lost, the place and velocity at which it was believed last; none before the first detection.

@@ -168,6 +168,24 @@ fn a_detection_elsewhere_is_gated_out_even_if_cheaper() {
 }
 
 #[test]
+fn a_weak_detection_keeps_a_confirmed_target_and_begins_none() {
+    let weak = |held: &[(usize, f32)], index: usize, logit: f32| {
+        let mut output = network(held);
+        output.values[10 * ANCHORS + index] = logit;
+        output
+    };
+    let mut planner = planner(Task::Track);
+    let faint = weak(&[], 7, -0.8); // 0.31
+    assert_eq!(frames(&mut planner, 0, 8, &faint).chosen, None);
+    frames(&mut planner, 8, 6, &network(&[(7, 1.0)]));
+    assert_eq!(frames(&mut planner, 14, 30, &faint).chosen, Some(7), "for a second");
+    let both = weak(&[(7, 1.0)], 6, -0.8);
+    let plan = frames(&mut planner, 44, 1, &both);
+    assert_eq!((plan.chosen, plan.candidates[6].rejection), (Some(7), Some(Rejection::Objectness)));
+    assert_eq!(frames(&mut planner, 45, 30, &weak(&[], 7, -2.0)).chosen, None, "0.12 is nothing");
+}
+
+#[test]
 fn a_missed_frame_chooses_nothing_and_keeps_the_target() {
     let mut planner = planner(Task::Track);
     frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));

@@ -136,7 +136,7 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         camera,
         policy,
         target: target_config(&load("target")),
-        select: SelectConfig { min_objectness: 0.5 },
+        select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
     };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };

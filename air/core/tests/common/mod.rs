@@ -87,7 +87,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             max_distance: 20.0,
             reacquire_margin: 1.0,
         },
-        select: SelectConfig { min_objectness: 0.5 },
+        select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
     }
 }
 
