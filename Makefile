@@ -62,7 +62,8 @@ test: lint test-rust test-python ## exactly what CI runs
 bench: setup ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
 
-train: $(VENV)/.train build ## data set, training and export of the tracking policy (hours)
-	cargo run --release --locked --bin goshawk-sim -- dataset --out data/train --scenes 240 --frames 128 --seed 1
-	cargo run --release --locked --bin goshawk-sim -- dataset --out data/val --scenes 12 --frames 128 --seed 900001
-	$(VENV)/bin/python -m goshawk_train train --config ground/train/configs/track.toml --data data/train --out runs/track
+train: $(VENV)/.train build ## data set, training and export of the tracking policy (hours; goes on where it stopped)
+	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1
+	target/release/goshawk-sim dataset --out data/val --scenes 12 --frames 128 --seed 900001
+	$(VENV)/bin/python -m goshawk_train train --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/track --resume
+	$(VENV)/bin/python -m goshawk_train export --run runs/track --data data/val --out air/models/track.onnx

@@ -44,6 +44,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--validation", type=Path, help="data set of other scenes")
     run.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint and TensorBoard events")
     run.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out, if there is one")
+    run.add_argument("--from", dest="begin", type=Path, metavar="RUN", help="begin with the weights of another run")
     run.add_argument("--samples", type=int, help="length of the run, instead of the configuration's")
     run.add_argument("--threads", type=int, help="CPU threads, instead of the configuration's")
     measure = add("validate", "Measure a run's averaged weights on held-out scenes.")
@@ -77,7 +78,7 @@ def _train(args: argparse.Namespace) -> int:
     changes = {k: v for k, v in (("samples", args.samples), ("threads", args.threads)) if v is not None}
     config = replace_training(load_config(args.config), **changes)
     config.validate()
-    final = train.run(config, args.data, args.out, validation=args.validation, resume=args.resume)
+    final = train.run(config, args.data, args.out, validation=args.validation, resume=args.resume, begin=args.begin)
     return 0 if final.step * config.training.batch >= config.training.samples else 130
 
 

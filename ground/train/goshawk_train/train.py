@@ -19,7 +19,7 @@ import torch
 from torch.utils.tensorboard import SummaryWriter
 
 from goshawk_train import checkpoint, data, validate
-from goshawk_train.checkpoint import Checkpoint, Ema
+from goshawk_train.checkpoint import Checkpoint, Ema, load_weights
 from goshawk_train.config import Config, replace_training
 from goshawk_train.costs import CostModel
 from goshawk_train.esdf import SceneMaps
@@ -85,7 +85,17 @@ class Trainer:
         self.network.load_state_dict(saved.network)
         self.ema.load(saved.ema)
         self.optimiser.load_state_dict(saved.optimiser)
-        self.step, self.seconds = saved.step, saved.seconds
+        self.step, self.seconds, self.data_name = saved.step, saved.seconds, saved.data
+
+    def begin_from(self, other: Checkpoint) -> None:
+        """Start at step 0 with another run's averaged weights; raises `TrainingError` if the networks differ."""
+        try:
+            load_weights(self.network, other)
+        except RuntimeError as error:
+            raise TrainingError("the run to begin from has another network; use the same task and widths") from error
+        self.ema = Ema(self.network, self.config.training.ema)
+        done = other.step * other.config.training.batch
+        self.data_name += f", begun from {done} samples of {other.data}"
 
     def indices(self) -> np.ndarray:
         """The frames of the current step."""
@@ -152,8 +162,13 @@ def keep_freed_memory() -> None:
         mallopt(trim_threshold, 2**31 - 1)
 
 
-def run(config: Config, root: Path, out: Path, *, validation: Path | None, resume: bool) -> Checkpoint:
-    """Train to the end (or a signal) and leave `checkpoint.pt` and TensorBoard events in `out`."""
+def run(
+    config: Config, root: Path, out: Path, *, validation: Path | None, resume: bool, begin: Path | None = None
+) -> Checkpoint:
+    """Train to the end (or a signal) and leave `checkpoint.pt` and TensorBoard events in `out`.
+
+    `begin` is the folder of a run whose weights are the first; a resumed run no longer needs it.
+    """
     keep_freed_memory()
     torch.set_num_threads(config.training.threads)
     path = out / CHECKPOINT
@@ -164,6 +179,8 @@ def run(config: Config, root: Path, out: Path, *, validation: Path | None, resum
     trainer = Trainer(config, frames, maps, data_name=data.describe(root))
     if resume and path.exists():
         trainer.restore(checkpoint.load(path))
+    elif begin:
+        trainer.begin_from(checkpoint.load(begin / CHECKPOINT))
     held_out = validate.Validator(config, validation) if validation else None
     print(
         f"{len(frames)} frames, {parameter_count(trainer.network):,} parameters, "

@@ -57,6 +57,21 @@ def test_resumed_run_repeats_the_uninterrupted_one(
         torch.use_deterministic_algorithms(False)
 
 
+def test_run_begins_with_another_runs_averaged_weights(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps]
+) -> None:
+    first = train.Trainer(small, *loaded, data_name="a")
+    for _ in range(3):
+        first.advance()
+    second = train.Trainer(replace_training(small, learning_rate=1e-4), *loaded, data_name="b")
+    second.begin_from(first.snapshot())
+    assert second.step == 0
+    for name, value in second.snapshot().network.items():
+        if value.is_floating_point():
+            assert torch.equal(value, first.ema.state_dict()[name]), name
+    assert "samples of a" in second.snapshot().data
+
+
 def test_checkpoint_of_another_configuration_is_refused(
     small: Config, loaded: tuple[data.Frames, data.SceneMaps]
 ) -> None:

@@ -11,6 +11,11 @@ use std::f64::consts::TAU;
 /// How often a frame may be drawn anew.
 pub(super) const TRIES: usize = 20_000;
 
+/// Distance of the person, m: a chase holds 4–8 m, and what has fallen behind must still see it.
+const DISTANCE_MEDIAN_M: f64 = 5.5;
+const DISTANCE_LOG_STD: f64 = 0.65;
+const DISTANCES_M: std::ops::RangeInclusive<f64> = 1.2..=18.0;
+
 /// The camera keeps this far from obstacles, m.
 const CAMERA_CLEAR_M: f64 = 0.35;
 
@@ -35,7 +40,7 @@ pub struct FrameSample {
 /// Draws a frame with or without a person; `None` if this draw does not fit the world (draw again).
 ///
 /// The camera is 0.6–3 m (one in ten 3–5 m) over the ground, pitched up by 10° ± 12°, rolled by ± 10°. A person's
-/// azimuth is uniform over the image and its distance log-normal within 1.2–14 m; the centre is always in the image.
+/// azimuth is uniform over the image and its distance log-normal within [`DISTANCES_M`]; the centre is always in the image.
 /// For half of them the pitch follows the distribution given that, for half it puts the centre at a uniform height.
 pub fn sample_frame<R: Rng>(world: &World, camera: &Camera, with_person: bool, rng: &mut R) -> Option<FrameSample> {
     let pos_world = camera_place(world, rng)?;
@@ -43,8 +48,8 @@ pub fn sample_frame<R: Rng>(world: &World, camera: &Camera, with_person: bool, r
         let world_from_cam = attitude(rng.random_range(0.0..TAU), pitch(rng), roll(rng));
         return Some(FrameSample { camera: CameraPose { pos_world, world_from_cam }, person: None });
     }
-    let distance: f64 = (4.2f64.ln() + 0.6 * rng.sample::<f64, _>(StandardNormal)).exp();
-    if !(1.2..=14.0).contains(&distance) {
+    let distance: f64 = (DISTANCE_MEDIAN_M.ln() + DISTANCE_LOG_STD * rng.sample::<f64, _>(StandardNormal)).exp();
+    if !DISTANCES_M.contains(&distance) {
         return None;
     }
     let bearing = rng.random_range(0.0..TAU);
