@@ -12,11 +12,11 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="session")
-def example() -> Callable[[str, str], Path]:
-    """The path of a crate's example program, built."""
+def example() -> Callable[[str], Path]:
+    """The path of an example program of the workspace, built."""
 
-    def build(crate: str, name: str) -> Path:
-        command = ["cargo", "build", "--release", "--locked", "-q", "-p", crate, "--example", name]
+    def build(name: str) -> Path:
+        command = ["cargo", "build", "--release", "--locked", "-q", "--workspace", "--example", name]
         subprocess.run(command, cwd=ROOT, check=True)
         return ROOT / "target/release/examples" / name
 

@@ -74,8 +74,8 @@ class Peer:
 
 
 @pytest.fixture
-def peer(example: Callable[[str, str], Path]) -> Iterator[Peer]:
-    peer = Peer(example("goshawk-autopilot", "wire"))
+def peer(example: Callable[[str], Path]) -> Iterator[Peer]:
+    peer = Peer(example("wire"))
     yield peer
     peer.close()
 

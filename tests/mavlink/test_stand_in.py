@@ -105,8 +105,8 @@ class Client:
 
 
 @pytest.fixture
-def client(example: Callable[[str, str], Path]) -> Iterator[Client]:
-    client = Client(example("goshawk-sim", "px4"))
+def client(example: Callable[[str], Path]) -> Iterator[Client]:
+    client = Client(example("px4"))
     client.until(lambda: client.counts["HEARTBEAT"] > 0, 5.0)
     yield client
     client.close()
