@@ -103,7 +103,7 @@ impl Control {
             shared.report(Report::Event(
                 goshawk_proto::v1::Severity::Info,
                 "mode",
-                format!("{:?} → {:?}: {:?}", t.from, t.to, t.cause),
+                format!("{:?} → {:?}: {}", t.from, t.to, t.cause),
             ));
         }
         let step_s = clock::now().since(now);

@@ -182,7 +182,8 @@ impl Telemetry {
 
     fn take_control(&mut self, seq: u64, stamp: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
         let message = convert::control(seq, stamp, output, odometry);
-        if stamp.since(self.last_control) >= CONTROL_PERIOD_S {
+        // Before the first odometry there is nothing to show: health says what is missing.
+        if odometry.is_some() && stamp.since(self.last_control) >= CONTROL_PERIOD_S {
             self.last_control = stamp;
             // On the wire the sequence counts what was sent, so that the ground can count what was lost.
             self.publishers.control.put(&v1::Control { seq: self.sequences.control, ..message });
