@@ -2,6 +2,7 @@
 
 use crate::config::LadderConfig;
 use crate::quintic::Quintic;
+use crate::target::LONGEST_CARRY;
 use crate::types::{FlatState, Plan, TargetEstimate, Task, Time, Vec3};
 
 /// The trajectory that is flown.
@@ -24,9 +25,6 @@ pub struct Plans {
     flown: Option<Flown>,
     target: Option<TargetEstimate>,
 }
-
-/// How far a target estimate is carried on at its own velocity, s.
-const LONGEST_CARRY: f64 = 0.5;
 
 impl Plans {
     /// Nothing yet; frames before `since` do not count.
@@ -88,16 +86,13 @@ impl Plans {
         self.target.as_ref()
     }
 
-    /// The newest estimate carried on to `now` while it is believed; velocity 0 once it is not.
+    /// The newest estimate carried on to `now` at its velocity, for a while; velocity 0 once it is not believed.
     #[must_use]
     pub fn target_at(&self, now: Time) -> Option<FlatState> {
         self.target.map(|t| {
-            if t.confirmed {
-                let carry = now.since(t.stamp).clamp(0.0, LONGEST_CARRY);
-                FlatState { pos: t.pos_world + t.vel_world * carry, vel: t.vel_world, acc: Vec3::zeros() }
-            } else {
-                FlatState { pos: t.pos_world, ..FlatState::default() }
-            }
+            let carry = now.since(t.stamp).clamp(0.0, LONGEST_CARRY);
+            let vel = if t.confirmed { t.vel_world } else { Vec3::zeros() };
+            FlatState { pos: t.pos_world + t.vel_world * carry, vel, acc: Vec3::zeros() }
         })
     }
 }

@@ -82,6 +82,9 @@ struct Track {
     confirmed: bool,
 }
 
+/// How far a target that is out of sight is carried on at its last velocity, s.
+pub const LONGEST_CARRY: f64 = 1.5;
+
 /// The filter. One target, or none.
 #[derive(Clone, Copy, Debug)]
 pub struct TargetFilter {
@@ -285,6 +288,15 @@ impl TargetFilter {
         if self.config.confirm_hits == 1 {
             self.judge(now);
         }
+    }
+
+    /// Where the target, believed now or until it was lost, should be at `now` (m), and for how long it has not been
+    /// seen (s). It is carried on at its last velocity for [`LONGEST_CARRY`].
+    #[must_use]
+    pub fn expected(&self, now: Time) -> Option<(Vec3, f64)> {
+        let track = self.track.filter(|track| track.confirmed).or(self.lost)?;
+        let carry = now.since(track.stamp).clamp(0.0, LONGEST_CARRY);
+        Some((track.pos() + track.vel() * carry, now.since(track.last_seen)))
     }
 
     /// The target is believed.

@@ -186,6 +186,39 @@ fn a_weak_detection_keeps_a_confirmed_target_and_begins_none() {
 }
 
 #[test]
+fn a_weak_detection_beside_a_strong_one_elsewhere_is_nothing() {
+    let mut planner = planner(Task::Track);
+    frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));
+    let mut output = network(&[(10, 1.0)]);
+    output.values[10 * ANCHORS + 7] = -0.8;
+    let plan = frames(&mut planner, 6, 1, &output);
+    assert_eq!(plan.chosen, None);
+    assert_eq!(plan.candidates[10].rejection, Some(Rejection::Gate));
+    assert_eq!(plan.candidates[7].rejection, Some(Rejection::Objectness));
+}
+
+#[test]
+fn a_hidden_target_is_pursued_to_where_it_should_be_and_not_for_ever() {
+    let mut planner = planner(Task::Track);
+    frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));
+    // Unseen for 0.1 s nothing is chosen, so the last trajectory is flown on; from 0.2 s the middle leads there best.
+    let cheap_aside = |cost: f32| {
+        let mut output = network(&[]);
+        output.values[9 * ANCHORS] = cost;
+        output
+    };
+    assert_eq!(frames(&mut planner, 6, 3, &cheap_aside(5.0)).chosen, None);
+    let plan = frames(&mut planner, 9, 10, &cheap_aside(5.0));
+    assert_eq!((plan.chosen, plan.candidates[7].rejection), (Some(7), None));
+    assert_eq!(plan.candidates[0].rejection, Some(Rejection::Objectness));
+    // An obstacle's cost in the middle turns it aside.
+    let mut blocked = cheap_aside(-5.0);
+    blocked.values[9 * ANCHORS + 7] = 60.0;
+    assert_ne!(frames(&mut planner, 19, 1, &blocked).chosen, Some(7));
+    assert_eq!(frames(&mut planner, 20, 90, &cheap_aside(5.0)).chosen, None);
+}
+
+#[test]
 fn a_missed_frame_chooses_nothing_and_keeps_the_target() {
     let mut planner = planner(Task::Track);
     frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));

@@ -136,7 +136,13 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         camera,
         policy,
         target: target_config(&load("target")),
-        select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
+        select: SelectConfig {
+            min_objectness: 0.5,
+            keep_objectness: 0.2,
+            pursue_after: 0.2,
+            pursue_until: 2.5,
+            pursue_weight: 0.12,
+        },
     };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };

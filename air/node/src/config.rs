@@ -91,8 +91,8 @@ section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } 
 section! { /** Where logs go. */ Recorder { directory: PathBuf } }
 section! { /** The control loop. */ Controller { rate_hz: f64 } }
 section! { /** Selection and the target filter. */ Planner {
-    min_objectness: f64, keep_objectness: f64, acc_variance_mps2: [f64; 3], measurement_variance_m2: f64,
-    variance_distance_m: f64, gate_sigmas: f64, confirm_hits: u32, confirm_of: u32, blind_time_s: f64, target_max_speed_mps: f64,
+    min_objectness: f64, keep_objectness: f64, pursue_after_s: f64, pursue_until_s: f64, pursue_weight_per_m2: f64,
+    acc_variance_mps2: [f64; 3], measurement_variance_m2: f64, variance_distance_m: f64, gate_sigmas: f64, confirm_hits: u32, confirm_of: u32, blind_time_s: f64, target_max_speed_mps: f64,
     target_max_distance_m: f64, reacquire_margin_m: f64,
 } }
 section! { /** Disturbance observer. */ Observer { alpha1: f64, alpha2: f64, zeta_s: f64, limit_mps2: f64 } }
@@ -261,7 +261,13 @@ impl Vehicle {
                 max_distance: p.target_max_distance_m,
                 reacquire_margin: p.reacquire_margin_m,
             },
-            select: SelectConfig { min_objectness: p.min_objectness, keep_objectness: p.keep_objectness },
+            select: SelectConfig {
+                min_objectness: p.min_objectness,
+                keep_objectness: p.keep_objectness,
+                pursue_after: p.pursue_after_s,
+                pursue_until: p.pursue_until_s,
+                pursue_weight: p.pursue_weight_per_m2,
+            },
         }
     }
 

@@ -87,7 +87,13 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             max_distance: 20.0,
             reacquire_margin: 1.0,
         },
-        select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
+        select: SelectConfig {
+            min_objectness: 0.5,
+            keep_objectness: 0.2,
+            pursue_after: 0.2,
+            pursue_until: 2.5,
+            pursue_weight: 0.12,
+        },
     }
 }
 
