@@ -182,7 +182,7 @@ fn a_weak_detection_keeps_a_confirmed_target_and_begins_none() {
     let both = weak(&[(7, 1.0)], 6, -0.8);
     let plan = frames(&mut planner, 44, 1, &both);
     assert_eq!((plan.chosen, plan.candidates[6].rejection), (Some(7), Some(Rejection::Objectness)));
-    assert_eq!(frames(&mut planner, 45, 30, &weak(&[], 7, -2.0)).chosen, None, "0.12 is nothing");
+    assert_eq!(frames(&mut planner, 45, 5, &weak(&[], 7, -2.0)).chosen, None, "0.12 is nothing");
 }
 
 #[test]
