@@ -64,7 +64,7 @@ pub struct FlyArgs {
     #[arg(long, value_name = "MPS", default_value_t = 0.0)]
     wind: f64,
     /// Track: the vehicle's desired largest speed over the evader's.
-    #[arg(long, value_name = "RATIO", default_value_t = 2.5, value_parser = positive)]
+    #[arg(long, value_name = "RATIO", default_value_t = 2.8, value_parser = positive)]
     speed_ratio: f64,
     /// Height of the flight above the start, m; absent: that of the vehicle's default profile.
     #[arg(long, value_name = "M", value_parser = positive)]
