@@ -62,7 +62,7 @@ pub enum CampaignError {
         /// Its number.
         trial: usize,
         /// Why.
-        source: TrialError,
+        source: Box<TrialError>,
     },
     /// A log cannot be written.
     #[error(transparent)]
@@ -154,7 +154,7 @@ impl Campaign {
             seed: mix(mix(self.seed, 7), trial as u64),
         };
         let (task, speed_mps, spacing_m) = (report::task_name(cell.task), cell.speed_mps, cell.spacing_m);
-        let failed = |source| CampaignError::Trial { task, speed_mps, spacing_m, trial, source };
+        let failed = |why| CampaignError::Trial { task, speed_mps, spacing_m, trial, source: Box::new(why) };
         let Some((folder, header)) = &self.log else {
             return fly_trial(&config, vehicle, network, &mut Unwatched).map_err(failed);
         };

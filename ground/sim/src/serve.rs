@@ -56,7 +56,7 @@ pub struct ServeArgs {
     /// Most speed of the evader, m/s.
     #[arg(long, value_name = "MPS", default_value_t = 3.0)]
     speed: f64,
-    /// How far the evader runs, m.
+    /// How far ahead of the vehicle the evader's goal is, m.
     #[arg(long, value_name = "M", default_value_t = 40.0)]
     distance: f64,
     /// The vehicle file.

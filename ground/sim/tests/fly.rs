@@ -1,4 +1,5 @@
 //! Facts about lockstep flights, flown with networks that are written by hand.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};

@@ -1,4 +1,5 @@
 //! A data set is what its layout says, its labels agree with its images, and nothing but the seed decides it.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 use goshawk_core::types::{Rot, Vec3};
 use goshawk_sim::dataset::{

@@ -28,6 +28,8 @@ from goshawk_ground.serve import serve_dashboard
 VEHICLE_FILE = Path("air/vehicles/sim.toml")
 ZENOH_PORT = 7447
 MAVLINK_PORT = 14540
+GOAL_BEYOND_M = 10.0
+"""The runner starts up to 6 m ahead of the vehicle, so its goal lies this much beyond the distance it is to run."""
 
 
 class DemoError(RuntimeError):
@@ -108,7 +110,7 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
         ],
         "sim": [
             str(sim), "serve", "--seed", str(options.seed), "--spacing", f"{options.spacing_m:g}",
-            "--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m:g}",
+            "--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m + GOAL_BEYOND_M:g}",
             "--connect", endpoint, "--mavlink-port", str(mavlink_port),
         ],
     }  # fmt: skip
