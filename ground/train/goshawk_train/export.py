@@ -171,5 +171,5 @@ from states that no trajectory could save (drawn at random: full speed, half a m
 
 ## Limits
 Trained on synthetic forests with a synthetic person only, at alpha = 1; flight scales by alpha. It sees one frame:
-what is hidden behind a trunk is unknown to it. Targets were 1.2 to 14 m away.
+what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away.
 """
