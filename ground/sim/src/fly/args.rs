@@ -13,7 +13,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::log::header;
 use super::{Campaign, table};
-use crate::trial::{Network, Outcome};
+use crate::evader::Course;
+use crate::sensors::SensorArgs;
+use crate::trial::{Network, Outcome, WorldSource};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -22,13 +24,6 @@ pub enum TaskName {
     Track,
     /// Fly to a goal 40 m ahead.
     Navigate,
-}
-
-/// The world to fly in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum WorldName {
-    /// Trees by a Poisson process.
-    Forest,
 }
 
 /// Fly campaigns in lockstep and report successes.
@@ -51,9 +46,12 @@ pub struct FlyArgs {
     /// Mean spacings of the trees, m; cells for each.
     #[arg(long, value_name = "M[,M…]", value_delimiter = ',', default_value = "4", value_parser = positive)]
     spacing: Vec<f64>,
-    /// The world.
-    #[arg(long, value_enum, default_value = "forest")]
-    world: WorldName,
+    /// The world: forest, buildings, or a point cloud (.ply, .pcd).
+    #[arg(long, value_name = "WORLD", default_value = "forest")]
+    world: String,
+    /// Track: what the evader runs: goal, eight, or a CSV file of waypoints (x,y in m ahead and left).
+    #[arg(long, value_name = "COURSE", default_value = "goal")]
+    course: String,
     /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it.
     #[arg(long, value_name = "FILE")]
     policy: Option<PathBuf>,
@@ -69,6 +67,8 @@ pub struct FlyArgs {
     /// Height of the flight above the start, m; absent: that of the vehicle's default profile.
     #[arg(long, value_name = "M", value_parser = positive)]
     height: Option<f64>,
+    #[command(flatten)]
+    sensors: SensorArgs,
     /// Write the report as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -91,7 +91,6 @@ impl FlyArgs {
     /// # Errors
     /// If the campaign could not be flown; the message says on what and what to do.
     pub fn run(self) -> Result<()> {
-        let WorldName::Forest = self.world;
         ensure!(self.trials > 0, "--trials is 0: there is nothing to fly");
         ensure!(self.wind.is_finite() && self.wind >= 0.0, "--wind is {}: it must be 0 or more", self.wind);
         let vehicle = Vehicle::load(&self.vehicle_file)?;
@@ -115,16 +114,18 @@ impl FlyArgs {
         let campaign = Campaign {
             task,
             speeds_mps: self.speed.clone(),
-            spacings_m: self.spacing.clone(),
+            worlds: self.worlds()?,
+            course: Course::parse(&self.course)?,
             trials: self.trials,
             seed: self.seed,
             wind_mps: self.wind,
             speed_ratio: self.speed_ratio,
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
+            sensors: self.sensors.load()?,
             threads: self.threads,
             log: self.log.clone().map(|folder| (folder, header(&vehicle, &first))),
         };
-        let flights = campaign.speeds_mps.len() * campaign.spacings_m.len() * campaign.trials;
+        let flights = campaign.speeds_mps.len() * campaign.worlds.len() * campaign.trials;
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} flights, {msg}  {elapsed} (left {eta})")?;
         let bar = ProgressBar::new(flights as u64).with_style(style).with_message("0 failed");
         let failed = std::sync::atomic::AtomicUsize::new(0);
@@ -145,6 +146,14 @@ impl FlyArgs {
         }
         println!("{}", table(&report));
         Ok(())
+    }
+
+    /// A forest for each spacing, or the one world.
+    fn worlds(&self) -> Result<Vec<WorldSource>> {
+        if self.world != "forest" {
+            return Ok(vec![WorldSource::parse(&self.world, 0.0)?]);
+        }
+        Ok(self.spacing.iter().map(|&spacing_m| WorldSource::Forest { spacing_m }).collect())
     }
 
     fn model(&self, vehicle: &Vehicle) -> PathBuf {

@@ -103,6 +103,21 @@ impl Painter<'_> {
                 let detail = 1.0 + 0.5 * near * signed(leaf) + 0.25 * signed(clump);
                 (Class::Foliage, self.lit(tint, detail, &normal, point, depth))
             }
+            Kind::Building => {
+                // Courses of blocks with joints, under stains; a plaster finish on every third part.
+                let along = if normal.x.abs() > normal.y.abs() { point.y } else { point.x };
+                let (row, plaster) = (floor(point.z * 4.0), salt % 3 == 0);
+                let column = along * 2.0 + if row % 2 == 0 { 0.5 } else { 0.0 };
+                let joint = (point.z * 4.0 - row as f32).min(column - floor(column) as f32) < 0.07;
+                let block = 0.12 * signed(hash(row, floor(column), salt));
+                let stain = 0.15 * smooth(along * 0.9, point.z * 1.3, salt);
+                let course = if plaster { 0.0 } else { block - if joint { 0.25 * near } else { 0.0 } };
+                (Class::Building, self.lit(tint, 1.0 + stain + course, &normal, point, depth))
+            }
+            Kind::Scan => {
+                let grain = hash(floor(point.x * 9.0), floor(point.y * 9.0), floor(point.z * 9.0));
+                (Class::Scan, self.lit(tint, 1.0 + 0.25 * near * signed(grain), &normal, point, depth))
+            }
         }
     }
 
@@ -167,6 +182,13 @@ fn surface_normal(shape: &Shape, point: &V3) -> V3 {
             let rel = point - single(&s.centre);
             let (xy, z) = ((s.radius_xy * s.radius_xy) as f32, (s.radius_z * s.radius_z) as f32);
             V3::new(rel.x / xy, rel.y / xy, rel.z / z).try_normalize(1e-9).unwrap_or(V3::z())
+        }
+        Shape::Cuboid(c) => {
+            let rel = c.turn_in(&(point.cast::<f64>() - c.centre));
+            let axis = (rel.abs() - c.half).imax();
+            let mut normal = Vec3::zeros();
+            normal[axis] = rel[axis].signum();
+            single(&c.turn_out(&normal))
         }
     }
 }

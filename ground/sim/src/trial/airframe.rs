@@ -6,6 +6,7 @@ use goshawk_core::types::{NormalisedThrust, Rot, Vec3};
 
 use crate::quadrotor::{QuadrotorParameters, QuadrotorState};
 use crate::render::{Camera, CameraPose};
+use crate::sensor::Motion;
 
 /// Radius of the sphere that must not touch anything, m.
 pub const BODY_RADIUS_M: f64 = 0.16;
@@ -30,6 +31,17 @@ impl Mount {
             camera,
             body_from_cam: Rot::from_axis_angle(&Vec3::y_axis(), -vehicle.camera.tilt_deg.to_radians()),
             pos_cam_body: Vec3::from(vehicle.camera.position_m),
+        }
+    }
+
+    /// How the camera moves when the vehicle is at `state`.
+    #[must_use]
+    pub fn motion(&self, state: &QuadrotorState) -> Motion {
+        let cam_from_body = self.body_from_cam.inverse();
+        let vel_body = state.world_from_body.inverse_transform_vector(&state.vel_world);
+        Motion {
+            vel_cam: cam_from_body * (vel_body + state.ang_vel_body.cross(&self.pos_cam_body)),
+            ang_vel_cam: cam_from_body * state.ang_vel_body,
         }
     }
 
