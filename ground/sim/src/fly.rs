@@ -47,6 +47,8 @@ pub struct Campaign {
     pub height_m: f64,
     /// Camera and odometry.
     pub sensors: Sensors,
+    /// How far each airframe is from the vehicle file: relative standard deviation of its parameters.
+    pub spread: f64,
     /// Flights at once.
     pub threads: usize,
     /// Log each flight into this folder.
@@ -163,6 +165,7 @@ impl Campaign {
             course: self.course.clone(),
             wind_mps: cell.wind_mps,
             sensors: self.sensors,
+            spread: self.spread,
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };

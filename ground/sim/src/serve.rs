@@ -228,7 +228,7 @@ impl<'a> Simulation<'a> {
     fn advance(&mut self, session: &mut Session, camera: &Camera) {
         let world = &self.scene.world;
         if self.step.is_multiple_of(WIND_STEPS) {
-            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S);
+            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
         if self.step.is_multiple_of(ESTIMATE_STEPS) {
             let truth = self.quad.state();

@@ -68,6 +68,8 @@ pub struct TrialConfig {
     pub wind_mps: f64,
     /// Camera and odometry.
     pub sensors: Sensors,
+    /// How far the airframe is from the vehicle file: relative standard deviation of its parameters.
+    pub spread: f64,
     /// Everything random is drawn from it.
     pub seed: u64,
 }

@@ -104,6 +104,7 @@ fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialConfig 
         course: Course::Goal,
         wind_mps: 0.0,
         sensors: Sensors::default(),
+        spread: 0.0,
         seed,
     }
 }
@@ -179,6 +180,7 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             speed_ratio: 2.5,
             height_m: 1.5,
             sensors: Sensors::default(),
+            spread: 0.0,
             threads,
             log: None,
         };

@@ -67,6 +67,9 @@ pub struct FlyArgs {
     /// Height of the flight above the start, m; absent: that of the vehicle's default profile.
     #[arg(long, value_name = "M", value_parser = positive)]
     height: Option<f64>,
+    /// Let each flight's airframe differ from the vehicle file: relative standard deviation of mass, thrust, drag, …
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.0)]
+    spread: f64,
     #[command(flatten)]
     sensors: SensorArgs,
     /// Write the report as JSON.
@@ -93,6 +96,7 @@ impl FlyArgs {
     pub fn run(self) -> Result<()> {
         ensure!(self.trials > 0, "--trials is 0: there is nothing to fly");
         ensure!(self.wind.is_finite() && self.wind >= 0.0, "--wind is {}: it must be 0 or more", self.wind);
+        ensure!((0.0..=0.3).contains(&self.spread), "--spread is {}: it must be 0 to 0.3", self.spread);
         let vehicle = Vehicle::load(&self.vehicle_file)?;
         let task = match self.task {
             TaskName::Track => Task::Track,
@@ -122,6 +126,7 @@ impl FlyArgs {
             speed_ratio: self.speed_ratio,
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
             sensors: self.sensors.load()?,
+            spread: self.spread,
             threads: self.threads,
             log: self.log.clone().map(|folder| (folder, header(&vehicle, &first))),
         };

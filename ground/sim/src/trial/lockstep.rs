@@ -5,7 +5,7 @@ use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Task, Time, Vec3};
 use goshawk_core::{Cause, Command, Mode, Plan, Profile};
 
-use super::airframe::{Mount, airframe};
+use super::airframe::{Mount, airframe, spread};
 use super::autopilot::Obliging;
 use super::estimator::Estimator;
 use super::judge::{Contact, Exposure, Judge, contact, in_view};
@@ -85,7 +85,7 @@ impl<'a> Lockstep<'a> {
         network: &'a mut dyn Network,
     ) -> Result<Self, TrialError> {
         let mount = Mount::of(vehicle);
-        let parameters = airframe(vehicle);
+        let parameters = spread(&airframe(vehicle), config.spread, mix(config.seed, 16));
         let start = scene.vehicle_start(&parameters);
         Ok(Self {
             config: config.clone(),
@@ -246,7 +246,7 @@ impl<'a> Lockstep<'a> {
 
     fn move_on(&mut self, now: Time) {
         if self.step.is_multiple_of(WIND_STEPS) {
-            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S);
+            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
         let demand = self.autopilot.demand(now);
         let world = &self.scene.world;
