@@ -132,7 +132,10 @@ def wrong_type(folder: Path) -> None:
 
 
 def fewer_labels(folder: Path) -> None:
-    edit_labels(folder, lambda rows: rows.clear() if not rows else rows.pop() and None)
+    def change(rows: list[dict[str, str]]) -> None:
+        del rows[-1]
+
+    edit_labels(folder, change)
 
 
 def missing_file(folder: Path) -> None:

@@ -13,6 +13,7 @@ from goshawk_train.dataset import DataError, check, cli, foreign, importer, layo
 from goshawk_train.dataset.foreign import Format
 from goshawk_train.dataset.ground import estimate_ground
 from goshawk_train.dataset.layout import Bounds
+from goshawk_train.dataset.ply import read_ply, write_ply
 from goshawk_train.dataset.poses import target_in_camera
 from goshawk_train.dataset.resample import OURS, Intrinsics, Resampler
 from PIL import Image
@@ -119,7 +120,7 @@ def test_other_conventions_are_converted(copy: Path, tmp_path: Path) -> None:
     table[:, 3:7] = np.roll(geometry.quaternion_from_matrix(attitude), -1, axis=1)
     table[:, 0:3], table[:, 7:10] = table[:, 0:3] @ flip, table[:, 7:10] @ flip
     np.savetxt(folder / "labels.csv", table, delimiter=",", header=",".join(form.columns), comments="")
-    points = layout_points(folder) @ flip
+    points = read_ply(folder / "environment.ply").astype(np.float64) @ flip
     np.savetxt(folder / "points.txt", points)
     text = (folder / "points.txt").read_text()
     head = f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"
@@ -131,12 +132,6 @@ def test_other_conventions_are_converted(copy: Path, tmp_path: Path) -> None:
         Image.fromarray(coarse).save(path)
     importer.import_scenes(copy, tmp_path / "out", form)
     assert check.check(tmp_path / "out").findings == []
-
-
-def layout_points(folder: Path) -> np.ndarray:
-    from goshawk_train.dataset.ply import read_ply
-
-    return read_ply(folder / "environment.ply").astype(np.float64)
 
 
 def test_a_wrong_convention_is_refused_by_name(copy: Path, tmp_path: Path) -> None:
@@ -201,6 +196,24 @@ def test_bad_source_is_named(copy: Path, tmp_path: Path, spoil, said: str) -> No
         importer.import_scenes(copy, tmp_path / "out", Format())
 
 
+def without_ground(scene: Path) -> None:
+    points = read_ply(scene / "environment.ply")
+    write_ply(scene / "environment.ply", points[points[:, 2] > 0.08])
+
+
+def test_a_cloud_without_ground_needs_one(copy: Path, tmp_path: Path) -> None:
+    shutil.rmtree(copy / "scene-1")
+    without_ground(copy / "scene-0")
+    with pytest.raises(DataError, match=r"shows the ground in only \d+ % of its area: .* ground\.npy"):
+        importer.import_scenes(copy, tmp_path / "out", Format())
+    np.save(copy / "scene-0" / "ground.npy", np.zeros((3, 4), dtype=np.float32))
+    with pytest.raises(DataError, match=r"ground\.json: No such file"):
+        importer.import_scenes(copy, tmp_path / "out", Format())
+    (copy / "scene-0" / "ground.json").write_text('{"cell_m": 10.0, "min_xy": [-15, -15]}')
+    importer.import_scenes(copy, tmp_path / "out", Format())
+    assert check.check(tmp_path / "out").findings == []
+
+
 def test_too_narrow_a_camera_is_refused(source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["import", str(source), "--out", str(tmp_path / "out"), "--hfov-deg", "60"]) == cli.UNUSABLE
     assert "see only 57 % of our width" in capsys.readouterr().err
@@ -245,8 +258,9 @@ def test_ground_is_found_under_trees_and_on_slopes() -> None:
     trees = np.column_stack([trunks, true(trunks) + rng.uniform(0, 4, 8000)])
     stray = np.array([[7.0, 7.0, -6.0]])
     points = np.vstack([ground, thicket, trees, stray]).astype(np.float32)
-    found = estimate_ground(points, Bounds(min_xyz=np.array([0.0, 0, -7]), max_xyz=np.array([30.0, 30, 8])))
+    found, seen = estimate_ground(points, Bounds(min_xyz=np.array([0.0, 0, -7]), max_xyz=np.array([30.0, 30, 8])))
     probe = rng.uniform(1, 29, (2000, 2))
     error = np.abs(found.at(probe) - true(probe))
     assert np.percentile(error, 95) < 0.12
     assert error.max() < 0.5
+    assert 0.9 < seen < 1.0

@@ -1,11 +1,10 @@
-"""The ground's height out of a point cloud that has none apart: progressive morphological filtering.
+"""The ground's height out of a point cloud that holds it, by morphological filters.
 
-1. The lowest point of each 0.5 m cell; a point with nothing else within 1 m around is noise and is left out.
+1. The lowest point of each 0.5 m cell. A pit of less than 2.5 m across and more than 0.3 m deep, found by a closing (a
+   maximum, then a minimum filter), is noise or the foot of a modelled trunk and is left out.
 2. Openings (a minimum, then a maximum filter) with growing windows, 1.5 to 9.5 m: a cell that stands over the opening
-   by more than the window's slope allows (0.3 m + 0.15 m/m of its reach) is a trunk or a wall and is no ground.
+   by more than a window allows (0.3 m + 0.05 m/m of its reach) is a trunk or a wall and is left out.
 3. What is left is spread to the other cells by distance-weighted means of the nearest, and smoothed lightly.
-
-Where a cloud has no ground at all, the feet of trees are taken for it.
 """
 
 from __future__ import annotations
@@ -18,42 +17,43 @@ from scipy.spatial import KDTree
 from goshawk_train.dataset.layout import Bounds, Ground
 
 CELL_M = 0.5
-_NOISE_M = 1.0
+_PIT_WINDOW = 5
 _WINDOWS = (3, 7, 13, 19)
-_STEP_M, _SLOPE = 0.3, 0.15
+_STEP_M, _SLOPE = 0.3, 0.05
 _NEAREST = 8
 
 
-def estimate_ground(points_P3: NDArray[np.float32], bounds: Bounds) -> Ground:
-    """Heights over the whole box, from at least one point."""
+def estimate_ground(points_P3: NDArray[np.float32], bounds: Bounds) -> tuple[Ground, float]:
+    """Heights over the whole box, and the share of its cells that show ground; from at least one point."""
     shape_XY = np.ceil((bounds.max_xyz[:2] - bounds.min_xyz[:2]) / CELL_M).astype(int) + 1
     low = bounds.min_xyz[:2]
     lowest = _lowest(points_P3.astype(np.float64), low, shape_XY)
     known = np.isfinite(lowest)
     surface = _spread(lowest, known)
+    pit = min(_PIT_WINDOW, *surface.shape)
+    known &= ndimage.grey_closing(surface, size=(pit, pit), mode="nearest") - surface <= _STEP_M
+    surface = _spread(lowest, known)
     for window in _WINDOWS:
         size = min(window, *surface.shape)
         opened = ndimage.grey_opening(surface, size=(size, size), mode="nearest")
-        known &= lowest - opened <= _STEP_M + _SLOPE * (window - 1) / 2 * CELL_M
+        known &= surface - opened <= _STEP_M + _SLOPE * (window - 1) / 2 * CELL_M
         surface = opened
     height_XY = _spread(lowest, known)
     smooth = ndimage.gaussian_filter(height_XY, 1.0, mode="nearest")
-    return Ground(height_YX=smooth.T.astype(np.float32), min_xy=low.astype(float), cell_m=CELL_M)
+    ground = Ground(height_YX=smooth.T.astype(np.float32), min_xy=low.astype(float), cell_m=CELL_M)
+    return ground, float(known.mean())
 
 
 def _lowest(points: NDArray[np.float64], low: NDArray[np.float64], shape_XY: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The lowest point around each node that is not alone, NaN without one."""
+    """The lowest point around each node, NaN without one."""
     node = np.rint((points[:, :2] - low) / CELL_M).astype(int)
     inside = ((node >= 0) & (node < shape_XY)).all(axis=1)
     points, node = points[inside], node[inside]
     order = np.lexsort((points[:, 2], node[:, 1], node[:, 0]))
     _, first = np.unique(node[order], axis=0, return_index=True)
-    candidates = order[first]
-    if len(points) > 1:
-        second = KDTree(points).query(points[candidates], k=2)[0][:, 1]
-        candidates = candidates[second < _NOISE_M] if (second < _NOISE_M).any() else candidates
+    lowest = order[first]
     out = np.full(shape_XY, np.nan)
-    out[tuple(node[candidates].T)] = points[candidates, 2]
+    out[tuple(node[lowest].T)] = points[lowest, 2]
     return out
 
 

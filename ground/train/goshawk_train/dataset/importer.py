@@ -29,6 +29,7 @@ ABOVE_GROUND_M = 0.3
 """Points lower than this over the ground are the ground, not obstacles."""
 _MARGIN_M = 1.0
 _OUT_OF_VIEW_MOST = 0.5
+_GROUND_SEEN_LEAST = 0.3
 _FRAMES_JUDGED, _PIXELS_JUDGED = 12, 256
 
 Progress = Callable[[str, int, int], None]
@@ -125,7 +126,13 @@ def convert(folder: Path, form: Format, step: Callable[[int], None] = lambda _: 
 def _ground(folder: Path, points: NDArray[np.float32], bounds: Bounds) -> Ground:
     """`ground.npy` with `ground.json` if the source has them, else an estimate."""
     if not (folder / "ground.npy").is_file():
-        return estimate_ground(points, bounds)
+        found, seen = estimate_ground(points, bounds)
+        if seen < _GROUND_SEEN_LEAST:
+            raise DataError(
+                f"{folder}/environment.ply shows the ground in only {100 * seen:.0f} % of its area: scan it too, "
+                "or add ground.npy (heights [y, x]) with ground.json (cell_m, min_xy)"
+            )
+        return found
     about = read_json(folder / "ground.json")
     try:
         cell, min_xy = float(about["cell_m"]), np.array([float(c) for c in about["min_xy"]])
