@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections import defaultdict
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from goshawk_train.dataset import DataError
+from goshawk_train.dataset import DataError, Progress
 from goshawk_train.dataset.balance import Balance
 from goshawk_train.dataset.conventions import ALTERNATIVES, Convention
 from goshawk_train.dataset.findings import Finding
@@ -25,9 +24,6 @@ FRAMES = 8
 _EXPLAINED_SCENES = 4
 """So many misfits are searched for any explanation; the others for those found in them, which is much faster."""
 _COPIES_TOLERATED = 0.02
-
-Progress = Callable[[str, int, int], None]
-"""Told what is done, how many of it, of how many."""
 
 
 @dataclass(frozen=True, kw_only=True)

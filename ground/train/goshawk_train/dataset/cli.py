@@ -6,7 +6,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from goshawk_train.dataset import DataError, check, findings, importer
+from goshawk_train.dataset import DataError, Progress, check, findings, importer
 from goshawk_train.dataset.foreign import CAMERAS, COLUMNS, VISIBLE, WORLDS, Format
 from goshawk_train.dataset.resample import Intrinsics
 
@@ -28,7 +28,7 @@ UNFIT, UNUSABLE = 1, 2
 
 
 @contextmanager
-def progress_bar() -> Iterator[check.Progress]:
+def progress_bar() -> Iterator[Progress]:
     """A bar on a terminal, nothing elsewhere."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
@@ -43,10 +43,11 @@ def progress_bar() -> Iterator[check.Progress]:
         yield update
 
 
-def table(figures: dict[str, float]) -> str:
-    """Figures as text, a name and a figure a row."""
+def table(figures: Mapping[str, float]) -> str:
+    """Figures as text, a name and a figure a row; counts in full."""
     width = max(len(name) for name in figures)
-    return "\n".join(f"  {name:<{width}}  {value:>10.4g}" for name, value in figures.items())
+    shown = {name: f"{value:d}" if isinstance(value, int) else f"{value:.3f}" for name, value in figures.items()}
+    return "\n".join(f"  {name:<{width}}  {text:>10}" for name, text in shown.items())
 
 
 def _parser() -> argparse.ArgumentParser:

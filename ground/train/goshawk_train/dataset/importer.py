@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_train import geometry
-from goshawk_train.dataset import DataError, foreign
+from goshawk_train.dataset import DataError, Progress, foreign
 from goshawk_train.dataset.conventions import AGREED, agreement, explain, sample_pixels, spread
 from goshawk_train.dataset.foreign import WORLDS, Format
 from goshawk_train.dataset.ground import estimate_ground
@@ -31,8 +31,6 @@ _MARGIN_M = 1.0
 _OUT_OF_VIEW_MOST = 0.5
 _GROUND_SEEN_LEAST = 0.3
 _FRAMES_JUDGED, _PIXELS_JUDGED = 12, 256
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)

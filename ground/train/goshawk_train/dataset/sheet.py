@@ -45,12 +45,18 @@ class _Shot:
 def _shots(report: Report) -> list[_Shot]:
     """Frames of which something is wrong first, a kind after the other; then frames from all over the data set."""
     readable = {scene.folder.name: scene for scene in report.scenes if scene.frames}
-    kinds: dict[str, _Shot] = {}
+    flags: dict[tuple[str, int], list[str]] = {}
+    seen = set[str]()
     for finding in report.errors:
-        if finding.where in readable and finding.kind not in kinds:
-            frame = finding.frames[0] if finding.frames else 0
-            kinds[finding.kind] = _Shot(folder=readable[finding.where].folder, frame=frame, flag=finding.kind)
-    shots = list(kinds.values())[:_FLAGGED]
+        if finding.where in readable and (finding.frames or finding.kind == "map-disagrees"):
+            place = (finding.where, finding.frames[0] if finding.frames else 0)
+            if finding.kind not in seen or place in flags:
+                flags.setdefault(place, []).append(finding.kind)
+            seen.add(finding.kind)
+    shots = [
+        _Shot(folder=readable[where].folder, frame=frame, flag=", ".join(kinds[:2]) + (" .." if kinds[2:] else ""))
+        for (where, frame), kinds in list(flags.items())[:_FLAGGED]
+    ]
     rng = np.random.default_rng(0)
     scenes = list(readable.values())
     wanted = COLUMNS * ROWS - len(shots)
@@ -58,7 +64,11 @@ def _shots(report: Report) -> list[_Shot]:
         scene = scenes[number]
         shown = np.flatnonzero(scene.balance.shown_F) if scene.balance else np.array([])
         pool = shown if len(shown) and rng.uniform() < 0.8 else np.arange(scene.frames)
-        shots.append(_Shot(folder=scene.folder, frame=int(rng.choice(pool)), flag=""))
+        fresh = [f for f in pool.tolist() if (scene.folder.name, f) not in flags]
+        if fresh:
+            frame = int(rng.choice(fresh))
+            flags[(scene.folder.name, frame)] = []
+            shots.append(_Shot(folder=scene.folder, frame=frame, flag=""))
     return shots
 
 
@@ -127,7 +137,8 @@ def _frame(axes: Axes, shot: _Shot, view: View) -> None:
     for spine in axes.spines.values():
         spine.set(color=_RED if shot.flag else _PAPER, linewidth=2 if shot.flag else 0)
     caption = f"{shot.folder.name} · {shot.frame}"
-    caption += _target(axes, labels, shot.frame, view)
+    about_target = _target(axes, labels, shot.frame, view)
+    caption += "" if shot.flag else about_target  # the flag needs the room
     axes.set_title(caption, fontsize=8, color=_DIM, loc="left", pad=3)
     if shot.flag:
         axes.set_title(shot.flag, fontsize=8.5, color=_RED, loc="right", pad=3, weight="bold")
