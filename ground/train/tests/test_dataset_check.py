@@ -138,6 +138,12 @@ def fewer_labels(folder: Path) -> None:
     edit_labels(folder, change)
 
 
+def empty_box(folder: Path) -> None:
+    path = folder / "scene.json"
+    meta = json.loads(path.read_text())
+    path.write_text(json.dumps(meta | {"max_xyz": meta["min_xyz"]}))
+
+
 def missing_file(folder: Path) -> None:
     (folder / "environment.ply").unlink()
 
@@ -161,6 +167,7 @@ DAMAGES: list[tuple[Callable[[Path], None], str]] = [
     (truncated, "file-broken"),
     (wrong_type, "file-broken"),
     (fewer_labels, "file-broken"),
+    (empty_box, "file-broken"),
     (missing_file, "file-missing"),
 ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +15,7 @@ import numpy as np
 
 from goshawk_train.dataset import DataError, Progress
 from goshawk_train.dataset.balance import Balance
-from goshawk_train.dataset.conventions import ALTERNATIVES, Convention
+from goshawk_train.dataset.conventions import ALTERNATIVES, Agreement, Convention
 from goshawk_train.dataset.findings import Finding
 from goshawk_train.dataset.layout import View, read_json, read_view, scene_folders
 from goshawk_train.dataset.scene import SceneReport, check_scene, identity, misfit
@@ -48,7 +49,7 @@ class Report:
 
     def figures(self) -> dict[str, float]:
         """The main figures, for the table."""
-        known = [s.agreement for s in self.scenes if s.agreement is not None]
+        known = [s.agreement for s in self.scenes if s.agreement is not None and math.isfinite(s.agreement.median_m)]
         out: dict[str, float] = {"scenes": len(self.scenes), "frames": self.frames}
         out |= self.balance.figures() if self.balance else {}
         if known:
@@ -58,14 +59,7 @@ class Report:
 
     def json(self) -> dict[str, Any]:
         """All of it, for programs."""
-        scenes = [
-            {
-                "scene": s.folder.name,
-                "frames": s.frames,
-                "map": None if s.agreement is None else dataclasses.asdict(s.agreement),
-            }
-            for s in self.scenes
-        ]
+        scenes = [{"scene": s.folder.name, "frames": s.frames, "map": _plain(s.agreement)} for s in self.scenes]
         balance = self.balance
         histograms: dict[str, Any] = {}
         if balance:
@@ -77,6 +71,13 @@ class Report:
             "histograms": histograms,
             "scenes": scenes,
         }
+
+
+def _plain(found: Agreement | None) -> dict[str, float | None] | None:
+    """For JSON, which knows no infinity."""
+    if found is None:
+        return None
+    return {name: value if math.isfinite(value) else None for name, value in dataclasses.asdict(found).items()}
 
 
 def check(

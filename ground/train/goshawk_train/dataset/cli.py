@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     look.add_argument("--task", choices=("track", "navigate"), default="track", help="what it is for (default track)")
     look.add_argument(
         "--frames",
-        type=_positive,
+        type=count,
         default=check.FRAMES,
         metavar="N",
         help=f"frames of each scene compared with its map (default {check.FRAMES}); the rest is checked on all frames",
@@ -101,13 +101,11 @@ def _add_import(bring: argparse.ArgumentParser) -> None:
     tilt = "the camera's pitch up against those axes, where they are the vehicle's (default 0)"
     bring.add_argument("--tilt-deg", type=float, default=default.tilt_deg, metavar="A", help=tilt)
     unit = "millimetres for one unit of depth (default 1)"
-    bring.add_argument("--depth-unit-mm", type=_length, default=default.depth_unit_mm, metavar="U", help=unit)
+    bring.add_argument("--depth-unit-mm", type=length, default=default.depth_unit_mm, metavar="U", help=unit)
     field = "horizontal field of view of the source, square pixels (default 90)"
-    bring.add_argument("--hfov-deg", type=_angle, default=default.hfov_deg, metavar="A", help=field)
+    bring.add_argument("--hfov-deg", type=angle, default=default.hfov_deg, metavar="A", help=field)
     for name, text in (("fx", "focal length across"), ("fy", "focal length down (default --fx)")):
-        bring.add_argument(
-            f"--{name}", type=_length, metavar="PX", help=f"instead of --hfov-deg: {text}, source pixels"
-        )
+        bring.add_argument(f"--{name}", type=length, metavar="PX", help=f"instead of --hfov-deg: {text}, source pixels")
     for name, text in (("cx", "from the left"), ("cy", "from the top")):
         bring.add_argument(f"--{name}", type=float, metavar="PX", help=f"with --fx: the optical axis {text}")
 
@@ -119,21 +117,24 @@ def _columns(text: str) -> tuple[str, ...]:
     return names
 
 
-def _length(text: str) -> float:
+def length(text: str) -> float:
+    """A positive number, for argparse, which names it in its refusals."""
     value = float(text)
     if not (math.isfinite(value) and value > 0):
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value
 
 
-def _angle(text: str) -> float:
+def angle(text: str) -> float:
+    """Degrees of a field of view."""
     value = float(text)
     if not 5 < value < 170:
         raise argparse.ArgumentTypeError(f"{text} is not between 5 and 170 degrees")
     return value
 
 
-def _positive(text: str) -> int:
+def count(text: str) -> int:
+    """A number of things."""
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{value} is not above 0")

@@ -151,19 +151,33 @@ def _field(path: Path, meta: dict[str, Any], name: str) -> Any:
     return meta[name]
 
 
+def _vector(path: Path, meta: dict[str, Any], name: str, size: int) -> F64:
+    try:
+        value = np.atleast_1d(np.array(_field(path, meta, name), dtype=float))
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{path}: {name} must be of {size} numbers") from error
+    if value.shape != (size,) or not np.isfinite(value).all():
+        raise DataError(f"{path}: {name} must be of {size} finite numbers, not {value.tolist()}")
+    return value
+
+
 def read_ground(folder: Path) -> tuple[Ground, Bounds]:
     """One scene's `ground.npy` and its box; raises `DataError` where they do not belong together."""
     about = folder / "scene.json"
     meta = read_json(about)
-    low, high = (np.array(_field(about, meta, name), dtype=float) for name in ("min_xyz", "max_xyz"))
+    low, high, origin = (
+        _vector(about, meta, n, size) for n, size in (("min_xyz", 3), ("max_xyz", 3), ("ground_min_xy", 2))
+    )
+    cell = float(_vector(about, meta, "ground_cell_m", 1)[0])
+    if not (low < high).all() or not cell > 0:
+        raise DataError(f"{about}: the box {low} .. {high} or ground_cell_m {cell} is empty")
     height_YX = read_array(folder / "ground.npy").astype(np.float32)
-    cell, origin = float(_field(about, meta, "ground_cell_m")), np.array(_field(about, meta, "ground_min_xy"))
     if height_YX.ndim != 2 or min(height_YX.shape) < 2 or not np.isfinite(height_YX).all():
         raise DataError(f"{folder}/ground.npy: must be finite heights [y, x], not of shape {height_YX.shape}")
     ends = origin + cell * (np.array(height_YX.shape[::-1]) - 1)
     if (origin > low[:2] + cell).any() or (ends < high[:2] - cell).any():
         raise DataError(f"{folder}/ground.npy: {origin} .. {ends} does not cover {low[:2]} .. {high[:2]}")
-    return Ground(height_YX=height_YX, min_xy=origin.astype(float), cell_m=cell), Bounds(min_xyz=low, max_xyz=high)
+    return Ground(height_YX=height_YX, min_xy=origin, cell_m=cell), Bounds(min_xyz=low, max_xyz=high)
 
 
 def read_array(path: Path) -> NDArray[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -121,7 +122,8 @@ def misfit(
     if found is None:
         what = "too little depth between 0.4 and 10 m to compare with the map"
     else:
-        what = f"images and map disagree: median {found.median_m:.2f} m, {100 * found.beyond:.0f} % beyond tolerance"
+        median = f"median {found.median_m:.2f} m" if math.isfinite(found.median_m) else "the map is empty there"
+        what = f"images and map disagree: {median}, {100 * found.beyond:.0f} % beyond tolerance"
     if better is None:
         advice = "rgb, depth, labels and environment.ply must be of one world: check axes, units and their pairing"
         severity = "warning" if found is None else "error"
