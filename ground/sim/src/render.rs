@@ -87,13 +87,15 @@ pub struct Renderer {
     camera: Camera,
     rays: Rays,
     ids: Vec<u32>,
+    linear: Vec<f32>,
 }
 
 impl Renderer {
     /// A renderer for images of `camera`.
     #[must_use]
     pub fn new(camera: Camera) -> Self {
-        Self { rays: Rays::new(&camera), ids: vec![ID_NONE; camera.width * camera.height], camera }
+        let pixels = camera.width * camera.height;
+        Self { rays: Rays::new(&camera), ids: vec![ID_NONE; pixels], linear: vec![0.0; 3 * pixels], camera }
     }
 
     /// The camera that it draws for.
@@ -133,7 +135,7 @@ impl Renderer {
         }
         ground::draw(world.ground(), pose, &mut canvas);
         frame.person_pixels_visible = count_person(canvas.ids);
-        shade::shade(world, body.as_ref(), pose, &self.rays, &self.ids, frame);
+        shade::shade(world, body.as_ref(), pose, &self.rays, &self.ids, &mut self.linear, frame);
     }
 }
 

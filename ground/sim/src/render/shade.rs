@@ -11,13 +11,14 @@ use nalgebra::Vector3;
 
 type V3 = Vector3<f32>;
 
-/// Colours every pixel of `frame` from its id and depth.
+/// Colours every pixel of `frame` from its id and depth; `linear` is scratch of the size of `frame.rgb`.
 pub(super) fn shade(
     world: &World,
     body: Option<&[BodyPart; BODY_PARTS]>,
     pose: &CameraPose,
     rays: &Rays,
     ids: &[u32],
+    linear: &mut [f32],
     frame: &mut Frame,
 ) {
     let painter = Painter {
@@ -47,12 +48,12 @@ pub(super) fn shade(
                 id => painter.part(id - 1, &point, depth),
             };
             frame.class[pixel] = class as u8;
-            let out = &mut frame.rgb[3 * pixel..3 * pixel + 3];
-            for channel in 0..3 {
-                // Square root: the display's gamma, near enough.
-                out[channel] = (light[channel].max(0.0).sqrt() * 255.0 + 0.5).min(255.0) as u8;
-            }
+            linear[3 * pixel..3 * pixel + 3].copy_from_slice(light.as_slice());
         }
+    }
+    // Square root: the display's gamma, near enough. On its own, so that it vectorises.
+    for (level, light) in frame.rgb.iter_mut().zip(linear) {
+        *level = (light.max(0.0).sqrt() * 255.0 + 0.5).min(255.0) as u8;
     }
 }
 

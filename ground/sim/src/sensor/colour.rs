@@ -4,6 +4,7 @@ use super::{Motion, gaussian, mix, unit};
 use crate::render::Frame;
 use nalgebra::Vector3;
 use serde::Deserialize;
+use std::sync::LazyLock;
 
 /// Strength of each effect; see `sensors/d455.toml`. Levels are of 255, after the display's gamma.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -37,6 +38,9 @@ const TAPS_MAX: f32 = 7.0;
 /// What a pixel without depth is taken to be at, m.
 const FAR_M: f32 = 60.0;
 
+/// Unit noise; each row of an image takes a stretch of it that begins anywhere.
+static NOISE: LazyLock<Vec<f32>> = LazyLock::new(|| (0..1 << 16).map(|i| gaussian(mix(0x6e01, i) as u32)).collect());
+
 /// One unit; owns its scratch memory.
 #[derive(Clone, Debug)]
 pub(super) struct ColourSensor {
@@ -48,6 +52,8 @@ pub(super) struct ColourSensor {
     noise: f32,
     shutter_s: f32,
     smeared: Vec<u8>,
+    /// `gain` of each value of a row.
+    gains: Vec<f32>,
 }
 
 impl ColourSensor {
@@ -65,6 +71,7 @@ impl ColourSensor {
             noise: config.noise * (0.4 + 1.2 * unit((draw >> 48) as u16)),
             shutter_s: shortest * (longest / shortest).powf(unit(mix(seed, u64::MAX - 2) as u16)),
             smeared: Vec::new(),
+            gains: Vec::new(),
         }
     }
 
@@ -76,20 +83,28 @@ impl ColourSensor {
         let auto = (self.config.mean_level / mean).powf(self.config.auto_exposure).clamp(1.0 / GAIN_MAX, GAIN_MAX);
         let gain = self.tone.map(|tone| tone * auto);
         let (width, height, blur) = (frame.width, frame.height, self.lens_blur);
+        let (stride, centre) = (3 * width, 1.0 - 4.0 * blur);
+        self.gains.clear();
+        self.gains.extend(gain.iter().cycle().take(stride));
         for v in 0..height {
-            let rows = [v.saturating_sub(1), v, (v + 1).min(height - 1)].map(|r| r * width);
-            for u in 0..width {
-                let (left, right) = (u.saturating_sub(1), (u + 1).min(width - 1));
-                let pixel = v * width + u;
-                let bits = mix(seed, pixel as u64);
-                let hash = [bits as u32, (bits >> 32) as u32, (bits >> 16) as u32];
-                for channel in 0..3 {
-                    let at = |index: usize| f32::from(self.smeared[3 * index + channel]);
-                    let around = at(rows[1] + left) + at(rows[1] + right) + at(rows[0] + u) + at(rows[2] + u);
-                    let soft = at(pixel) * (1.0 - 4.0 * blur) + around * blur;
-                    let value = soft * gain[channel] + self.noise * gaussian(hash[channel]);
-                    rgb[3 * pixel + channel] = (value + 0.5).clamp(0.0, 255.0) as u8;
-                }
+            let row = |v: usize| &self.smeared[v * stride..(v + 1) * stride];
+            let (above, here, below) = (row(v.saturating_sub(1)), row(v), row((v + 1).min(height - 1)));
+            let start = mix(seed, v as u64) as usize % (NOISE.len() - stride);
+            let noise = &NOISE[start..start + stride];
+            let out = &mut rgb[v * stride..(v + 1) * stride];
+            let level = |i: usize, left: u8, right: u8| {
+                let beside = f32::from(left) + f32::from(right);
+                let around = beside + f32::from(above[i]) + f32::from(below[i]);
+                let soft = f32::from(here[i]) * centre + around * blur;
+                (soft * self.gains[i] + self.noise * noise[i] + 0.5).clamp(0.0, 255.0) as u8
+            };
+            for i in 3..stride - 3 {
+                out[i] = level(i, here[i - 3], here[i + 3]);
+            }
+            for i in 0..3 {
+                let last = stride - 3 + i;
+                out[i] = level(i, here[i], here[(i + 3).min(last)]);
+                out[last] = level(last, here[last.saturating_sub(3)], here[last]);
             }
         }
     }
@@ -105,9 +120,9 @@ impl ColourSensor {
             for u in 0..width {
                 let pixel = v * width + u;
                 let ray = Vector3::new(1.0, (half_w - u as f32 - 0.5) * inv_f, (half_h - v as f32 - 0.5) * inv_f);
-                let depth = frame.depth_m[pixel].min(FAR_M);
+                let inv_depth = 1.0 / frame.depth_m[pixel].min(FAR_M);
                 // A resting point moves by −v − ω × p in the camera frame; here over its depth.
-                let drift = -vel / depth - turn.cross(&ray);
+                let drift = -vel * inv_depth - turn.cross(&ray);
                 let scale = -self.focal_px * self.shutter_s;
                 let (du, dv) = (scale * (drift.y - ray.y * drift.x), scale * (drift.z - ray.z * drift.x));
                 let length = du.abs().max(dv.abs());
@@ -115,18 +130,20 @@ impl ColourSensor {
                     continue;
                 }
                 let taps = (length + 1.0).ceil().min(TAPS_MAX) as usize;
-                let mut sum = [0u32; 3];
+                let step = 1.0 / (taps - 1) as f32;
+                let mut sum = [0u16; 3];
                 for tap in 0..taps {
-                    let along = tap as f32 / (taps - 1) as f32 - 0.5;
+                    let along = tap as f32 * step - 0.5;
                     let at_u = (u as f32 + 0.5 + along * du).clamp(0.0, (width - 1) as f32) as usize;
                     let at_v = (v as f32 + 0.5 + along * dv).clamp(0.0, (height - 1) as f32) as usize;
                     let from = 3 * (at_v * width + at_u);
                     for (sum, value) in sum.iter_mut().zip(&frame.rgb[from..from + 3]) {
-                        *sum += u32::from(*value);
+                        *sum += u16::from(*value);
                     }
                 }
+                let share = 1.0 / taps as f32;
                 for (channel, sum) in sum.into_iter().enumerate() {
-                    self.smeared[3 * pixel + channel] = (sum / taps as u32) as u8;
+                    self.smeared[3 * pixel + channel] = (f32::from(sum) * share) as u8;
                 }
             }
         }
