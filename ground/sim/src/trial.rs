@@ -64,6 +64,16 @@ pub struct TrialConfig {
     pub seed: u64,
 }
 
+impl TrialConfig {
+    /// Where it is flown.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn scene(&self) -> Result<Scene, TrialError> {
+        Scene::new(&SceneConfig::of_task(self.task, self.speed_mps, self.spacing_m, self.seed))
+    }
+}
+
 /// How a flight ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Outcome {
@@ -145,7 +155,7 @@ pub fn fly_trial(
     network: &mut dyn Network,
     witness: &mut dyn Witness,
 ) -> Result<Flight, TrialError> {
-    let scene = Scene::new(&SceneConfig::of_task(config.task, config.speed_mps, config.spacing_m, config.seed))?;
+    let scene = config.scene()?;
     lockstep::Lockstep::new(config, vehicle, &scene, network)?.fly(witness)
 }
 
