@@ -158,6 +158,8 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             speed_ratio: 2.5,
             height_m: 1.5,
             threads,
+            only: None,
+            traced: false,
             log: None,
         };
         let make: &MakeNetwork<'_> = &|| Ok::<_, TrialError>(Box::new(sectors(false)) as Box<dyn Network + Send>);

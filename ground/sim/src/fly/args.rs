@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::{Args, ValueEnum};
-use color_eyre::eyre::{Report, Result, WrapErr, ensure};
+use color_eyre::eyre::{Result, WrapErr, ensure};
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::Task;
 use goshawk_policy::Policy;
@@ -114,6 +114,15 @@ impl FlyArgs {
             TaskName::Track => Task::Track,
             TaskName::Navigate => Task::Navigate,
         };
+        let mut campaign = self.campaign(task, &vehicle);
+        // Known now rather than after the policy is loaded and the flights are flown.
+        let progress = Progress::new(campaign.picks()?.len())?;
+        let files = Files::default();
+        for folder in self.log.iter().chain(&self.report) {
+            std::fs::create_dir_all(folder).wrap_err_with(|| unwritable(folder))?;
+        }
+        let begin = |path: &PathBuf| files.begin(path).wrap_err_with(|| unwritable(path));
+        let json = self.json.as_ref().map(begin).transpose()?;
         let model = self.model(&vehicle);
         let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
         let load = || Policy::load(&model, library.as_deref(), 1);
@@ -124,25 +133,15 @@ impl FlyArgs {
             model.display(),
             super::report::task_name(task)
         );
-        for folder in self.log.iter().chain(&self.report) {
-            std::fs::create_dir_all(folder).wrap_err_with(|| format!("cannot make {}", folder.display()))?;
-        }
-        let files = Files::default();
-        let campaign = self.campaign(task, &vehicle, &first, &files);
-        // Begun now, so that a file that cannot be written is known before the flights.
-        let json = self
-            .json
-            .as_ref()
-            .map(|path| Ok::<_, Report>((path, files.begin(path).wrap_err_with(|| unwritable(path))?)));
-        let json = json.transpose()?;
-        let progress = Progress::new(campaign.picks()?.len())?;
+        campaign.log =
+            self.log.clone().map(|folder| Logs { folder, header: header(&vehicle, &first), files: files.clone() });
         progress.end_on_signals(&files)?;
         let make = || Ok(Box::new(load()?) as Box<dyn Network + Send>);
         let mut report = campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?;
         progress.bar.finish_and_clear();
         report.policy_sha256 = Some(first.sha256().to_owned());
-        if let Some((path, (mut file, unfinished))) = json {
-            file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err_with(|| unwritable(path))?;
+        if let Some((mut file, unfinished)) = json {
+            file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }
         let command = pick::command(std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()));
         if let Some(folder) = &self.report {
@@ -152,7 +151,7 @@ impl FlyArgs {
         Ok(())
     }
 
-    fn campaign(&self, task: Task, vehicle: &Vehicle, policy: &Policy, files: &Files) -> Campaign {
+    fn campaign(&self, task: Task, vehicle: &Vehicle) -> Campaign {
         Campaign {
             task,
             speeds_mps: self.speed.clone(),
@@ -165,7 +164,7 @@ impl FlyArgs {
             threads: self.threads,
             only: self.only.clone(),
             traced: self.report.is_some(),
-            log: self.log.clone().map(|folder| Logs { folder, header: header(vehicle, policy), files: files.clone() }),
+            log: None,
         }
     }
 

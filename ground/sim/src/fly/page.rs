@@ -49,7 +49,7 @@ impl Quantity {
     }
 }
 
-const QUANTITIES: [Quantity; 7] = [
+const QUANTITIES: [Quantity; 8] = [
     Quantity {
         title: "Distance to the runner",
         caption: "20 times a second, all flights.",
@@ -71,6 +71,18 @@ const QUANTITIES: [Quantity; 7] = [
         ..Quantity::new("clearance", "m", cells::clearances_m)
     },
     Quantity {
+        title: "Time in view",
+        caption: "One value a flight: frames that show the runner, of all frames.",
+        ..Quantity::new("in-view", "%", cells::in_view_percent)
+    },
+    Quantity {
+        title: "Smoothness ∫ jerk²",
+        caption: "One value a flight, of the true motion’s 20 ms means; less is smoother.",
+        logarithmic: true,
+        from_zero: false,
+        ..Quantity::new("smoothness", "m²/s⁵", cells::jerks)
+    },
+    Quantity {
         title: "Lateral error of the target’s estimate",
         caption: "Across the line of sight, each frame with an estimate. Dashed: ± 0.5 m.",
         from_zero: false,
@@ -83,13 +95,6 @@ const QUANTITIES: [Quantity; 7] = [
         from_zero: false,
         band: Some(0.75),
         ..Quantity::new("error-longitudinal", "m", cells::longitudinal_m)
-    },
-    Quantity {
-        title: "Smoothness ∫ jerk²",
-        caption: "One value a flight, of the true motion’s 20 ms means; less is smoother.",
-        logarithmic: true,
-        from_zero: false,
-        ..Quantity::new("smoothness", "m²/s⁵", cells::jerks)
     },
 ];
 
@@ -129,7 +134,7 @@ fn outcomes(pools: &[Pool<'_>]) -> Vec<Figure> {
         Figure {
             name: "failures".to_owned(),
             title: "How the flights ended",
-            caption: "Counts in the bars.",
+            caption: "Of each cell (speed · spacing); counts in the bars.",
             svg: outcomes::failures(pools),
         },
     ];

@@ -22,7 +22,7 @@ impl Scale {
         if logarithmic {
             return Self { values: [low / 1.2, high * 1.2], pixels, logarithmic };
         }
-        let step = step((high - low).max(1e-9 * high.abs()).max(1e-9), 5);
+        let step = step((high - low).max(0.05 * high.abs()).max(1e-3), 5);
         let values = [(low / step + 1e-6).floor() * step, (high / step - 1e-6).ceil() * step];
         Self { values: if values[0] < values[1] { values } else { [low, low + step] }, pixels, logarithmic }
     }
@@ -66,9 +66,9 @@ fn step(span: f64, count: usize) -> f64 {
     power * [1.0, 2.0, 5.0].into_iter().find(|p| part <= p * 1.2).unwrap_or(10.0)
 }
 
-/// A tick's text: thousands as k.
-pub(super) fn tick(value: f64) -> String {
-    if value.abs() >= 10_000.0 { format!("{}k", n(value / 1000.0)) } else { n(value) }
+/// A number in little room: large ones in thousands.
+pub(super) fn short(value: f64) -> String {
+    if value.abs() >= 10_000.0 { format!("{}k", n((value / 1000.0).round())) } else { n(value) }
 }
 
 #[cfg(test)]
@@ -84,6 +84,6 @@ mod tests {
         let log = Scale::around(30.0, 700.0, [0.0, 1.0], true);
         assert_eq!(log.ticks(5), [50.0, 100.0, 200.0, 500.0]);
         assert_eq!(Scale::around(2.0, 2.0, [0.0, 1.0], false).values[0], 2.0);
-        assert_eq!([tick(25_000.0), tick(0.5)], ["25k", "0.5"]);
+        assert_eq!([short(25_300.0), short(0.5)], ["25k", "0.5"]);
     }
 }

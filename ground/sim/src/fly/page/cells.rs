@@ -67,3 +67,8 @@ pub(super) fn lateral_m(pool: &Pool<'_>) -> Vec<f64> {
 pub(super) fn longitudinal_m(pool: &Pool<'_>) -> Vec<f64> {
     pool.flown.iter().flat_map(|f| &f.flight.metrics.longitudinal_m).copied().collect()
 }
+
+/// Of each flight that flew its task, %; nothing in navigation.
+pub(super) fn in_view_percent(pool: &Pool<'_>) -> Vec<f64> {
+    pool.cell.flights.iter().filter_map(|f| f.in_view_fraction).map(|share| 100.0 * share).collect()
+}

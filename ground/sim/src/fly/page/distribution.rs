@@ -1,6 +1,6 @@
 //! Distributions, a row for each cell: shape above, the middle 50 % and 5–95 % as bars, the median as a point.
 
-use super::axis::{Scale, tick};
+use super::axis::{Scale, short};
 use super::svg::{Anchor, Svg, n, polyline};
 use crate::fly::stats::quantiles;
 use crate::fly::table::two;
@@ -13,7 +13,7 @@ pub(super) struct Distribution<'a> {
     pub(super) logarithmic: bool,
     /// The axis begins at 0.
     pub(super) from_zero: bool,
-    /// Lines at plus and minus this, and what they are.
+    /// Lines at plus and minus this; the axis ends at four times as much.
     pub(super) band: Option<f64>,
     /// Label and values of each cell.
     pub(super) rows: Vec<(String, Vec<f64>)>,
@@ -21,7 +21,7 @@ pub(super) struct Distribution<'a> {
 
 const WIDTH: f64 = 560.0;
 const LEFT: f64 = 104.0;
-const RIGHT: f64 = WIDTH - 64.0;
+const RIGHT: f64 = WIDTH - 92.0;
 const TOP: f64 = 24.0;
 /// Fewer values than this are drawn one by one.
 const FEW: usize = 120;
@@ -36,10 +36,11 @@ impl Distribution<'_> {
         let pitch = if self.rows.len() <= 6 { 50.0 } else { 38.0 };
         let bottom = TOP + pitch * self.rows.len() as f64 + 4.0;
         let mut svg = Svg::new(WIDTH, bottom + 44.0, self.title);
-        svg.text("soft", Anchor::End, [WIDTH - 4.0, 14.0], "median");
+        let said = if self.band.is_some() { "5 … 95 %" } else { "median" };
+        svg.text("soft", Anchor::End, [WIDTH - 4.0, 14.0], said);
         for value in x.ticks(7) {
             svg.line("grid", [x.at(value), TOP], [x.at(value), bottom]);
-            svg.text("soft", Anchor::Middle, [x.at(value), bottom + 16.0], &tick(value));
+            svg.text("soft", Anchor::Middle, [x.at(value), bottom + 16.0], &short(value));
         }
         svg.text(
             "soft",
@@ -54,7 +55,7 @@ impl Distribution<'_> {
         for (index, (label, values)) in self.rows.iter().enumerate() {
             let base = TOP + pitch * (index + 1) as f64 - 12.0;
             svg.text("", Anchor::End, [LEFT - 10.0, base + 4.0], label);
-            row(&mut svg, &x, base, pitch - 20.0, label, values, self.unit);
+            self.row(&mut svg, &x, base, pitch - 20.0, label, values);
         }
         Some(svg)
     }
@@ -63,7 +64,11 @@ impl Distribution<'_> {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for (_, values) in &self.rows {
             // Of many values the rarest may lie beyond the axis.
-            let rare = if values.len() < FEW { 0.0 } else { 0.004 };
+            let rare = match self.band {
+                Some(_) => 0.05,
+                None if values.len() < FEW => 0.0,
+                None => 0.004,
+            };
             let Some([least, most]) = quantiles(values, [rare, 1.0 - rare]) else { continue };
             (low, high) = (low.min(least), high.max(most));
         }
@@ -71,40 +76,46 @@ impl Distribution<'_> {
             low = low.min(0.0);
         }
         if let Some(band) = self.band {
-            (low, high) = (low.min(-1.1 * band), high.max(1.1 * band));
+            let most = (1.2 * low.abs().max(high.abs())).clamp(1.6 * band, 4.0 * band);
+            return (low <= high).then(|| Scale::linear([-most, most], [LEFT, RIGHT]));
         }
         let logarithmic = self.logarithmic && low > 0.0 && high / low > 8.0;
         (low <= high).then(|| Scale::around(low, high, [LEFT, RIGHT], logarithmic))
     }
-}
 
-fn row(svg: &mut Svg, x: &Scale, base: f64, height: f64, label: &str, values: &[f64], unit: &str) {
-    svg.line("axis", [LEFT, base], [RIGHT, base]);
-    let Some([p5, p25, p50, p75, p95]) = quantiles(values, [0.05, 0.25, 0.5, 0.75, 0.95]) else {
-        svg.text("soft", Anchor::End, [WIDTH - 4.0, base + 4.0], "–");
-        return;
-    };
-    let hint = format!(
-        "{label}: 5 % {}, 25 % {}, median {}, 75 % {}, 95 % {} {unit} ({} values)",
-        n(p5),
-        n(p25),
-        n(p50),
-        n(p75),
-        n(p95),
-        values.len()
-    );
-    svg.open("", &hint);
-    if values.len() < FEW {
-        dots(svg, x, base, height, values)
-    } else {
-        density(svg, x, base, height, values)
+    fn row(&self, svg: &mut Svg, x: &Scale, base: f64, height: f64, label: &str, values: &[f64]) {
+        svg.line("axis", [LEFT, base], [RIGHT, base]);
+        let Some([p5, p25, p50, p75, p95]) = quantiles(values, [0.05, 0.25, 0.5, 0.75, 0.95]) else {
+            svg.text("soft", Anchor::End, [WIDTH - 4.0, base + 4.0], "–");
+            return;
+        };
+        let hint = format!(
+            "{label}: 5 % {}, 25 % {}, median {}, 75 % {}, 95 % {} {} ({} values)",
+            n(p5),
+            n(p25),
+            n(p50),
+            n(p75),
+            n(p95),
+            self.unit,
+            values.len()
+        );
+        svg.open("", &hint);
+        if values.len() < FEW {
+            dots(svg, x, base, height, values)
+        } else {
+            density(svg, x, base, height, values)
+        }
+        svg.line("reach", [x.held(p5), base], [x.held(p95), base]);
+        svg.line("middle-half", [x.held(p25), base], [x.held(p75), base]);
+        svg.circle("median", [x.held(p50), base], 4.0);
+        svg.close();
+        let said = match self.band {
+            Some(_) => format!("{} … {}", two(p5), two(p95)),
+            None if p50.abs() >= 100.0 => short(p50.round()),
+            None => two(p50),
+        };
+        svg.text("strong", Anchor::End, [WIDTH - 4.0, base + 4.0], &said);
     }
-    svg.line("reach", [x.held(p5), base], [x.held(p95), base]);
-    svg.line("middle-half", [x.held(p25), base], [x.held(p75), base]);
-    svg.circle("median", [x.held(p50), base], 4.0);
-    svg.close();
-    let median = if p50.abs() >= 100.0 { n(p50.round()) } else { two(p50) };
-    svg.text("strong", Anchor::End, [WIDTH - 4.0, base + 4.0], &median);
 }
 
 /// A dot for each, those at the same place on top of each other.

@@ -121,10 +121,10 @@ fn panel(page: &mut String, figure: &Figure, class: &str) {
 
 fn flight_sections(page: &mut String, flights: &Flights<'_>) {
     let (failed, succeeded) = flights.shown.split_at(flights.failed);
-    let key = "From above: the vehicle’s path coloured by speed, the runner’s in black, dotted where the camera did not \
-               see it; thin lines join the two every 2 s. Ring: start; disc: the runner at the end, or the goal. \
-               Tick: success; cross: collision; ring: lost; bar: timeout. Obstacles are cut at the height of the \
-               flight, of a collision at that of the contact.";
+    let key = "From above: the vehicle’s path coloured by speed, and the runner’s, dotted where the camera did not see \
+               it; thin lines join the two every 2 s. White ring: the start; disc: the runner at the end, or the goal. \
+               The end: tick for success, cross for a collision, ring for lost, bar for a timeout. Obstacles are cut at \
+               the height of the flight, of a collision at that of the contact.";
     if !flights.shown.is_empty() {
         let _ = writeln!(page, "<h2>Flights</h2>\n<p class=\"note key\">{key}</p>");
     }
@@ -151,11 +151,11 @@ fn flight(page: &mut String, shown: &Shown<'_>) {
     facts.push(format!("mean {:.1} m/s", row.flown_speed_mps.mean));
     let _ = write!(
         page,
-        "<figure class=\"panel flight\">\n{}<p class=\"facts\">{}</p>\n<code>{}</code>\n\
+        "<figure class=\"panel flight\">\n{}<p class=\"facts\">{}</p>\n{}\n\
          <details><summary>Changes of mode</summary><ul>",
         shown.svg.inline(),
         escape(&facts.join(" · ")),
-        escape(&shown.command)
+        code(&shown.command)
     );
     for mode in &row.modes {
         let _ = write!(page, "<li>{}</li>", escape(mode));
@@ -163,10 +163,16 @@ fn flight(page: &mut String, shown: &Shown<'_>) {
     page.push_str("</ul></details>\n</figure>\n");
 }
 
+/// A command, broken between its words only.
+fn code(command: &str) -> String {
+    let words: Vec<String> = command.split(' ').map(|word| format!("<span>{}</span>", escape(word))).collect();
+    format!("<code>{}</code>", words.join(" "))
+}
+
 fn footer(page: &mut String, contents: &Contents<'_>) {
     let report = contents.report;
     let mut facts = vec![
-        ("Campaign", format!("<code>{}</code>", escape(contents.command))),
+        ("Campaign", code(contents.command)),
         ("Seed", report.seed.to_string()),
         ("Vehicle", escape(&report.vehicle)),
         ("Policy", format!("<code>{}</code>", escape(report.policy_sha256.as_deref().unwrap_or("a stand-in")))),

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::super::report::{Cell, Range, Report};
+use super::axis::short;
 use super::cells::Pool;
 use super::svg::{escape, n};
 use crate::fly::stats::quantiles;
@@ -14,7 +15,7 @@ const COLUMNS: [(&str, &str); 15] = [
     ("speed", "m/s"),
     ("spacing", "m"),
     ("success", ""),
-    ("95 % interval", "%"),
+    ("95 %", "interval, %"),
     ("collision", ""),
     ("lost", ""),
     ("timeout", ""),
@@ -70,9 +71,9 @@ fn values(cell: &Cell) -> [String; 15] {
         range(cell.target_error_m.map(|e| e.lateral)),
         range(cell.target_error_m.map(|e| e.longitudinal)),
         format!(
-            "{:.0} / {}",
-            cell.jerk_integral,
-            cell.jerk_integral_quantiles.map_or("–".to_owned(), |q| format!("{:.0}", q.p95))
+            "{} / {}",
+            short(cell.jerk_integral.round()),
+            cell.jerk_integral_quantiles.map_or("–".to_owned(), |q| short(q.p95.round()))
         ),
         format!("{:.1} / {:.1}", cell.flown_speed_mps.mean, cell.flown_speed_mps.max),
     ]
