@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
@@ -240,4 +240,29 @@ fn a_flight_that_there_is_not_is_refused_in_one_line() {
         assert_eq!(lines.len(), 1, "{said}");
         assert!(lines[0].starts_with("error: ") && lines[0].contains(only), "{said}");
     }
+}
+
+#[test]
+fn an_interrupt_ends_a_campaign_at_once_and_leaves_only_whole_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let (logs, json) = (folder.path().join("logs"), folder.path().join("out.json"));
+    let mut campaign = Command::new(env!("CARGO_BIN_EXE_goshawk-sim"))
+        .args(["fly", "--task", "track", "--speed", "3", "--trials", "500", "--threads", "1"])
+        .args([Path::new("--log"), &logs, Path::new("--json"), &json])
+        .current_dir(ROOT)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It flies once a log has begun.
+    while !logs.is_dir() || names(&logs).is_empty() {
+        assert!(campaign.try_wait().unwrap().is_none(), "it ended by itself");
+        std::thread::yield_now();
+    }
+    assert!(Command::new("kill").args(["-INT", &campaign.id().to_string()]).status().unwrap().success());
+    let output = campaign.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.trim_end().ends_with("of 500 flights were flown"), "{said}");
+    assert_eq!(names(folder.path()), BTreeSet::from(["logs".to_owned()]));
+    assert!(names(&logs).iter().all(|name| name.ends_with(".mcap") && !name.starts_with('.')));
 }

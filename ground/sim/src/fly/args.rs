@@ -118,6 +118,7 @@ impl FlyArgs {
         // Known now rather than after the policy is loaded and the flights are flown.
         let progress = Progress::new(campaign.picks()?.len())?;
         let files = Files::default();
+        progress.end_on_signals(&files)?;
         for folder in self.log.iter().chain(&self.report) {
             std::fs::create_dir_all(folder).wrap_err_with(|| unwritable(folder))?;
         }
@@ -135,7 +136,6 @@ impl FlyArgs {
         );
         campaign.log =
             self.log.clone().map(|folder| Logs { folder, header: header(&vehicle, &first), files: files.clone() });
-        progress.end_on_signals(&files)?;
         let make = || Ok(Box::new(load()?) as Box<dyn Network + Send>);
         let mut report = campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?;
         progress.bar.finish_and_clear();

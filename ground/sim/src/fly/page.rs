@@ -141,7 +141,7 @@ fn outcomes(pools: &[Pool<'_>]) -> Vec<Figure> {
     figures.extend(view::view(pools).map(|svg| Figure {
         name: "view".to_owned(),
         title: "Where the runner was in the camera’s image",
-        caption: "Its true centre, hidden or not, 20 times a second; darker: more of the time in that bin of 8 × 8 px.",
+        caption: "Its true centre, hidden or not, 20 times a second; the stronger, the more of the time in that bin of 8 × 8 px.",
         svg,
     }));
     figures

@@ -112,6 +112,7 @@ impl Distribution<'_> {
         let said = match self.band {
             Some(_) => format!("{} … {}", two(p5), two(p95)),
             None if p50.abs() >= 100.0 => short(p50.round()),
+            None if p50.abs() >= 10.0 => format!("{p50:.1}"),
             None => two(p50),
         };
         svg.text("strong", Anchor::End, [WIDTH - 4.0, base + 4.0], &said);

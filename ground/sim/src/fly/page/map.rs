@@ -174,7 +174,7 @@ fn paths(svg: &mut Svg, view: &View, flown: &Flown, samples: &[Sample], fastest_
 }
 
 /// Stretches of samples that are alike, each with the first sample of the next, so that they join.
-fn runs<'a, K: PartialEq>(samples: &'a [Sample], kind: impl Fn(&Sample) -> K) -> Vec<(K, &'a [Sample])> {
+fn runs<K: PartialEq>(samples: &[Sample], kind: impl Fn(&Sample) -> K) -> Vec<(K, &[Sample])> {
     let mut runs = Vec::new();
     let mut begin = 0;
     for index in 1..=samples.len() {

@@ -125,7 +125,7 @@ pub(super) fn cells_csv(report: &Report) -> String {
             Some(c.flown_speed_mps.mean),
             Some(c.flown_speed_mps.max),
         ];
-        let names = [c.cell.to_string(), c.task.to_owned(), quoted(&c.world.to_string())];
+        let names = [c.cell.to_string(), c.task.to_owned(), quoted(c.world)];
         names.into_iter().chain(numbers.map(cell_of)).collect()
     };
     let head = "cell,task,world,speed_mps,spacing_m,wind_mps,trials,successes,success_low,success_high,collision,lost,\
