@@ -1,9 +1,14 @@
 //! A campaign: many flights in lockstep over all cores, and what they come to.
 
 pub mod args;
+pub mod files;
 pub mod log;
+pub mod page;
+pub mod pick;
 pub mod report;
+pub mod stats;
 mod table;
+pub mod trace;
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -19,10 +24,13 @@ use crate::evader::Course;
 use crate::sensor::mix;
 use crate::sensors::Sensors;
 use crate::trial::airframe::Mount;
-use crate::trial::{Flight, Network, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial};
+use crate::trial::{Flight, Network, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial};
+use files::Files;
 use log::{FlightLog, LogError};
+pub use pick::Pick;
 use report::{Cell, CellConfig, Report, Timing};
 pub use table::table;
+use trace::{Trace, Tracer};
 
 /// What to fly.
 #[derive(Clone, Debug)]
@@ -51,8 +59,36 @@ pub struct Campaign {
     pub spread: f64,
     /// Flights at once.
     pub threads: usize,
-    /// Log each flight into this folder.
-    pub log: Option<(PathBuf, v1::LogHeader)>,
+    /// Fly these only, each exactly as in the whole campaign.
+    pub only: Option<Vec<Pick>>,
+    /// Keep a trace of each flight, up to 120 kB.
+    pub traced: bool,
+    /// Log each flight.
+    pub log: Option<Logs>,
+}
+
+/// Where the flights' logs go.
+#[derive(Clone, Debug)]
+pub struct Logs {
+    /// The folder, which exists.
+    pub folder: PathBuf,
+    /// What all of them begin with.
+    pub header: v1::LogHeader,
+    /// The files that are not finished.
+    pub files: Files,
+}
+
+/// One flight of a campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flown {
+    /// Which.
+    pub pick: Pick,
+    /// What was flown.
+    pub config: TrialConfig,
+    /// What came of it.
+    pub flight: Flight,
+    /// Its way; none unless the campaign is traced.
+    pub trace: Option<Trace>,
 }
 
 /// Why a campaign cannot be flown.
@@ -72,6 +108,18 @@ pub enum CampaignError {
         /// Why.
         source: Box<TrialError>,
     },
+    /// There is no such flight.
+    #[error(
+        "there is no flight {pick}: the campaign's cells are 0 to {last_cell}, the trials of each 0 to {last_trial}"
+    )]
+    Unknown {
+        /// What was asked for.
+        pick: Pick,
+        /// The last cell.
+        last_cell: usize,
+        /// The last trial of each.
+        last_trial: usize,
+    },
     /// A log cannot be written.
     #[error(transparent)]
     Log(#[from] LogError),
@@ -87,6 +135,25 @@ pub enum CampaignError {
 pub type MakeNetwork<'a> = dyn Fn() -> Result<Box<dyn Network + Send>, TrialError> + Sync + 'a;
 
 impl Campaign {
+    /// The flights to fly, in order.
+    ///
+    /// # Errors
+    /// If one is asked for that there is not.
+    pub fn picks(&self) -> Result<Vec<Pick>, CampaignError> {
+        let cells = self.cells().len();
+        let Some(only) = &self.only else {
+            return Ok((0..cells).flat_map(|cell| (0..self.trials).map(move |trial| Pick { cell, trial })).collect());
+        };
+        if let Some(&pick) = only.iter().find(|pick| pick.cell >= cells || pick.trial >= self.trials) {
+            let (last_cell, last_trial) = (cells.saturating_sub(1), self.trials.saturating_sub(1));
+            return Err(CampaignError::Unknown { pick, last_cell, last_trial });
+        }
+        let mut picks = only.clone();
+        picks.sort_unstable();
+        picks.dedup();
+        Ok(picks)
+    }
+
     /// Flies it. `make` is called at most once a thread; `done` after each flight.
     ///
     /// # Errors
@@ -98,45 +165,53 @@ impl Campaign {
         done: &(dyn Fn(&Flight) + Sync),
     ) -> Result<Report, CampaignError> {
         let begun = Instant::now();
+        let picks = self.picks()?;
         let cells: Vec<CellConfig> = self.cells();
-        let jobs: Vec<(usize, usize)> = (0..cells.len()).flat_map(|c| (0..self.trials).map(move |t| (c, t))).collect();
         let spare: Mutex<Vec<Box<dyn Network + Send>>> = Mutex::new(Vec::new());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.threads)
             .build()
             .map_err(|e| CampaignError::Threads(self.threads, e))?;
-        let flights: Vec<Flight> = pool.install(|| {
-            jobs.par_iter()
+        let flown: Vec<Flown> = pool.install(|| {
+            picks
+                .par_iter()
                 .with_max_len(1)
-                .map(|&(cell, trial)| {
+                .map(|&pick| {
                     let held = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
                     let mut network = match held {
                         Some(network) => network,
                         None => make().map_err(CampaignError::Network)?,
                     };
-                    let flight = self.fly(&cells[cell], trial, vehicle, network.as_mut())?;
+                    let flown = self.fly(&cells[pick.cell], pick, vehicle, network.as_mut())?;
                     spare.lock().unwrap_or_else(PoisonError::into_inner).push(network);
-                    done(&flight);
-                    Ok(flight)
+                    done(&flown.flight);
+                    Ok(flown)
                 })
                 .collect::<Result<_, CampaignError>>()
         })?;
-        let cells: Vec<Cell> =
-            cells.iter().zip(flights.chunks(self.trials.max(1))).map(|(c, f)| Cell::of(c, f)).collect();
-        let (wall_s, simulated_s) = (begun.elapsed().as_secs_f64(), flights.iter().map(|f| f.flown_s).sum::<f64>());
-        Ok(Report {
+        let timing = Timing::of(begun.elapsed(), &flown, pool.current_num_threads());
+        Ok(self.report(vehicle, &cells, flown, timing))
+    }
+
+    fn report(&self, vehicle: &Vehicle, cells: &[CellConfig], flights: Vec<Flown>, timing: Timing) -> Report {
+        let mut flown: Vec<Vec<Flown>> = Vec::new();
+        for flight in flights {
+            match flown.last_mut() {
+                Some(cell) if cell[0].pick.cell == flight.pick.cell => cell.push(flight),
+                _ => flown.push(vec![flight]),
+            }
+        }
+        let cell = |flown: &Vec<Flown>| Cell::of(flown[0].pick.cell, &cells[flown[0].pick.cell], flown);
+        Report {
             seed: self.seed,
             vehicle: vehicle.name.clone(),
             policy_sha256: None,
             speed_ratio: self.speed_ratio,
-            cells,
-            timing: Timing {
-                wall_s,
-                simulated_s,
-                realtime_factor: simulated_s / wall_s.max(1e-9),
-                threads: pool.current_num_threads(),
-            },
-        })
+            height_m: self.height_m,
+            cells: flown.iter().map(cell).collect(),
+            timing,
+            flown,
+        }
     }
 
     fn cells(&self) -> Vec<CellConfig> {
@@ -152,10 +227,11 @@ impl Campaign {
     fn fly(
         &self,
         cell: &CellConfig,
-        trial: usize,
+        pick: Pick,
         vehicle: &Vehicle,
         network: &mut dyn Network,
-    ) -> Result<Flight, CampaignError> {
+    ) -> Result<Flown, CampaignError> {
+        let trial = pick.trial;
         let config = TrialConfig {
             task: cell.task,
             speed_mps: cell.speed_mps,
@@ -169,17 +245,31 @@ impl Campaign {
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };
-        let (task, speed_mps) = (report::task_name(cell.task), cell.speed_mps);
-        let world = cell.label();
-        let failed = |why| CampaignError::Trial { task, speed_mps, world: world.clone(), trial, source: Box::new(why) };
-        let Some((folder, header)) = &self.log else {
-            return fly_trial(&config, vehicle, network, &mut Unwatched).map_err(failed);
+        let (task, speed_mps, world) = (report::task_name(cell.task), cell.speed_mps, cell.label());
+        let mut log = match &self.log {
+            Some(logs) => {
+                let path = logs.folder.join(format!("{task}-{speed_mps}mps-{world}-{trial:03}.mcap"));
+                let header = v1::LogHeader { profile: format!("{task} {speed_mps} m/s"), ..logs.header.clone() };
+                Some(FlightLog::create(&path, Mount::of(vehicle).camera, &header, &logs.files)?)
+            }
+            None => None,
         };
-        let path = folder.join(format!("{task}-{speed_mps}mps-{world}-{trial:03}.mcap"));
-        let header = v1::LogHeader { profile: format!("{task} {speed_mps} m/s"), ..header.clone() };
-        let mut log = FlightLog::create(&path, Mount::of(vehicle).camera, &header)?;
-        let flight = fly_trial(&config, vehicle, network, &mut log).map_err(failed)?;
-        log.finish()?;
-        Ok(flight)
+        let witness: &mut dyn Witness = match &mut log {
+            Some(log) => log,
+            None => &mut Unwatched,
+        };
+        let (flight, trace) = if self.traced {
+            let mut tracer = Tracer::new(Mount::of(vehicle), witness);
+            let flight = fly_trial(&config, vehicle, network, &mut tracer);
+            (flight, Some(tracer.finish()))
+        } else {
+            (fly_trial(&config, vehicle, network, witness), None)
+        };
+        let failed = |why| CampaignError::Trial { task, speed_mps, world, trial, source: Box::new(why) };
+        let flight = flight.map_err(failed)?;
+        if let Some(log) = log {
+            log.finish()?;
+        }
+        Ok(Flown { pick, config, flight, trace })
     }
 }

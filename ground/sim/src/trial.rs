@@ -50,7 +50,7 @@ pub enum TrialError {
 }
 
 /// One flight.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TrialConfig {
     /// Chase or fly to a goal.
     pub task: Task,
@@ -72,6 +72,17 @@ pub struct TrialConfig {
     pub spread: f64,
     /// Everything random is drawn from it.
     pub seed: u64,
+}
+
+impl TrialConfig {
+    /// Where it is flown.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn scene(&self) -> Result<Scene, TrialError> {
+        let (world, course) = (self.world.clone(), self.course.clone());
+        Scene::new(&SceneConfig::of_task(self.task, self.speed_mps, world, course, self.seed))
+    }
 }
 
 /// How a flight ended.
@@ -155,8 +166,7 @@ pub fn fly_trial(
     network: &mut dyn Network,
     witness: &mut dyn Witness,
 ) -> Result<Flight, TrialError> {
-    let (world, course) = (config.world.clone(), config.course.clone());
-    let scene = Scene::new(&SceneConfig::of_task(config.task, config.speed_mps, world, course, config.seed))?;
+    let scene = config.scene()?;
     lockstep::Lockstep::new(config, vehicle, &scene, network)?.fly(witness)
 }
 

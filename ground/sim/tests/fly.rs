@@ -182,6 +182,8 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             sensors: Sensors::default(),
             spread: 0.0,
             threads,
+            only: None,
+            traced: false,
             log: None,
         };
         let make: &MakeNetwork<'_> = &|| Ok::<_, TrialError>(Box::new(sectors(false)) as Box<dyn Network + Send>);

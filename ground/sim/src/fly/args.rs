@@ -1,8 +1,9 @@
 //! `goshawk-sim fly`.
 
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::{Args, ValueEnum};
 use color_eyre::eyre::{Result, WrapErr, ensure};
@@ -10,9 +11,12 @@ use goshawk_air::config::Vehicle;
 use goshawk_core::types::Task;
 use goshawk_policy::Policy;
 use indicatif::{ProgressBar, ProgressStyle};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
+use super::files::Files;
 use super::log::header;
-use super::{Campaign, table};
+use super::{Campaign, Logs, Pick, page, pick, table};
 use crate::evader::Course;
 use crate::sensors::SensorArgs;
 use crate::trial::{Network, Outcome, WorldSource};
@@ -29,7 +33,12 @@ pub enum TaskName {
 /// Fly campaigns in lockstep and report successes.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim fly --task track --speed 3,5,7 --trials 100 --seed 1 --spacing 4\n  \
-                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json")]
+                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json\n  \
+                  goshawk-sim fly --task track --speed 3,5 --seed 3 --report report   # then open report/index.html\n  \
+                  goshawk-sim fly --task track --speed 3,5 --seed 3 --only 1:4 --log logs\n\n\
+                  Exit status:\n  0    the campaign was flown, however its flights ended\n  \
+                  1    it could not be flown, or what it found not written\n  2    the command line is wrong\n  \
+                  130  interrupted (143: terminated); what is not whole is removed")]
 pub struct FlyArgs {
     /// What to fly.
     #[arg(long, value_enum)]
@@ -75,6 +84,12 @@ pub struct FlyArgs {
     /// Write the report as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write a report to look at into this folder: index.html, its figures (SVG), tables (CSV) and report.json.
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// Fly these flights of the campaign only, each as in the whole of it; both numbers from 0, cells as in the table.
+    #[arg(long, value_name = "CELL:TRIAL[,…]", value_delimiter = ',')]
+    only: Option<Vec<Pick>>,
     /// Write a log (MCAP) of each flight into this folder.
     #[arg(long, value_name = "DIR")]
     log: Option<PathBuf>,
@@ -89,7 +104,7 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 impl FlyArgs {
-    /// Flies, prints the table, writes the JSON.
+    /// Flies, prints the table, writes the JSON and the report.
     ///
     /// # Errors
     /// If the campaign could not be flown; the message says on what and what to do.
@@ -102,6 +117,16 @@ impl FlyArgs {
             TaskName::Track => Task::Track,
             TaskName::Navigate => Task::Navigate,
         };
+        let mut campaign = self.campaign(task, &vehicle)?;
+        // Known now rather than after the policy is loaded and the flights are flown.
+        let progress = Progress::new(campaign.picks()?.len())?;
+        let files = Files::default();
+        progress.end_on_signals(&files)?;
+        for folder in self.log.iter().chain(&self.report) {
+            std::fs::create_dir_all(folder).wrap_err_with(|| unwritable(folder))?;
+        }
+        let begin = |path: &PathBuf| files.begin(path).wrap_err_with(|| unwritable(path));
+        let json = self.json.as_ref().map(begin).transpose()?;
         let model = self.model(&vehicle);
         let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
         let load = || Policy::load(&model, library.as_deref(), 1);
@@ -112,10 +137,25 @@ impl FlyArgs {
             model.display(),
             super::report::task_name(task)
         );
-        if let Some(folder) = &self.log {
-            std::fs::create_dir_all(folder).wrap_err_with(|| format!("cannot make {}", folder.display()))?;
+        campaign.log =
+            self.log.clone().map(|folder| Logs { folder, header: header(&vehicle, &first), files: files.clone() });
+        let make = || Ok(Box::new(load()?) as Box<dyn Network + Send>);
+        let mut report = campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?;
+        progress.bar.finish_and_clear();
+        report.policy_sha256 = Some(first.sha256().to_owned());
+        if let Some((mut file, unfinished)) = json {
+            file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }
-        let campaign = Campaign {
+        let command = pick::command(std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()));
+        if let Some(folder) = &self.report {
+            page::write(folder, &report, &command, &files).wrap_err_with(|| unwritable(folder))?;
+        }
+        println!("{}{}", table(&report), pick::failures(&report, &command));
+        Ok(())
+    }
+
+    fn campaign(&self, task: Task, vehicle: &Vehicle) -> Result<Campaign> {
+        Ok(Campaign {
             task,
             speeds_mps: self.speed.clone(),
             worlds: self.worlds()?,
@@ -128,29 +168,10 @@ impl FlyArgs {
             sensors: self.sensors.load()?,
             spread: self.spread,
             threads: self.threads,
-            log: self.log.clone().map(|folder| (folder, header(&vehicle, &first))),
-        };
-        let flights = campaign.speeds_mps.len() * campaign.worlds.len() * campaign.trials;
-        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} flights, {msg}  {elapsed} (left {eta})")?;
-        let bar = ProgressBar::new(flights as u64).with_style(style).with_message("0 failed");
-        let failed = std::sync::atomic::AtomicUsize::new(0);
-        let make = || Ok(Box::new(load()?) as Box<dyn Network + Send>);
-        let mut report = campaign.run(&vehicle, &make, &|flight| {
-            if flight.outcome != Outcome::Success {
-                let failed = failed.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-                bar.set_message(format!("{failed} failed"));
-            }
-            bar.inc(1);
-        })?;
-        bar.finish_and_clear();
-        report.policy_sha256 = Some(first.sha256().to_owned());
-        if let Some(path) = &self.json {
-            let file = File::create(path).wrap_err_with(|| format!("cannot write {}", path.display()))?;
-            serde_json::to_writer_pretty(BufWriter::new(file), &report)
-                .wrap_err_with(|| format!("cannot write {}", path.display()))?;
-        }
-        println!("{}", table(&report));
-        Ok(())
+            only: self.only.clone(),
+            traced: self.report.is_some(),
+            log: None,
+        })
     }
 
     /// A forest for each spacing, or the one world.
@@ -168,5 +189,50 @@ impl FlyArgs {
             (None, TaskName::Track) => own,
             (None, TaskName::Navigate) => own.with_file_name("navigate.onnx"),
         }
+    }
+}
+
+fn unwritable(path: &Path) -> String {
+    format!("cannot write {}", path.display())
+}
+
+/// How far the campaign is.
+struct Progress {
+    bar: ProgressBar,
+    total: usize,
+    flown: Arc<AtomicUsize>,
+    failed: AtomicUsize,
+}
+
+impl Progress {
+    fn new(total: usize) -> Result<Self> {
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} flights, {msg}  {elapsed} (left {eta})")?;
+        let bar = ProgressBar::new(total as u64).with_style(style).with_message("0 failed");
+        Ok(Self { bar, total, flown: Arc::default(), failed: AtomicUsize::new(0) })
+    }
+
+    fn flown(&self, outcome: Outcome) {
+        self.flown.fetch_add(1, Ordering::Relaxed);
+        if outcome != Outcome::Success {
+            let failed = self.failed.fetch_add(1, Ordering::Relaxed) + 1;
+            self.bar.set_message(format!("{failed} failed"));
+        }
+        self.bar.inc(1);
+    }
+
+    /// From now on an interrupt ends the process at once, with nothing half-written left behind.
+    fn end_on_signals(&self, files: &Files) -> Result<()> {
+        let mut signals = Signals::new([SIGINT, SIGTERM]).wrap_err("cannot handle signals")?;
+        let (files, bar, flown, total) = (files.clone(), self.bar.clone(), Arc::clone(&self.flown), self.total);
+        std::thread::spawn(move || {
+            if let Some(signal) = signals.forever().next() {
+                let _none_begins = files.abandon();
+                bar.finish_and_clear();
+                eprintln!("interrupted: {} of {total} flights were flown", flown.load(Ordering::Relaxed));
+                // Without the exit handlers: flights are still running.
+                signal_hook::low_level::exit(128 + signal);
+            }
+        });
+        Ok(())
     }
 }

@@ -14,6 +14,7 @@ use goshawk_proto::v1;
 use goshawk_recorder::{Channel, LogWriter};
 use prost::Message;
 
+use super::files::{Files, Unfinished};
 use crate::render::Camera;
 use crate::sensor::RgbdImage;
 use crate::trial::{Truth, Witness};
@@ -29,6 +30,7 @@ pub struct LogError {
 /// Writes one flight.
 pub struct FlightLog {
     path: PathBuf,
+    unfinished: Unfinished,
     camera: Camera,
     writer: LogWriter<BufWriter<File>>,
     failure: Option<String>,
@@ -50,15 +52,19 @@ pub fn header(vehicle: &Vehicle, policy: &Policy) -> v1::LogHeader {
 }
 
 impl FlightLog {
-    /// Begins a file; one of that name is never overwritten.
+    /// Begins a file, which has its name once it is finished; one of that name is never overwritten.
     ///
     /// # Errors
     /// It exists, or cannot be created.
-    pub fn create(path: &Path, camera: Camera, header: &v1::LogHeader) -> Result<Self, LogError> {
+    pub fn create(path: &Path, camera: Camera, header: &v1::LogHeader, files: &Files) -> Result<Self, LogError> {
         let error = |cause: String| LogError { path: path.to_owned(), cause };
-        let file = File::create_new(path).map_err(|e| error(e.to_string()))?;
+        if path.exists() {
+            return Err(error("there is one already: give another --log, or remove it".to_owned()));
+        }
+        let (file, unfinished) = files.begin(path).map_err(|e| error(e.to_string()))?;
         let writer = LogWriter::new(BufWriter::new(file)).map_err(|e| error(e.to_string()))?;
-        let mut log = Self { path: path.to_owned(), camera, writer, failure: None, controls: 0, odometry: None };
+        let mut log =
+            Self { path: path.to_owned(), unfinished, camera, writer, failure: None, controls: 0, odometry: None };
         log.write(Channel::HEADER, Time(0), header);
         Ok(log)
     }
@@ -68,9 +74,10 @@ impl FlightLog {
     /// # Errors
     /// Anything of it could not be written.
     pub fn finish(self) -> Result<(), LogError> {
-        let Self { path, writer, failure, .. } = self;
+        let Self { path, unfinished, writer, failure, .. } = self;
         let ended = writer.finish().map_err(|e| e.to_string()).and_then(|mut w| w.flush().map_err(|e| e.to_string()));
-        match failure.map_or(ended, Err) {
+        let named = failure.map_or(ended, Err).and_then(|()| unfinished.finish().map_err(|e| e.to_string()));
+        match named {
             Ok(()) => Ok(()),
             Err(cause) => Err(LogError { path, cause }),
         }

@@ -1,11 +1,14 @@
 //! What a campaign found: the JSON that other people's tools read, made of the flights of each cell.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use goshawk_core::types::Task;
 use serde::Serialize;
 
-use crate::trial::{Contact, Flight, Outcome, WorldSource};
+use super::stats::{quantile, quantiles, wilson};
+use super::{Flown, Pick};
+use crate::trial::{Contact, Metrics, Outcome, WorldSource};
 
 /// The whole of it. Everything but `timing` is the same for the same seed, vehicle file and policy.
 #[derive(Clone, Debug, Serialize)]
@@ -18,16 +21,23 @@ pub struct Report {
     pub policy_sha256: Option<String>,
     /// Track: the vehicle's desired speed over the evader's.
     pub speed_ratio: f64,
-    /// One for each speed and spacing.
+    /// Height of the flights above the start, m.
+    pub height_m: f64,
+    /// One for each speed and spacing of which anything was flown.
     pub cells: Vec<Cell>,
     /// How long it took.
     pub timing: Timing,
+    /// The flights of each cell, for the pages.
+    #[serde(skip)]
+    pub flown: Vec<Vec<Flown>>,
 }
 
 /// Flights of one speed and spacing.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)] // the acceptance document's names
 pub struct Cell {
+    /// Its place in the campaign, from 0.
+    pub cell: usize,
     pub task: &'static str,
     pub speed_mps: f64,
     pub spacing_m: f64,
@@ -50,6 +60,8 @@ pub struct Cell {
     pub target_error_m: Option<TargetError>,
     /// Mean over the flights of ∫ jerk² dt, m²/s⁵.
     pub jerk_integral: f64,
+    /// Of the flights' ∫ jerk² dt.
+    pub jerk_integral_quantiles: Option<Quantiles>,
     /// Mean over all flown time, and the highest.
     pub flown_speed_mps: Speed,
     /// Simulated time of all flights, s.
@@ -96,6 +108,14 @@ pub struct Range {
 
 #[derive(Clone, Copy, Debug, Serialize)]
 #[allow(missing_docs)]
+pub struct Quantiles {
+    pub p5: f64,
+    pub p50: f64,
+    pub p95: f64,
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(missing_docs)]
 pub struct Speed {
     pub mean: f64,
     pub max: f64,
@@ -114,6 +134,9 @@ pub struct FlightRow {
     pub unseen_s: Option<f64>,
     pub clearance_m: Option<f64>,
     pub in_view_fraction: Option<f64>,
+    pub target_distance_m: Option<Distance>,
+    pub jerk_integral: f64,
+    pub flown_speed_mps: Speed,
     /// "12.3 Search: the target has not been seen for too long", one for each change of mode.
     pub modes: Vec<String>,
 }
@@ -126,6 +149,13 @@ pub struct Timing {
     /// Simulated over wall time, all threads together.
     pub realtime_factor: f64,
     pub threads: usize,
+}
+
+impl Timing {
+    pub(super) fn of(wall: Duration, flown: &[Flown], threads: usize) -> Self {
+        let (wall_s, simulated_s) = (wall.as_secs_f64(), flown.iter().map(|f| f.flight.flown_s).sum::<f64>());
+        Self { wall_s, simulated_s, realtime_factor: simulated_s / wall_s.max(1e-9), threads }
+    }
 }
 
 /// The task's name in the report.
@@ -148,7 +178,9 @@ pub fn outcome_name(outcome: Outcome) -> &'static str {
     }
 }
 
-fn contact_name(contact: Contact) -> &'static str {
+/// The contact's name in the report.
+#[must_use]
+pub fn contact_name(contact: Contact) -> &'static str {
     match contact {
         Contact::Trunk => "trunk",
         Contact::Branch => "branch",
@@ -158,30 +190,6 @@ fn contact_name(contact: Contact) -> &'static str {
         Contact::Ground => "ground",
         Contact::Person => "person",
     }
-}
-
-/// The `q` quantile (0..=1) of values in any order, between neighbours linear; none of nothing.
-#[must_use]
-pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().checked_sub(1)?;
-    let place = q.clamp(0.0, 1.0) * last as f64;
-    let (low, part) = (place.floor() as usize, place.fract());
-    Some(sorted[low] + (sorted[(low + 1).min(last)] - sorted[low]) * part)
-}
-
-/// The 95 % Wilson interval of a rate.
-#[must_use]
-pub fn wilson(successes: usize, trials: usize) -> [f64; 2] {
-    if trials == 0 {
-        return [0.0, 1.0];
-    }
-    let (n, z) = (trials as f64, 1.96);
-    let p = successes as f64 / n;
-    let centre = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
-    let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
-    [(centre - half).max(0.0), (centre + half).min(1.0)]
 }
 
 /// What all flights of a cell have in common.
@@ -209,68 +217,81 @@ impl CellConfig {
 }
 
 impl Cell {
-    /// The summary of a cell's flights, in the order of the trials.
+    /// The world in short: `4 m`, `buildings`, `hall.ply`.
     #[must_use]
-    pub fn of(config: &CellConfig, flights: &[Flight]) -> Self {
-        let count = |outcome| flights.iter().filter(|f| f.outcome == outcome).count();
+    pub fn place(&self) -> String {
+        if self.world == "forest" { format!("{} m", self.spacing_m) } else { self.world.clone() }
+    }
+
+    /// The summary of a cell's flights, in the order of the trials. `cell`: its place in the campaign.
+    #[must_use]
+    pub fn of(cell: usize, config: &CellConfig, flown: &[Flown]) -> Self {
+        let flights = || flown.iter().map(|f| &f.flight);
+        let count = |outcome| flights().filter(|f| f.outcome == outcome).count();
         let successes = count(Outcome::Success);
         let mut contacts = BTreeMap::new();
-        for contact in flights.iter().filter_map(|f| f.contact) {
+        for contact in flights().filter_map(|f| f.contact) {
             *contacts.entry(contact_name(contact)).or_insert(0) += 1;
         }
-        let clearances: Vec<f64> = flights.iter().filter_map(|f| f.metrics.clearance_m).collect();
-        let sum = |value: &dyn Fn(&Flight) -> f64| flights.iter().map(value).sum::<f64>();
-        let frames = sum(&|f| f.metrics.frames as f64).max(1.0);
-        let pooled = |part: fn(&Flight) -> &Vec<f64>| flights.iter().flat_map(part).copied().collect::<Vec<f64>>();
-        let lateral = range(&pooled(|f| &f.metrics.lateral_m));
-        let longitudinal = range(&pooled(|f| &f.metrics.longitudinal_m));
+        let clearances: Vec<f64> = flights().filter_map(|f| f.metrics.clearance_m).collect();
+        let jerks: Vec<f64> = flights().map(|f| f.metrics.jerk_integral).collect();
+        let sum = |value: &dyn Fn(&Metrics) -> f64| flights().map(|f| value(&f.metrics)).sum::<f64>();
+        let frames = sum(&|m| m.frames as f64).max(1.0);
+        let pooled = |part: fn(&Metrics) -> &Vec<f64>| flights().flat_map(|f| part(&f.metrics)).copied().collect();
+        let lateral = range(pooled(|m| &m.lateral_m));
+        let longitudinal = range(pooled(|m| &m.longitudinal_m));
         let tracks = config.task == Task::Track;
+        let [min, p5, p50] = [0.0, 0.05, 0.5].map(|q| quantile(&clearances, q));
         Self {
+            cell,
             task: task_name(config.task),
             speed_mps: config.speed_mps,
             spacing_m: config.world.spacing_m(),
             world: config.world.name().to_owned(),
             wind_mps: config.wind_mps,
-            trials: flights.len(),
+            trials: flown.len(),
             successes,
-            success_interval: wilson(successes, flights.len()),
+            success_interval: wilson(successes, flown.len()),
             failures: Failures {
                 collision: count(Outcome::Collision),
                 lost: count(Outcome::Lost),
                 timeout: count(Outcome::Timeout),
             },
             contacts,
-            clearance_m: Clearance {
-                min: quantile(&clearances, 0.0),
-                p5: quantile(&clearances, 0.05),
-                p50: quantile(&clearances, 0.5),
-            },
-            in_view_fraction: tracks.then(|| sum(&|f| f.metrics.frames_in_view as f64) / frames),
+            clearance_m: Clearance { min, p5, p50 },
+            in_view_fraction: tracks.then(|| sum(&|m| m.frames_in_view as f64) / frames),
             target_distance_m: tracks.then(|| Distance {
-                mean: sum(&|f| f.metrics.distance_sum_m) / frames,
-                max: flights.iter().map(|f| f.metrics.distance_max_m).fold(0.0, f64::max),
+                mean: sum(&|m| m.distance_sum_m) / frames,
+                max: flights().map(|f| f.metrics.distance_max_m).fold(0.0, f64::max),
             }),
             target_error_m: lateral
                 .zip(longitudinal)
                 .map(|(lateral, longitudinal)| TargetError { lateral, longitudinal }),
-            jerk_integral: sum(&|f| f.metrics.jerk_integral) / (flights.len() as f64).max(1.0),
+            jerk_integral: jerks.iter().sum::<f64>() / (flown.len() as f64).max(1.0),
+            jerk_integral_quantiles: quantiles(&jerks, [0.05, 0.5, 0.95]).map(|[p5, p50, p95]| Quantiles {
+                p5,
+                p50,
+                p95,
+            }),
             flown_speed_mps: Speed {
-                mean: sum(&|f| f.metrics.way_m) / sum(&|f| f.metrics.task_s).max(1e-9),
-                max: flights.iter().map(|f| f.metrics.speed_max_mps).fold(0.0, f64::max),
+                mean: sum(&|m| m.way_m) / sum(&|m| m.task_s).max(1e-9),
+                max: flights().map(|f| f.metrics.speed_max_mps).fold(0.0, f64::max),
             },
-            simulated_s: sum(&|f| f.flown_s),
-            flights: flights.iter().enumerate().map(|(trial, f)| FlightRow::of(trial, f, tracks)).collect(),
+            simulated_s: flights().map(|f| f.flown_s).sum::<f64>(),
+            flights: flown.iter().map(|f| FlightRow::of(f, tracks)).collect(),
         }
     }
 }
 
-fn range(values: &[f64]) -> Option<Range> {
-    Some(Range { p5: quantile(values, 0.05)?, p95: quantile(values, 0.95)? })
+fn range(values: Vec<f64>) -> Option<Range> {
+    quantiles(&values, [0.05, 0.95]).map(|[p5, p95]| Range { p5, p95 })
 }
 
 impl FlightRow {
-    fn of(trial: usize, flight: &Flight, tracks: bool) -> Self {
+    fn of(flown: &Flown, tracks: bool) -> Self {
+        let (Pick { trial, .. }, flight) = (flown.pick, &flown.flight);
         let m = &flight.metrics;
+        let frames = (tracks && m.frames > 0).then_some(m.frames as f64);
         Self {
             trial,
             outcome: outcome_name(flight.outcome),
@@ -280,29 +301,19 @@ impl FlightRow {
             end_distance_m: flight.end_distance_m,
             unseen_s: flight.unseen_s,
             clearance_m: m.clearance_m,
-            in_view_fraction: (tracks && m.frames > 0).then(|| m.frames_in_view as f64 / m.frames as f64),
+            in_view_fraction: frames.map(|frames| m.frames_in_view as f64 / frames),
+            target_distance_m: frames.map(|frames| Distance { mean: m.distance_sum_m / frames, max: m.distance_max_m }),
+            jerk_integral: m.jerk_integral,
+            flown_speed_mps: Speed { mean: m.way_m / m.task_s.max(1e-9), max: m.speed_max_mps },
             modes: flight.modes.iter().map(|(at, to, cause)| format!("{at:.2} {to:?}: {cause}")).collect(),
         }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_lie_between_neighbours() {
-        let values = [3.0, 1.0, 2.0, 5.0, 4.0];
-        assert_eq!(quantile(&values, 0.0), Some(1.0));
-        assert_eq!(quantile(&values, 0.5), Some(3.0));
-        assert_eq!(quantile(&values, 0.875), Some(4.5));
-        assert_eq!(quantile(&[], 0.5), None);
-    }
-
-    #[test]
-    fn the_wilson_interval_is_that_of_the_textbook() {
-        let [low, high] = wilson(9, 10);
-        assert!((low - 0.5958).abs() < 1e-3 && (high - 0.9821).abs() < 1e-3, "{low} {high}");
-        assert_eq!(wilson(0, 0), [0.0, 1.0]);
+impl Report {
+    /// As JSON, for people to read too.
+    #[must_use]
+    pub fn to_json(&self) -> Vec<u8> {
+        serde_json::to_vec_pretty(self).expect("numbers, strings and lists become JSON")
     }
 }

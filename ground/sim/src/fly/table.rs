@@ -4,16 +4,23 @@ use std::fmt::Write;
 
 use super::report::{Cell, Report};
 
+/// Two decimals, and no minus before zero.
+pub(super) fn two(value: f64) -> String {
+    let text = format!("{value:.2}");
+    if text == "-0.00" { "0.00".to_owned() } else { text }
+}
+
 /// One line a cell, then the timing.
 #[must_use]
 pub fn table(report: &Report) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
-        "{:<9}{:>6}{:>8}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>13}",
+        "{:>4} {:<9}{:>6}{:>11}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>14}{:>13}",
+        "cell",
         "task",
         "speed",
-        "spacing",
+        "world",
         "success",
         "95 %",
         "collision",
@@ -24,6 +31,7 @@ pub fn table(report: &Report) -> String {
         "dist mean/x",
         "lateral 5..95",
         "along 5..95",
+        "jerk² mean/95",
         "flown mean/x"
     );
     for cell in &report.cells {
@@ -44,14 +52,16 @@ pub fn table(report: &Report) -> String {
 
 fn row(cell: &Cell) -> String {
     let [low, high] = cell.success_interval;
-    let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.2}"));
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), two);
     let c = &cell.clearance_m;
-    let range = |r: Option<super::report::Range>| r.map_or("-".to_owned(), |r| format!("{:.2}..{:.2}", r.p5, r.p95));
+    let range =
+        |r: Option<super::report::Range>| r.map_or("-".to_owned(), |r| format!("{}..{}", two(r.p5), two(r.p95)));
     format!(
-        "{:<9}{:>6}{:>8}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>13}",
+        "{:>4} {:<9}{:>6}{:>11}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>14}{:>13}",
+        cell.cell,
         cell.task,
         cell.speed_mps,
-        cell.spacing_m,
+        cell.place(),
         format!("{}/{}", cell.successes, cell.trials),
         format!("{:.0}-{:.0} %", 100.0 * low, 100.0 * high),
         cell.failures.collision,
@@ -62,6 +72,11 @@ fn row(cell: &Cell) -> String {
         cell.target_distance_m.map_or("-".to_owned(), |d| format!("{:.1}/{:.1}", d.mean, d.max)),
         range(cell.target_error_m.map(|e| e.lateral)),
         range(cell.target_error_m.map(|e| e.longitudinal)),
+        format!(
+            "{:.0}/{}",
+            cell.jerk_integral,
+            cell.jerk_integral_quantiles.map_or("-".to_owned(), |q| format!("{:.0}", q.p95))
+        ),
         format!("{:.1}/{:.1}", cell.flown_speed_mps.mean, cell.flown_speed_mps.max),
     )
 }

@@ -31,6 +31,17 @@ pub enum WorldSource {
     Cloud(Arc<World>, String),
 }
 
+impl PartialEq for WorldSource {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Forest { spacing_m: a }, Self::Forest { spacing_m: b }) => a == b,
+            (Self::Buildings, Self::Buildings) => true,
+            (Self::Cloud(a, _), Self::Cloud(b, _)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
 impl WorldSource {
     /// `forest`, `buildings`, or the path of a point cloud; `spacing_m` is the forest's.
     ///
