@@ -4,6 +4,9 @@
 //! ray caster does it. (Embree by Open3D, depth only, 225k triangles, made 354 frames/s on the reference machine.)
 //! The figure goes to `target/bench.json` under `render_fps_per_core`.
 
+mod common;
+
+use common::{core_seconds, median, record, verdict};
 use goshawk_core::types::Vec3;
 use goshawk_sim::dataset::sample_frame;
 use goshawk_sim::forest::{ForestConfig, forest};
@@ -12,7 +15,6 @@ use goshawk_sim::sensor::{Motion, RgbdImage, Sensor};
 use goshawk_sim::sensors::Sensors;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use std::path::Path;
 
 const POSES: usize = 100;
 const ROUNDS: usize = 15;
@@ -63,34 +65,5 @@ fn main() -> color_eyre::Result<()> {
     println!("  ray cast (depth)    {cast:8.0} frames/s   yardstick: {:.1} x", render / cast);
     println!("  sensor model        {sensed:8.0} frames/s");
     record("render_fps_per_core", render)?;
-    Ok(())
-}
-
-/// Seconds that this thread has had a core, so that a busy machine does not distort a figure per core.
-fn core_seconds() -> color_eyre::Result<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
-    let nanoseconds: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
-    Ok(nanoseconds * 1e-9)
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-fn verdict(met: bool) -> &'static str {
-    if met { "met" } else { "missed" }
-}
-
-/// Sets one key of `target/bench.json`, keeping the others.
-fn record(key: &str, value: f64) -> color_eyre::Result<()> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/bench.json");
-    let mut figures: serde_json::Map<String, serde_json::Value> = match std::fs::read(&path) {
-        Ok(text) => serde_json::from_slice(&text)?,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => serde_json::Map::new(),
-        Err(error) => return Err(error.into()),
-    };
-    figures.insert(key.to_owned(), ((value * 10.0).round() / 10.0).into());
-    std::fs::write(&path, serde_json::to_string_pretty(&figures)? + "\n")?;
     Ok(())
 }

@@ -20,7 +20,7 @@ pub(super) struct Distribution<'a> {
 }
 
 const WIDTH: f64 = 560.0;
-const LEFT: f64 = 104.0;
+const LEFT: f64 = 132.0;
 const RIGHT: f64 = WIDTH - 92.0;
 const TOP: f64 = 24.0;
 /// Fewer values than this are drawn one by one.

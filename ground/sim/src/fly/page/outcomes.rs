@@ -97,7 +97,7 @@ pub(super) fn failures(pools: &[Pool<'_>]) -> Svg {
     let pitch = (236.0 / pools.len() as f64).clamp(24.0, 60.0);
     let bottom = 40.0 + pitch * pools.len() as f64;
     let mut svg = Svg::new(WIDTH, bottom + 44.0, "Outcomes of each cell");
-    let x = Scale::linear([0.0, 100.0], [104.0, WIDTH - 16.0]);
+    let x = Scale::linear([0.0, 100.0], [132.0, WIDTH - 16.0]);
     for tick in x.ticks(5) {
         svg.line("grid", [x.at(tick), 36.0], [x.at(tick), bottom]);
         svg.text("soft", Anchor::Middle, [x.at(tick), bottom + 16.0], &n(tick));

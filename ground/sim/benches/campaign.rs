@@ -1,0 +1,79 @@
+//! Speed of a campaign: whole flights in lockstep with the shipped policy inside, one core.
+//!
+//! The yardstick, measured in the same run, is the network alone on the frames of those flights: what no simulator
+//! around it can be faster than. The figure goes to `target/bench.json` under `campaign_realtime_per_core`.
+
+mod common;
+
+use std::path::Path;
+
+use common::{core_seconds, median, record, verdict};
+use goshawk_air::config::Vehicle;
+use goshawk_core::types::{NetworkOutput, Task};
+use goshawk_policy::{Contract, Policy, PolicyError};
+use goshawk_sim::evader::Course;
+use goshawk_sim::sensors::Sensors;
+use goshawk_sim::trial::{Network, TrialConfig, Unwatched, WorldSource, fly_trial};
+
+const FLIGHTS: u64 = 6;
+const TARGET: f64 = 10.0;
+
+/// The policy, and how long it has had the core.
+struct Timed {
+    policy: Policy,
+    inference_s: f64,
+    frames: u64,
+}
+
+impl Network for Timed {
+    fn contract(&self) -> &Contract {
+        self.policy.contract()
+    }
+
+    fn infer(&mut self, rgbd: &[f32], state: &[f32]) -> Result<NetworkOutput, PolicyError> {
+        let begun = core_seconds().expect("this system says how long a thread has had a core");
+        let output = self.policy.infer(rgbd, state);
+        self.inference_s += core_seconds().expect("it did a moment ago") - begun;
+        self.frames += 1;
+        output
+    }
+}
+
+fn main() -> color_eyre::Result<()> {
+    let vehicle = Vehicle::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml"))?;
+    let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
+    let policy = Policy::load(&vehicle.resolve(&vehicle.policy.model), library.as_deref(), 1)?;
+    let mut network = Timed { policy, inference_s: 0.0, frames: 0 };
+    let (mut factors, mut flown_s, mut core_s) = (Vec::new(), 0.0, 0.0);
+    for seed in 0..FLIGHTS {
+        let config = TrialConfig {
+            task: Task::Track,
+            speed_mps: 3.0,
+            speed_ratio: 2.8,
+            height_m: 1.5,
+            world: WorldSource::Forest { spacing_m: 4.0 },
+            course: Course::Goal,
+            wind_mps: 0.0,
+            sensors: Sensors::default(),
+            spread: 0.0,
+            seed,
+        };
+        let begun = core_seconds()?;
+        let flight = fly_trial(&config, &vehicle, &mut network, &mut Unwatched)?;
+        let took = core_seconds()? - begun;
+        factors.push(flight.flown_s / took);
+        (flown_s, core_s) = (flown_s + flight.flown_s, core_s + took);
+    }
+    let factor = median(&mut factors);
+    let per_frame = |seconds: f64| 1e3 * seconds / network.frames.max(1) as f64;
+    println!("campaign, tracking in a 4 m forest with the policy inside, one core, median of {FLIGHTS} flights");
+    println!("  whole flights       {factor:8.1} x real time   target {TARGET:.0}: {}", verdict(factor >= TARGET));
+    println!("  network alone       {:8.1} x real time   yardstick", flown_s / network.inference_s);
+    println!(
+        "  a frame             {:8.2} ms on the core, {:.2} of it the network",
+        per_frame(core_s),
+        per_frame(network.inference_s)
+    );
+    record("campaign_realtime_per_core", factor)?;
+    Ok(())
+}

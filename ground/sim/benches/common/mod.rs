@@ -1,0 +1,34 @@
+//! What the benchmarks share: time on a core, and `target/bench.json`.
+
+use std::path::Path;
+
+/// Seconds that this thread has had a core, so that a busy machine does not distort a figure per core.
+pub(crate) fn core_seconds() -> color_eyre::Result<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
+    let nanoseconds: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
+    Ok(nanoseconds * 1e-9)
+}
+
+/// The middle of values in any order; there must be one.
+pub(crate) fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Of a target.
+pub(crate) fn verdict(met: bool) -> &'static str {
+    if met { "met" } else { "missed" }
+}
+
+/// Sets one key of `target/bench.json`, keeping the others.
+pub(crate) fn record(key: &str, value: f64) -> color_eyre::Result<()> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/bench.json");
+    let mut figures: serde_json::Map<String, serde_json::Value> = match std::fs::read(&path) {
+        Ok(text) => serde_json::from_slice(&text)?,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => serde_json::Map::new(),
+        Err(error) => return Err(error.into()),
+    };
+    figures.insert(key.to_owned(), ((value * 10.0).round() / 10.0).into());
+    std::fs::write(&path, serde_json::to_string_pretty(&figures)? + "\n")?;
+    Ok(())
+}
