@@ -42,13 +42,12 @@ impl Wind {
             return Vec3::zeros();
         }
         let way_m = (vel_world - self.mean_world).norm().max(DRIFT_MIN_MPS) * dt_s;
-        for axis in 0..3 {
-            let keep = (-way_m / SCALE_M[axis]).exp();
+        for ((once, twice), scale_m) in self.once.iter_mut().zip(&mut self.twice).zip(SCALE_M) {
+            let keep = (-way_m / scale_m).exp();
             let noise: f64 = self.rng.sample(StandardNormal);
-            let before = self.once[axis];
-            self.once[axis] = keep * before + (1.0 - keep * keep).sqrt() * noise;
-            let middle = 0.5 * (before + self.once[axis]);
-            self.twice[axis] = keep * self.twice[axis] + (1.0 - keep) * middle;
+            let before = *once;
+            *once = keep * before + (1.0 - keep * keep).sqrt() * noise;
+            *twice = keep * *twice + (1.0 - keep) * 0.5 * (before + *once);
         }
         // (1 + √3 L s) / (1 + L s)² = √3 / (1 + L s) + (1 − √3) / (1 + L s)²; its variance is 2.
         let root = 3f64.sqrt();
