@@ -17,7 +17,7 @@ use thiserror::Error;
 
 use crate::sensor::mix;
 use crate::trial::airframe::Mount;
-use crate::trial::{Flight, Network, TrialConfig, TrialError, Unwatched, fly_trial};
+use crate::trial::{Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, fly_trial};
 use log::{FlightLog, LogError};
 use report::{Cell, CellConfig, Report, Timing};
 pub use table::table;
@@ -25,6 +25,8 @@ pub use table::table;
 /// What to fly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Campaign {
+    /// Which software flies.
+    pub pilot: PilotKind,
     /// Chase or fly to a goal.
     pub task: Task,
     /// A cell for each, m/s.
@@ -75,8 +77,8 @@ pub enum CampaignError {
     Threads(usize, rayon::ThreadPoolBuildError),
 }
 
-/// Makes the network that a thread flies with.
-pub type MakeNetwork<'a> = dyn Fn() -> Result<Box<dyn Network + Send>, TrialError> + Sync + 'a;
+/// Makes the network that a thread flies with; none where the pilot needs none.
+pub type MakeNetwork<'a> = dyn Fn() -> Result<Option<Box<dyn Network + Send>>, TrialError> + Sync + 'a;
 
 impl Campaign {
     /// Flies it. `make` is called at most once a thread; `done` after each flight.
@@ -92,7 +94,7 @@ impl Campaign {
         let begun = Instant::now();
         let cells: Vec<CellConfig> = self.cells();
         let jobs: Vec<(usize, usize)> = (0..cells.len()).flat_map(|c| (0..self.trials).map(move |t| (c, t))).collect();
-        let spare: Mutex<Vec<Box<dyn Network + Send>>> = Mutex::new(Vec::new());
+        let spare: Mutex<Vec<Option<Box<dyn Network + Send>>>> = Mutex::new(Vec::new());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.threads)
             .build()
@@ -106,7 +108,7 @@ impl Campaign {
                         Some(network) => network,
                         None => make().map_err(CampaignError::Network)?,
                     };
-                    let flight = self.fly(&cells[cell], trial, vehicle, network.as_mut())?;
+                    let flight = self.fly(&cells[cell], trial, vehicle, network.as_deref_mut())?;
                     spare.lock().unwrap_or_else(PoisonError::into_inner).push(network);
                     done(&flight);
                     Ok(flight)
@@ -132,7 +134,7 @@ impl Campaign {
     }
 
     fn cells(&self) -> Vec<CellConfig> {
-        let cell = |speed_mps, spacing_m| CellConfig { task: self.task, speed_mps, spacing_m, wind_mps: self.wind_mps };
+        let cell = |speed_mps, spacing_m| CellConfig { pilot: self.pilot, task: self.task, speed_mps, spacing_m, wind_mps: self.wind_mps };
         self.spacings_m.iter().flat_map(|m| self.speeds_mps.iter().map(move |v| cell(*v, *m))).collect()
     }
 
@@ -141,9 +143,10 @@ impl Campaign {
         cell: &CellConfig,
         trial: usize,
         vehicle: &Vehicle,
-        network: &mut dyn Network,
+        network: Option<&mut (dyn Network + Send + 'static)>,
     ) -> Result<Flight, CampaignError> {
         let config = TrialConfig {
+            pilot: cell.pilot,
             task: cell.task,
             speed_mps: cell.speed_mps,
             speed_ratio: self.speed_ratio,
@@ -153,6 +156,7 @@ impl Campaign {
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };
+        let network = network.map(|network| network as &mut dyn Network);
         let (task, speed_mps, spacing_m) = (report::task_name(cell.task), cell.speed_mps, cell.spacing_m);
         let failed = |why| CampaignError::Trial { task, speed_mps, spacing_m, trial, source: Box::new(why) };
         let Some((folder, header)) = &self.log else {

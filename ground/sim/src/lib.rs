@@ -2,6 +2,7 @@
 //!
 //! What flies here is the vehicle's own planner and controller; the simulator supplies everything around them.
 
+pub mod classical;
 pub mod cli;
 pub mod dataset;
 pub mod evader;

@@ -13,7 +13,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::log::header;
 use super::{Campaign, table};
-use crate::trial::{Network, Outcome};
+use crate::trial::{Network, Outcome, PilotKind};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -22,6 +22,15 @@ pub enum TaskName {
     Track,
     /// Fly to a goal 40 m ahead.
     Navigate,
+}
+
+/// The software to fly with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PilotName {
+    /// The vehicle's own, with a trained policy.
+    Policy,
+    /// A map-based planner as a yardstick; to track, a policy finds the target for it.
+    Classical,
 }
 
 /// The world to fly in.
@@ -34,11 +43,15 @@ pub enum WorldName {
 /// Fly campaigns in lockstep and report successes.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim fly --task track --speed 3,5,7 --trials 100 --seed 1 --spacing 4\n  \
-                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json")]
+                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json\n  \
+                  goshawk-sim fly --task navigate --pilot classical --speed 3,5 --spacing 5")]
 pub struct FlyArgs {
     /// What to fly.
     #[arg(long, value_enum)]
     task: TaskName,
+    /// What flies it.
+    #[arg(long, value_enum, default_value = "policy")]
+    pilot: PilotName,
     /// Speeds, m/s: the evader's (track) or the vehicle's (navigate); a cell for each.
     #[arg(long, value_name = "V[,V…]", value_delimiter = ',', required = true, value_parser = positive)]
     speed: Vec<f64>,
@@ -54,7 +67,8 @@ pub struct FlyArgs {
     /// The world.
     #[arg(long, value_enum, default_value = "forest")]
     world: WorldName,
-    /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it.
+    /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it. Not needed by --pilot classical to
+    /// navigate.
     #[arg(long, value_name = "FILE")]
     policy: Option<PathBuf>,
     /// The vehicle file.
@@ -101,10 +115,17 @@ impl FlyArgs {
         };
         let model = self.model(&vehicle);
         let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
-        let load = || Policy::load(&model, library.as_deref(), 1);
+        let pilot = match self.pilot {
+            PilotName::Policy => PilotKind::Policy,
+            PilotName::Classical => PilotKind::Classical,
+        };
+        // The classical pilot needs a policy's eyes, but not its way.
+        let needed = pilot == PilotKind::Policy || task == Task::Track;
+        ensure!(needed || self.policy.is_none(), "--pilot classical navigates without a policy: leave out --policy");
+        let load = || needed.then(|| Policy::load(&model, library.as_deref(), 1)).transpose();
         let first = load()?;
         ensure!(
-            first.contract().model().task == task,
+            first.as_ref().is_none_or(|policy| policy.contract().model().task == task),
             "policy {} was trained for another task than --task {}: give --policy",
             model.display(),
             super::report::task_name(task)
@@ -113,6 +134,7 @@ impl FlyArgs {
             std::fs::create_dir_all(folder).wrap_err_with(|| format!("cannot make {}", folder.display()))?;
         }
         let campaign = Campaign {
+            pilot,
             task,
             speeds_mps: self.speed.clone(),
             spacings_m: self.spacing.clone(),
@@ -122,13 +144,13 @@ impl FlyArgs {
             speed_ratio: self.speed_ratio,
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
             threads: self.threads,
-            log: self.log.clone().map(|folder| (folder, header(&vehicle, &first))),
+            log: self.log.clone().map(|folder| (folder, header(&vehicle, first.as_ref()))),
         };
         let flights = campaign.speeds_mps.len() * campaign.spacings_m.len() * campaign.trials;
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} flights, {msg}  {elapsed} (left {eta})")?;
         let bar = ProgressBar::new(flights as u64).with_style(style).with_message("0 failed");
         let failed = std::sync::atomic::AtomicUsize::new(0);
-        let make = || Ok(Box::new(load()?) as Box<dyn Network + Send>);
+        let make = || Ok(load()?.map(|policy| Box::new(policy) as Box<dyn Network + Send>));
         let mut report = campaign.run(&vehicle, &make, &|flight| {
             if flight.outcome != Outcome::Success {
                 let failed = failed.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
@@ -137,7 +159,7 @@ impl FlyArgs {
             bar.inc(1);
         })?;
         bar.finish_and_clear();
-        report.policy_sha256 = Some(first.sha256().to_owned());
+        report.policy_sha256 = first.map(|policy| policy.sha256().to_owned());
         if let Some(path) = &self.json {
             let file = File::create(path).wrap_err_with(|| format!("cannot write {}", path.display()))?;
             serde_json::to_writer_pretty(BufWriter::new(file), &report)

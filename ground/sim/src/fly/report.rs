@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use goshawk_core::types::Task;
 use serde::Serialize;
 
-use crate::trial::{Contact, Flight, Outcome};
+use crate::trial::{Contact, Flight, Outcome, PilotKind};
 
 /// The whole of it. Everything but `timing` is the same for the same seed, vehicle file and policy.
 #[derive(Clone, Debug, Serialize)]
@@ -28,6 +28,7 @@ pub struct Report {
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)] // the acceptance document's names
 pub struct Cell {
+    pub pilot: &'static str,
     pub task: &'static str,
     pub speed_mps: f64,
     pub spacing_m: f64,
@@ -137,6 +138,15 @@ pub fn task_name(task: Task) -> &'static str {
     }
 }
 
+/// The pilot's name in the report.
+#[must_use]
+pub fn pilot_name(pilot: PilotKind) -> &'static str {
+    match pilot {
+        PilotKind::Policy => "policy",
+        PilotKind::Classical => "classical",
+    }
+}
+
 /// The outcome's name in the report.
 #[must_use]
 pub fn outcome_name(outcome: Outcome) -> &'static str {
@@ -185,6 +195,8 @@ pub fn wilson(successes: usize, trials: usize) -> [f64; 2] {
 /// What all flights of a cell have in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellConfig {
+    /// Which software flies.
+    pub pilot: PilotKind,
     /// Chase or fly to a goal.
     pub task: Task,
     /// m/s.
@@ -213,6 +225,7 @@ impl Cell {
         let longitudinal = range(&pooled(|f| &f.metrics.longitudinal_m));
         let tracks = config.task == Task::Track;
         Self {
+            pilot: pilot_name(config.pilot),
             task: task_name(config.task),
             speed_mps: config.speed_mps,
             spacing_m: config.spacing_m,
