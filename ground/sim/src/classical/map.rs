@@ -5,14 +5,15 @@ use nalgebra::Vector3;
 
 use crate::render::{Camera, CameraPose};
 
-/// Edge of a voxel, m.
+/// Edge of a voxel, m, and how many are in a metre.
 pub const VOXEL_M: f64 = 0.2;
+pub(super) const PER_M: f64 = 1.0 / VOXEL_M;
 
 /// Indices of a voxel in the world's endless grid.
 pub type Voxel = Vector3<i32>;
 
 /// Voxels along x, y, z: powers of two, so that an index wraps by a mask.
-const SIZE: [i32; 3] = [128, 128, 32];
+pub(super) const SIZE: [i32; 3] = [128, 128, 32];
 
 /// Log-odds, in small integers. A pixel that ends in a voxel adds `HIT`, up to `HITS_MAX` times a frame; a frame whose
 /// rays only pass through it takes `MISS`. Two pixels of one frame, or one of two frames, make an obstacle; a single
@@ -81,13 +82,7 @@ pub struct Map {
 /// The voxel that holds a point.
 #[must_use]
 pub fn voxel_of(pos_world: &Vec3) -> Voxel {
-    pos_world.map(|x| (x / VOXEL_M).floor() as i32)
-}
-
-/// A voxel's centre, m.
-#[must_use]
-pub fn centre_of(voxel: &Voxel) -> Vec3 {
-    voxel.map(|i| (f64::from(i) + 0.5) * VOXEL_M)
+    pos_world.map(|x| (x * PER_M).floor() as i32)
 }
 
 fn slot(voxel: &Voxel) -> usize {
@@ -116,15 +111,26 @@ impl Map {
         }
     }
 
-    /// What is known of a voxel.
+    /// What is known of the voxel that holds a point.
     #[must_use]
-    pub fn knowledge(&self, voxel: &Voxel) -> Knowledge {
-        let known = self.index(voxel).map_or(0, |index| self.log_odds[index]);
-        match known {
+    pub fn knowledge(&self, pos_world: &Vec3) -> Knowledge {
+        match self.index(pos_world).map_or(0, |index| self.log_odds[index]) {
             OCCUPIED.. => Knowledge::Occupied,
             ..0 => Knowledge::Free,
             _ => Knowledge::Unknown,
         }
+    }
+
+    /// The lowest voxel of the grid, which holds `SIZE` of them; none: nothing has been seen.
+    pub(super) fn low(&self) -> Option<Voxel> {
+        self.low
+    }
+
+    /// Whether each voxel of a row along x is occupied, from `first` on; the row must lie within the grid.
+    pub(super) fn row(&self, first: &Voxel) -> impl Iterator<Item = bool> {
+        let start = slot(&Voxel::new(0, first.y, first.z));
+        let x = first.x;
+        (0..).map(move |i| self.log_odds[start + ((x + i) & (SIZE[0] - 1)) as usize] >= OCCUPIED)
     }
 
     /// Takes in a depth image (mm along the optical axis, row-major, 0: no measurement) seen from `pose`.
@@ -151,7 +157,7 @@ impl Map {
             if ignored.is_some_and(|cylinder| cylinder.contains(&end)) {
                 continue;
             }
-            let Some(index) = self.index(&voxel_of(&end)) else { continue };
+            let Some(index) = self.index(&end) else { continue };
             if self.hits[index] == 0 {
                 self.touched.push(index);
             }
@@ -174,7 +180,7 @@ impl Map {
                 let step = CARVE_STEP_M / ray.norm();
                 for k in 1..=(free_m / step).max(0.0) as usize {
                     let at = pose.pos_world + ray * (step * k as f64);
-                    let Some(index) = self.index(&voxel_of(&at)) else { break };
+                    let Some(index) = self.index(&at) else { break };
                     if self.carved[index] != self.frame && self.hits[index] == 0 {
                         self.carved[index] = self.frame;
                         self.log_odds[index] = (self.log_odds[index] - MISS).max(LEAST);
@@ -184,11 +190,13 @@ impl Map {
         }
     }
 
-    /// Where a voxel lies in the arrays; none outside the grid.
-    fn index(&self, voxel: &Voxel) -> Option<usize> {
-        let from = voxel - self.low?;
-        let inside = (0..3).all(|axis| (0..SIZE[axis]).contains(&from[axis]));
-        inside.then(|| slot(voxel))
+    /// Where a point's voxel lies in the arrays; none outside the grid.
+    fn index(&self, pos_world: &Vec3) -> Option<usize> {
+        let low = self.low?;
+        let from = pos_world * PER_M - low.map(f64::from);
+        let inside = (0..3).all(|axis| from[axis] >= 0.0 && from[axis] < f64::from(SIZE[axis]));
+        // Above zero cutting is flooring, and faster.
+        inside.then(|| slot(&(low + from.map(|x| x as i32))))
     }
 
     /// Moves the grid so that `centre_world` is in its middle, and forgets what it leaves.

@@ -1,6 +1,8 @@
 //! Map, search and optimisation put together: from where the vehicle will be to a trajectory toward an aim.
 
-use goshawk_core::types::{FlatState, Rot, Vec3};
+use std::f64::consts::TAU;
+
+use goshawk_core::types::{FlatState, Vec3};
 
 use super::distance::DistanceField;
 use super::map::{Ignored, Map};
@@ -30,8 +32,9 @@ const SHORTEST_S: f64 = 0.8;
 /// A spline whose speed (or root of acceleration) exceeds its limit by this factor is stretched in time, by so much at most.
 const TOO_FAST: f64 = 1.1;
 const STRETCH_MAX: f64 = 1.4;
-/// A goal within an obstacle is turned aside by these angles, rad, until it is free.
-const ASIDE_RAD: [f64; 6] = [0.15, -0.15, 0.3, -0.3, 0.5, -0.5];
+/// A goal within an obstacle is moved to the free place nearest to it on rings of these radii, m; directions of a ring.
+const RINGS_M: [f64; 4] = [0.4, 0.8, 1.2, 1.6];
+const DIRECTIONS: usize = 12;
 
 /// Where to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,7 +69,7 @@ impl MapPlanner {
     /// Takes a depth image into the map.
     pub fn see(&mut self, camera: &Camera, pose: &CameraPose, depth_mm: &[u16], ignored: Option<&Ignored>) {
         self.map.integrate(camera, pose, depth_mm, ignored);
-        self.field.update(&self.map, &pose.pos_world);
+        self.field.update(&self.map);
     }
 
     /// A way to the goal.
@@ -88,21 +91,31 @@ impl MapPlanner {
         let line = aim.pos_world - start.pos;
         let distance = line.norm();
         if distance <= HORIZON_M {
-            let pos_world = self.freed(&start.pos, line);
+            let pos_world = self.freed(start.pos, aim.pos_world);
             return LocalGoal { pos_world, vel_world: aim.vel_world, after_s: aim.after_s };
         }
-        let pos_world = self.freed(&start.pos, line * (HORIZON_M / distance));
+        let pos_world = self.freed(start.pos, start.pos + line * (HORIZON_M / distance));
         // Beyond the horizon it goes on, no faster than it can stop within it.
         let speed = speed_mps.min((ACC_MPS2 * HORIZON_M).sqrt().max(aim.vel_world.norm()));
         let flat = Vec3::new(line.x, line.y, 0.0).try_normalize(1e-6).unwrap_or_default();
         LocalGoal { pos_world, vel_world: flat * speed, after_s: 0.0 }
     }
 
-    /// The end of a line, turned aside if it is in an obstacle.
-    fn freed(&self, from: &Vec3, line: Vec3) -> Vec3 {
-        let turned = |angle: &f64| from + Rot::from_axis_angle(&Vec3::z_axis(), *angle) * line;
+    /// The goal, or the free place next to it; of places as near, the one nearest to `from`.
+    fn freed(&self, from: Vec3, goal: Vec3) -> Vec3 {
         let free = |at: &Vec3| self.field.coarse(at) > SEARCH_M;
-        std::iter::once(&0.0).chain(&ASIDE_RAD).map(turned).find(free).unwrap_or(from + line)
+        if free(&goal) {
+            return goal;
+        }
+        let on_ring = |radius: f64, k: usize| {
+            let turn = TAU * k as f64 / DIRECTIONS as f64;
+            goal + Vec3::new(turn.cos(), turn.sin(), 0.0) * radius
+        };
+        let nearest = |radius: &f64| {
+            let places = (0..DIRECTIONS).map(|k| on_ring(*radius, k)).filter(free);
+            places.min_by(|a, b| (a - from).norm().total_cmp(&(b - from).norm()))
+        };
+        RINGS_M.iter().find_map(nearest).unwrap_or(goal)
     }
 
     /// The trajectory along a path; none: none that keeps clear of everything was found.

@@ -2,13 +2,14 @@
 //! constant acceleration, so a path that is found can be flown from the state in which the vehicle is.
 
 use std::cmp::Ordering;
+use std::collections::hash_map::Entry;
 use std::collections::{BinaryHeap, HashMap};
 
 use goshawk_core::lead::cap;
 use goshawk_core::types::{FlatState, Vec3};
 
 use super::distance::DistanceField;
-use super::map::{Knowledge, Map, voxel_of};
+use super::map::{Knowledge, Map};
 
 /// What is searched for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,19 +26,29 @@ pub struct Query {
     pub clearance_m: f64,
 }
 
-/// One edge: constant acceleration for the path's step.
+/// One edge: constant acceleration for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Leg {
     pos: Vec3,
     vel: Vec3,
     acc: Vec3,
+    duration: f64,
+}
+
+impl Leg {
+    fn at(&self, t: f64) -> Vec3 {
+        self.pos + self.vel * t + self.acc * (0.5 * t * t)
+    }
+
+    fn end(&self) -> Vec3 {
+        self.at(self.duration)
+    }
 }
 
 /// A path that the vehicle can fly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     legs: Vec<Leg>,
-    step_s: f64,
     /// It ends at the goal; otherwise at the place nearest to it that could be reached.
     pub reached: bool,
 }
@@ -46,31 +57,35 @@ impl Path {
     /// From its beginning to its end, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        self.legs.len() as f64 * self.step_s
+        self.legs.iter().map(|leg| leg.duration).sum()
     }
 
     /// Position at `t` seconds, m; after the end that of the end.
     #[must_use]
     pub fn at(&self, t: f64) -> Vec3 {
-        let t = t.clamp(0.0, self.duration());
-        let index = ((t / self.step_s) as usize).min(self.legs.len() - 1);
-        let leg = &self.legs[index];
-        moved(leg, t - index as f64 * self.step_s).0
+        let mut left = t.max(0.0);
+        for leg in &self.legs {
+            if left <= leg.duration {
+                return leg.at(left);
+            }
+            left -= leg.duration;
+        }
+        self.end()
     }
 
     /// Where it ends, m.
     #[must_use]
     pub fn end(&self) -> Vec3 {
-        self.at(self.duration())
+        self.legs.last().map(Leg::end).expect("a path has an edge")
     }
 }
 
-/// Length of an edge at full speed, m, and bounds of its duration, s.
+/// Length of an edge at the speed of its beginning, m, and bounds of its duration, s.
 const EDGE_M: f64 = 1.6;
 const STEP_S: [f64; 2] = [0.2, 0.5];
-/// Accelerations tried along and across the way to the goal, of the most, and upward, m/s².
+/// Accelerations tried along and across the way to the goal, of the most; and upward, m/s², only beside the full ones.
 const LEVELS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
-const CLIMBS_MPS2: [f64; 3] = [-2.0, 0.0, 2.0];
+const CLIMBS_MPS2: [f64; 2] = [-2.0, 2.0];
 /// The vehicle may already be too near to something; over this much of its first way it may stay so, m.
 const ESCAPE_M: f64 = 0.8;
 /// Edges are checked at points this far apart, m.
@@ -91,7 +106,7 @@ const HIGHER_M: f64 = 1.5;
 /// The heuristic's weight: a little greedy.
 const GREED: f64 = 1.2;
 /// States that are expanded at most: bounds the time it takes.
-const EXPANSIONS: usize = 1200;
+const EXPANSIONS: usize = 500;
 /// A path that does not reach the goal must lead at least this much nearer to it, m.
 const PROGRESS_M: f64 = 0.5;
 
@@ -100,8 +115,8 @@ struct Node {
     pos: Vec3,
     vel: Vec3,
     cost: f64,
-    /// The node before, and the acceleration from it.
-    from: Option<(usize, Vec3)>,
+    /// The node before, and the edge from it.
+    from: Option<(usize, Leg)>,
     closed: bool,
 }
 
@@ -129,10 +144,6 @@ impl Ord for Open {
     }
 }
 
-fn moved(leg: &Leg, t: f64) -> (Vec3, Vec3) {
-    (leg.pos + leg.vel * t + leg.acc * (0.5 * t * t), leg.vel + leg.acc * t)
-}
-
 /// Searches the map. None: enclosed, no way leads nearer to the goal.
 #[must_use]
 pub fn search(query: &Query, map: &Map, field: &DistanceField) -> Option<Path> {
@@ -143,10 +154,10 @@ struct Search<'a> {
     query: &'a Query,
     map: &'a Map,
     field: &'a DistanceField,
-    step_s: f64,
     accelerations: Vec<Vec3>,
     nodes: Vec<Node>,
-    known: HashMap<[i32; 6], usize>,
+    /// The cheapest node of each class of like states.
+    known: HashMap<[i16; 6], usize>,
     open: BinaryHeap<Open>,
 }
 
@@ -159,28 +170,22 @@ impl<'a> Search<'a> {
         for (along, side) in LEVELS.iter().flat_map(|a| LEVELS.iter().map(move |b| (*a, *b))) {
             if f64::hypot(along, side) <= 1.2 {
                 let flat = (ahead * along + across * side) * query.acc_mps2;
-                accelerations.extend(CLIMBS_MPS2.map(|climb| flat + Vec3::z() * climb));
+                accelerations.push(flat);
+                if along.fract() == 0.0 && side.fract() == 0.0 {
+                    accelerations.extend(CLIMBS_MPS2.map(|climb| flat + Vec3::z() * climb));
+                }
             }
         }
-        let step_s = (EDGE_M / query.speed_mps).clamp(STEP_S[0], STEP_S[1]);
-        Self {
-            query,
-            map,
-            field,
-            step_s,
-            accelerations,
-            nodes: Vec::new(),
-            known: HashMap::new(),
-            open: BinaryHeap::new(),
-        }
+        let (nodes, known, open) = (Vec::new(), HashMap::new(), BinaryHeap::new());
+        Self { query, map, field, accelerations, nodes, known, open }
     }
 
     fn run(mut self) -> Option<Path> {
         let start = &self.query.start;
-        self.reach(Node { pos: start.pos, vel: start.vel, cost: 0.0, from: None, closed: false });
+        self.take(Node { pos: start.pos, vel: start.vel, cost: 0.0, from: None, closed: false });
         let begun = (self.query.goal_world - start.pos).norm();
-        // Half an edge: a goal between two ends is reached.
-        let near = 0.6 * self.step_s * self.query.speed_mps;
+        // Half the longest edge and a little: a goal between two ends is reached.
+        let near = 0.6 * EDGE_M.max(STEP_S[0] * self.query.speed_mps);
         let (mut best, mut best_distance) = (None, begun - PROGRESS_M);
         for _ in 0..EXPANSIONS {
             let Some(index) = self.cheapest() else { break };
@@ -208,15 +213,20 @@ impl<'a> Search<'a> {
 
     fn expand(&mut self, index: usize) {
         let from = self.nodes[index];
-        let most = self.query.speed_mps.max(from.vel.norm() - self.query.acc_mps2 * self.step_s);
+        let (query, speed) = (self.query, from.vel.norm());
+        let duration = (EDGE_M / speed.max(1e-3)).clamp(STEP_S[0], STEP_S[1]);
+        let most = query.speed_mps.max(speed - query.acc_mps2 * duration);
         for k in 0..self.accelerations.len() {
             // What would become too fast becomes just as fast as is allowed.
-            let vel = cap(from.vel + self.accelerations[k] * self.step_s, most);
-            let acc = (vel - from.vel) / self.step_s;
-            let leg = Leg { pos: from.pos, vel: from.vel, acc };
-            let (pos, vel) = moved(&leg, self.step_s);
-            if let Some(cost) = self.cost(&leg) {
-                self.reach(Node { pos, vel, cost: from.cost + cost, from: Some((index, acc)), closed: false });
+            let vel = cap(from.vel + self.accelerations[k] * duration, most);
+            let leg = Leg { pos: from.pos, vel: from.vel, acc: (vel - from.vel) / duration, duration };
+            // The least that it can cost, before its way is looked at.
+            let node =
+                Node { pos: leg.end(), vel, cost: from.cost + duration, from: Some((index, leg)), closed: false };
+            if self.is_news(&node)
+                && let Some(cost) = self.cost(&leg)
+            {
+                self.take(Node { cost: from.cost + cost, ..node });
             }
         }
     }
@@ -224,11 +234,10 @@ impl<'a> Search<'a> {
     /// Cost of an edge; none: it is not free.
     fn cost(&self, leg: &Leg) -> Option<f64> {
         let query = self.query;
-        let end = moved(leg, self.step_s).0;
-        let checks = ((end - leg.pos).norm() / CHECK_M).ceil().max(1.0);
+        let checks = ((leg.end() - leg.pos).norm() / CHECK_M).ceil().max(1.0);
         let mut rate = 1.0 + EFFORT * (leg.acc.norm() / query.acc_mps2).powi(2);
         for k in 1..=checks as usize {
-            let at = moved(leg, self.step_s * k as f64 / checks).0;
+            let at = leg.at(leg.duration * k as f64 / checks);
             let rise = at.z - query.goal_world.z;
             let spare = self.field.coarse(&at) - query.clearance_m;
             let escapes = (at - query.start.pos).norm() < ESCAPE_M;
@@ -237,33 +246,47 @@ impl<'a> Search<'a> {
                 return None;
             }
             let near = (1.0 - spare / COMFORT_M).clamp(0.0, 2.0);
-            let unknown = self.map.knowledge(&voxel_of(&at)) == Knowledge::Unknown;
+            let unknown = self.map.knowledge(&at) == Knowledge::Unknown;
             let extra = NEARNESS * near * near + if unknown { UNKNOWN } else { 0.0 } + OFF_HEIGHT * rise.abs();
             rate += extra / checks;
         }
-        Some(rate * self.step_s)
+        Some(rate * leg.duration)
+    }
+
+    /// States of one class are as good as one.
+    fn class(&self, node: &Node) -> [i16; 6] {
+        let like = SAME_SPEED * self.query.speed_mps;
+        // The fraction of a class is cut off the same way everywhere, as no index is below -500.
+        let index = |x: f64| (x + 500.5) as i16;
+        let (at, vel) = ((node.pos - self.query.start.pos) / SAME_M, node.vel / like);
+        [index(at.x), index(at.y), index(at.z), index(vel.x), index(vel.y), index(vel.z)]
+    }
+
+    /// No state like it that is as cheap is known.
+    fn is_news(&self, node: &Node) -> bool {
+        self.known.get(&self.class(node)).map(|index| &self.nodes[*index]).is_none_or(|known| {
+            !known.closed && known.cost > node.cost
+        })
     }
 
     /// Takes a state in, unless a cheaper one like it is known.
-    fn reach(&mut self, node: Node) {
-        let like = SAME_SPEED * self.query.speed_mps;
-        let at = (node.pos / SAME_M).map(|x| x.floor() as i32);
-        let vel = (node.vel / like).map(|x| x.round() as i32);
+    fn take(&mut self, node: Node) {
+        let query = self.query;
+        let class = self.class(&node);
         let index = self.nodes.len();
-        let estimate =
-            node.cost + GREED * (self.query.goal_world - node.pos).norm() / self.query.speed_mps.max(node.vel.norm());
-        match self.known.entry([at.x, at.y, at.z, vel.x, vel.y, vel.z]) {
-            std::collections::hash_map::Entry::Occupied(mut entry) => {
-                let other = &self.nodes[*entry.get()];
-                if other.closed || other.cost <= node.cost {
+        match self.known.entry(class) {
+            Entry::Occupied(mut entry) => {
+                let known = &self.nodes[*entry.get()];
+                if known.closed || known.cost <= node.cost {
                     return;
                 }
                 entry.insert(index);
             }
-            std::collections::hash_map::Entry::Vacant(entry) => {
+            Entry::Vacant(entry) => {
                 entry.insert(index);
             }
         }
+        let estimate = node.cost + GREED * (query.goal_world - node.pos).norm() / query.speed_mps.max(node.vel.norm());
         self.nodes.push(node);
         self.open.push(Open { estimate, node: index });
     }
@@ -271,11 +294,11 @@ impl<'a> Search<'a> {
     fn path(&self, end: usize, reached: bool) -> Path {
         let mut legs = Vec::new();
         let mut node = &self.nodes[end];
-        while let Some((from, acc)) = node.from {
+        while let Some((from, leg)) = node.from {
             node = &self.nodes[from];
-            legs.push(Leg { pos: node.pos, vel: node.vel, acc });
+            legs.push(leg);
         }
         legs.reverse();
-        Path { legs, step_s: self.step_s, reached }
+        Path { legs, reached }
     }
 }
