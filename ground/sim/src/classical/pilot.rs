@@ -23,8 +23,9 @@ pub const COMPUTE_S: f64 = 0.015;
 const REPLAN_FRAMES: u32 = 3;
 /// A trajectory goes on from the last one unless the vehicle is farther off it than this, m: then from where it is.
 const OFF_TRACK_M: f64 = 0.8;
-/// The target is followed at this distance, m, this much above its centre, m.
-const FOLLOW_M: f64 = 3.0;
+/// The target is followed at this distance, m, and so much more for its speed, s; this much above its centre, m.
+const FOLLOW_M: f64 = 2.5;
+const FOLLOW_S: f64 = 0.5;
 const ABOVE_M: f64 = 0.3;
 /// Where the target will be in this time is aimed at, s. A hidden one is carried on for so long, s.
 const AHEAD_S: f64 = 1.2;
@@ -138,11 +139,12 @@ impl<'a> Classical<'a> {
         let (at, vel) = self.expected(plan.target.as_ref()?, plan.stamp, AHEAD_S)?;
         let vel = Vec3::new(vel.x, vel.y, 0.0);
         let now = at - vel * AHEAD_S;
-        // No backing off from a target that is near: what is behind is not seen.
-        let gap = (now - start.pos).xy().norm();
+        // No backing off from a target that is near, unless it is very near: what is behind is not seen.
+        let follow = FOLLOW_M + FOLLOW_S * vel.norm();
+        let distance = (now - start.pos).xy().norm().clamp(0.5 * follow, follow);
         let line = at - start.pos;
         let line = Vec3::new(line.x, line.y, 0.0).try_normalize(1e-6).unwrap_or_default();
-        let mut pos_world = at - line * FOLLOW_M.min(gap);
+        let mut pos_world = at - line * distance;
         pos_world.z = at.z + ABOVE_M;
         Some(Aim { pos_world, vel_world: vel, after_s: AHEAD_S })
     }
