@@ -28,7 +28,7 @@ const FOLLOW_M: f64 = 2.5;
 const FOLLOW_S: f64 = 0.5;
 const ABOVE_M: f64 = 0.3;
 /// Where the target will be in this time is aimed at, s. A hidden one is carried on for so long, s.
-const AHEAD_S: f64 = 1.2;
+const AHEAD_S: f64 = 0.9;
 const CARRY_S: f64 = 1.5;
 /// The target itself is no obstacle.
 const TARGET_RADIUS_M: f64 = 0.8;

@@ -13,8 +13,8 @@ use crate::render::{Camera, CameraPose};
 
 /// How far ahead is planned, m.
 const HORIZON_M: f64 = 8.0;
-/// Most acceleration, m/s²: 31 degrees of tilt, so that feedback has room below the limit of 45.
-pub const ACC_MPS2: f64 = 6.0;
+/// Most acceleration, m/s²: 37 degrees of tilt, so that feedback has room below the limit of 45.
+pub const ACC_MPS2: f64 = 7.5;
 /// Least distance to an occupied voxel's centre, m: what the search demands, what a trajectory must have to be flown, and
 /// what the optimisation strives for. The body's radius is 0.16, half a voxel's diagonal 0.17.
 const SEARCH_M: f64 = 0.45;
