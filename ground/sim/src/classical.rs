@@ -13,6 +13,8 @@ pub mod pilot;
 pub mod planner;
 pub mod search;
 pub mod spline;
+#[cfg(test)]
+mod tests;
 pub mod tracker;
 
 pub use pilot::Classical;

@@ -134,7 +134,13 @@ impl Campaign {
     }
 
     fn cells(&self) -> Vec<CellConfig> {
-        let cell = |speed_mps, spacing_m| CellConfig { pilot: self.pilot, task: self.task, speed_mps, spacing_m, wind_mps: self.wind_mps };
+        let cell = |speed_mps, spacing_m| CellConfig {
+            pilot: self.pilot,
+            task: self.task,
+            speed_mps,
+            spacing_m,
+            wind_mps: self.wind_mps,
+        };
         self.spacings_m.iter().flat_map(|m| self.speeds_mps.iter().map(move |v| cell(*v, *m))).collect()
     }
 

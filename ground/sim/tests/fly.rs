@@ -6,7 +6,7 @@ use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_core::{Cause, Mode};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::fly::{Campaign, MakeNetwork};
-use goshawk_sim::trial::{Contact, Flight, Network, Outcome, TrialConfig, TrialError, Unwatched, fly_trial};
+use goshawk_sim::trial::{Contact, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, fly_trial};
 use std::path::Path;
 
 fn vehicle() -> Vehicle {
@@ -91,11 +91,12 @@ impl Network for Constant {
 }
 
 fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialConfig {
-    TrialConfig { task, speed_mps, speed_ratio: 2.5, height_m: 1.5, spacing_m, wind_mps: 0.0, seed }
+    let pilot = PilotKind::Policy;
+    TrialConfig { pilot, task, speed_mps, speed_ratio: 2.5, height_m: 1.5, spacing_m, wind_mps: 0.0, seed }
 }
 
 fn fly(config: &TrialConfig, network: &mut dyn Network) -> Flight {
-    fly_trial(config, &vehicle(), network, &mut Unwatched).unwrap()
+    fly_trial(config, &vehicle(), Some(network), &mut Unwatched).unwrap()
 }
 
 #[test]
@@ -149,6 +150,7 @@ fn wind_and_speed_do_not_change_the_forest() {
 fn a_campaign_is_the_same_for_any_number_of_threads() {
     let run = |threads| {
         let campaign = Campaign {
+            pilot: PilotKind::Policy,
             task: Task::Navigate,
             speeds_mps: vec![3.0, 5.0],
             spacings_m: vec![7.0],
@@ -160,11 +162,11 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             threads,
             log: None,
         };
-        let make: &MakeNetwork<'_> = &|| Ok::<_, TrialError>(Box::new(sectors(false)) as Box<dyn Network + Send>);
+        let make: &MakeNetwork<'_> = &|| Ok::<_, TrialError>(Some(Box::new(sectors(false)) as Box<dyn Network + Send>));
         let report = campaign.run(&vehicle(), make, &|_| {}).unwrap();
         serde_json::to_string(&report.cells).unwrap()
     };
     let alone = run(1);
     assert_eq!(alone, run(3));
-    assert!(alone.contains(r#""trials":2"#));
+    assert!(alone.contains(r#""pilot":"policy""#) && alone.contains(r#""trials":2"#));
 }

@@ -41,15 +41,14 @@ const ITERATIONS: usize = 60;
 /// First step of the minimisation, m over all control points.
 const FIRST_STEP_M: f64 = 0.1;
 
-/// Improves `points` (m, at least 4, of spans of `step_s`), of which the first three are set by the start. Returns the
-/// spline and its cost.
+/// Improves `points` (m, at least 4, of spans of `step_s`), of which the first three are set by the start.
 #[must_use]
-pub fn optimise(wanted: &Wanted, field: &DistanceField, points: &[Vec3], step_s: f64) -> (Spline, f64) {
+pub fn optimise(wanted: &Wanted, field: &DistanceField, points: &[Vec3], step_s: f64) -> Spline {
     let mut spline = Spline { points: points.to_vec(), step_s };
     spline.points[..3].copy_from_slice(&opening(&wanted.start, step_s));
     let mut x: Vec<f64> = spline.points[3..].iter().flat_map(|q| [q.x, q.y, q.z]).collect();
     let mut gradient = vec![Vec3::zeros(); spline.points.len()];
-    let least = minimise(&mut x, ITERATIONS, FIRST_STEP_M, |x, g| {
+    minimise(&mut x, ITERATIONS, FIRST_STEP_M, |x, g| {
         take(&mut spline.points, x);
         gradient.fill(Vec3::zeros());
         let value = cost(wanted, field, &spline, &mut gradient);
@@ -59,7 +58,7 @@ pub fn optimise(wanted: &Wanted, field: &DistanceField, points: &[Vec3], step_s:
         value
     });
     take(&mut spline.points, &x);
-    (spline, least)
+    spline
 }
 
 fn take(points: &mut [Vec3], x: &[f64]) {
@@ -69,7 +68,7 @@ fn take(points: &mut [Vec3], x: &[f64]) {
 }
 
 /// The cost of a spline; its gradient by the control points is added to `gradient`.
-fn cost(wanted: &Wanted, field: &DistanceField, spline: &Spline, gradient: &mut [Vec3]) -> f64 {
+pub(super) fn cost(wanted: &Wanted, field: &DistanceField, spline: &Spline, gradient: &mut [Vec3]) -> f64 {
     smoothness(spline, gradient)
         + limits(wanted, spline, gradient)
         + surroundings(wanted, field, spline, gradient)

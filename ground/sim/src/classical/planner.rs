@@ -20,7 +20,7 @@ pub const ACC_MPS2: f64 = 7.5;
 const SEARCH_M: f64 = 0.45;
 const FLY_M: f64 = 0.33;
 const STRIVE_M: f64 = 0.9;
-/// Where it begins too near to something, a trajectory may be so over this way, m.
+/// Where it begins too near to something, a trajectory may be about as near over this way, m.
 const ESCAPE_M: f64 = 0.6;
 /// Between checks of a trajectory, s.
 const CHECK_S: f64 = 0.04;
@@ -47,17 +47,6 @@ pub struct Aim {
     pub after_s: f64,
 }
 
-/// A goal for the search with what is wanted there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LocalGoal {
-    /// m.
-    pub pos_world: Vec3,
-    /// m/s.
-    pub vel_world: Vec3,
-    /// Not sooner than this, s.
-    pub after_s: f64,
-}
-
 /// The map-based planner.
 #[derive(Clone, Debug, Default)]
 pub struct MapPlanner {
@@ -74,31 +63,26 @@ impl MapPlanner {
 
     /// A way to the goal.
     #[must_use]
-    pub fn search(&self, start: &FlatState, goal: &LocalGoal, speed_mps: f64) -> Option<Path> {
-        let query = Query {
-            start: *start,
-            goal_world: goal.pos_world,
-            speed_mps,
-            acc_mps2: ACC_MPS2,
-            clearance_m: SEARCH_M,
-        };
+    pub fn search(&self, start: &FlatState, goal: &Aim, speed_mps: f64) -> Option<Path> {
+        let query =
+            Query { start: *start, goal_world: goal.pos_world, speed_mps, acc_mps2: ACC_MPS2, clearance_m: SEARCH_M };
         search(&query, &self.map, &self.field)
     }
 
     /// What of an aim can be planned to: within the horizon, and free as far as is known.
     #[must_use]
-    pub fn local_goal(&self, start: &FlatState, aim: &Aim, speed_mps: f64) -> LocalGoal {
+    pub fn local_goal(&self, start: &FlatState, aim: &Aim, speed_mps: f64) -> Aim {
         let line = aim.pos_world - start.pos;
         let distance = line.norm();
         if distance <= HORIZON_M {
             let pos_world = self.freed(start.pos, aim.pos_world);
-            return LocalGoal { pos_world, vel_world: aim.vel_world, after_s: aim.after_s };
+            return Aim { pos_world, ..*aim };
         }
         let pos_world = self.freed(start.pos, start.pos + line * (HORIZON_M / distance));
         // Beyond the horizon it goes on, no faster than it can stop within it.
         let speed = speed_mps.min((ACC_MPS2 * HORIZON_M).sqrt().max(aim.vel_world.norm()));
         let flat = Vec3::new(line.x, line.y, 0.0).try_normalize(1e-6).unwrap_or_default();
-        LocalGoal { pos_world, vel_world: flat * speed, after_s: 0.0 }
+        Aim { pos_world, vel_world: flat * speed, after_s: 0.0 }
     }
 
     /// The goal, or the free place next to it; of places as near, the one nearest to `from`.
@@ -120,9 +104,10 @@ impl MapPlanner {
 
     /// The trajectory along a path; none: none that keeps clear of everything was found.
     #[must_use]
-    pub fn refine(&self, start: &FlatState, goal: &LocalGoal, path: &Path, speed_mps: f64) -> Option<Spline> {
+    pub fn refine(&self, start: &FlatState, goal: &Aim, path: &Path, speed_mps: f64) -> Option<Spline> {
         let duration = path.duration().max(goal.after_s).max(SHORTEST_S);
-        let (end, vel) = if path.reached { (goal.pos_world, goal.vel_world) } else { (path.end(), goal.vel_world * 0.3) };
+        let (end, vel) =
+            if path.reached { (goal.pos_world, goal.vel_world) } else { (path.end(), goal.vel_world * 0.3) };
         let wanted = Wanted {
             start: *start,
             end_world: Some(end),
@@ -133,11 +118,11 @@ impl MapPlanner {
             clearance_m: STRIVE_M,
         };
         let pace = path.duration() / duration;
-        let (mut spline, _) = self.shaped(&wanted, duration, |t| path.at(t * pace));
+        let mut spline = self.shaped(&wanted, duration, |t| path.at(t * pace));
         let excess = excess(&spline, &wanted);
         if excess > TOO_FAST {
             let (points, step_s) = (spline.points.clone(), spline.step_s * excess.min(STRETCH_MAX));
-            spline = optimise(&wanted, &self.field, &points, step_s).0;
+            spline = optimise(&wanted, &self.field, &points, step_s);
         }
         self.is_clear(&spline, 0.0).then_some(spline)
     }
@@ -160,11 +145,10 @@ impl MapPlanner {
             let t = t.min(duration);
             start.pos + start.vel * (t - 0.5 * t * t / duration)
         })
-        .0
     }
 
     /// The optimised spline of a duration that begins as `seed` leads.
-    fn shaped(&self, wanted: &Wanted, duration: f64, seed: impl Fn(f64) -> Vec3) -> (Spline, f64) {
+    fn shaped(&self, wanted: &Wanted, duration: f64, seed: impl Fn(f64) -> Vec3) -> Spline {
         let spans = ((duration / SPAN_S).ceil() as usize).clamp(SPANS[0], SPANS[1]);
         let step_s = duration / spans as f64;
         let points: Vec<Vec3> = (0..spans + 3).map(|i| seed((i as f64 - 1.0) * step_s)).collect();
@@ -175,10 +159,11 @@ impl MapPlanner {
     #[must_use]
     pub fn is_clear(&self, spline: &Spline, after_s: f64) -> bool {
         let begin = spline.at(after_s).0.pos;
+        let least = self.field.sample(&begin).0 - 0.05;
         let checks = ((spline.duration() - after_s).max(0.0) / CHECK_S).ceil() as usize;
         (0..=checks).map(|k| spline.at(after_s + CHECK_S * k as f64).0.pos).all(|at| {
-            let escapes = (at - begin).norm() < ESCAPE_M;
-            escapes || self.field.sample(&at).0 >= FLY_M
+            let distance = self.field.sample(&at).0;
+            distance >= FLY_M || (distance >= least && (at - begin).norm() < ESCAPE_M)
         })
     }
 }

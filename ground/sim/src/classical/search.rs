@@ -86,7 +86,7 @@ const STEP_S: [f64; 2] = [0.2, 0.5];
 /// Accelerations tried along and across the way to the goal, of the most; and upward, m/s², only beside the full ones.
 const LEVELS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 const CLIMBS_MPS2: [f64; 2] = [-2.0, 2.0];
-/// The vehicle may already be too near to something; over this much of its first way it may stay so, m.
+/// The vehicle may already be too near to something; over this much of its first way it may be as near as it is, m.
 const ESCAPE_M: f64 = 0.8;
 /// Edges are checked at points this far apart, m.
 const CHECK_M: f64 = 0.2;
@@ -155,6 +155,8 @@ struct Search<'a> {
     map: &'a Map,
     field: &'a DistanceField,
     accelerations: Vec<Vec3>,
+    /// Distance at the start, m.
+    start_m: f64,
     nodes: Vec<Node>,
     /// The cheapest node of each class of like states.
     known: HashMap<[i16; 6], usize>,
@@ -177,7 +179,8 @@ impl<'a> Search<'a> {
             }
         }
         let (nodes, known, open) = (Vec::new(), HashMap::new(), BinaryHeap::new());
-        Self { query, map, field, accelerations, nodes, known, open }
+        let start_m = field.coarse(&query.start.pos);
+        Self { query, map, field, accelerations, start_m, nodes, known, open }
     }
 
     fn run(mut self) -> Option<Path> {
@@ -239,10 +242,12 @@ impl<'a> Search<'a> {
         for k in 1..=checks as usize {
             let at = leg.at(leg.duration * k as f64 / checks);
             let rise = at.z - query.goal_world.z;
-            let spare = self.field.coarse(&at) - query.clearance_m;
-            let escapes = (at - query.start.pos).norm() < ESCAPE_M;
-            let bound = (-LOWER_M..=HIGHER_M).contains(&rise);
-            if !escapes && (spare < 0.0 || !bound) {
+            let distance = self.field.coarse(&at);
+            let spare = distance - query.clearance_m;
+            let escapes = (at - query.start.pos).norm() < ESCAPE_M && distance >= self.start_m;
+            let lower = (self.query.start.pos.z - query.goal_world.z).min(-LOWER_M);
+            let higher = (self.query.start.pos.z - query.goal_world.z).max(HIGHER_M);
+            if (spare < 0.0 && !escapes) || !(lower..=higher).contains(&rise) {
                 return None;
             }
             let near = (1.0 - spare / COMFORT_M).clamp(0.0, 2.0);
@@ -264,9 +269,10 @@ impl<'a> Search<'a> {
 
     /// No state like it that is as cheap is known.
     fn is_news(&self, node: &Node) -> bool {
-        self.known.get(&self.class(node)).map(|index| &self.nodes[*index]).is_none_or(|known| {
-            !known.closed && known.cost > node.cost
-        })
+        self.known
+            .get(&self.class(node))
+            .map(|index| &self.nodes[*index])
+            .is_none_or(|known| !known.closed && known.cost > node.cost)
     }
 
     /// Takes a state in, unless a cheaper one like it is known.

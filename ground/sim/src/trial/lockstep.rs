@@ -75,12 +75,7 @@ pub(super) struct Lockstep<'a> {
 }
 
 impl<'a> Lockstep<'a> {
-    pub(super) fn new(
-        config: &TrialConfig,
-        vehicle: &Vehicle,
-        scene: &'a Scene,
-        onboard: Box<dyn Pilot + 'a>,
-    ) -> Self {
+    pub(super) fn new(config: &TrialConfig, vehicle: &Vehicle, scene: &'a Scene, onboard: Box<dyn Pilot + 'a>) -> Self {
         let mount = Mount::of(vehicle);
         let parameters = airframe(vehicle);
         let start = scene.vehicle_start(&parameters);

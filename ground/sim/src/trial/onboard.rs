@@ -12,7 +12,7 @@ use super::{Pilot, TrialError};
 use crate::sensor::RgbdImage;
 
 /// From a frame's being there to the plan's being there, s: a network of 3 ms and 2 in reserve.
-const COMPUTE_S: f64 = 0.005;
+pub const POLICY_S: f64 = 0.005;
 
 /// What answers a frame: a policy, or something that stands in for one in a test.
 pub trait Network {
@@ -128,7 +128,7 @@ impl<'a> Onboard<'a> {
 
 impl Pilot for Onboard<'_> {
     fn compute_s(&self) -> f64 {
-        COMPUTE_S
+        POLICY_S
     }
 
     fn take_odometry(&mut self, odometry: &Odometry) {
