@@ -6,6 +6,7 @@
 //! [`pilot`] puts this into the vehicle's own mission.
 
 pub mod distance;
+pub mod guide;
 mod lbfgs;
 pub mod map;
 pub mod optimise;

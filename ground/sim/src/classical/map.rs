@@ -22,7 +22,7 @@ const HIT: i8 = 3;
 const HITS_MAX: u8 = 3;
 const MISS: i8 = 2;
 const OCCUPIED: i8 = 6;
-/// So bounded, what was free for long is seen to be occupied within two frames, and the other way round in ten.
+/// So bounded, what was free for long is seen to be occupied within two frames, and the other way round in a dozen.
 const LEAST: i8 = -8;
 const MOST: i8 = 26;
 

@@ -9,6 +9,7 @@ use goshawk_core::lead::cap;
 use goshawk_core::types::{FlatState, Vec3};
 
 use super::distance::DistanceField;
+use super::guide::Guide;
 use super::map::{Knowledge, Map};
 
 /// What is searched for.
@@ -103,10 +104,12 @@ const OFF_HEIGHT: f64 = 0.4;
 /// Not lower than this below the goal's height, nor higher than this above it, m.
 const LOWER_M: f64 = 0.8;
 const HIGHER_M: f64 = 1.5;
-/// The heuristic's weight: a little greedy.
-const GREED: f64 = 1.2;
+/// The heuristic's weight: greedy, because it leads around obstacles already.
+const GREED: f64 = 1.8;
 /// States that are expanded at most: bounds the time it takes.
 const EXPANSIONS: usize = 500;
+/// Where no way to the goal is known, it counts as this much farther, m.
+const NO_WAY_M: f64 = 3.0;
 /// A path that does not reach the goal must lead at least this much nearer to it, m.
 const PROGRESS_M: f64 = 0.5;
 
@@ -154,6 +157,7 @@ struct Search<'a> {
     query: &'a Query,
     map: &'a Map,
     field: &'a DistanceField,
+    guide: Guide,
     accelerations: Vec<Vec3>,
     /// Distance at the start, m.
     start_m: f64,
@@ -179,30 +183,37 @@ impl<'a> Search<'a> {
             }
         }
         let (nodes, known, open) = (Vec::new(), HashMap::new(), BinaryHeap::new());
+        let guide = Guide::new(field, &query.start.pos, &query.goal_world);
         let start_m = field.coarse(&query.start.pos);
-        Self { query, map, field, accelerations, start_m, nodes, known, open }
+        Self { query, map, field, guide, accelerations, start_m, nodes, known, open }
     }
 
     fn run(mut self) -> Option<Path> {
         let start = &self.query.start;
         self.take(Node { pos: start.pos, vel: start.vel, cost: 0.0, from: None, closed: false });
-        let begun = (self.query.goal_world - start.pos).norm();
+        let begun = self.remaining(&start.pos);
         // Half the longest edge and a little: a goal between two ends is reached.
         let near = 0.6 * EDGE_M.max(STEP_S[0] * self.query.speed_mps);
         let (mut best, mut best_distance) = (None, begun - PROGRESS_M);
         for _ in 0..EXPANSIONS {
             let Some(index) = self.cheapest() else { break };
             let node = self.nodes[index];
-            let distance = (self.query.goal_world - node.pos).norm();
-            if distance < near && node.from.is_some() {
+            if (self.query.goal_world - node.pos).norm() < near && node.from.is_some() {
                 return Some(self.path(index, true));
             }
+            let distance = self.remaining(&node.pos);
             if distance < best_distance {
                 (best, best_distance) = (Some(index), distance);
             }
             self.expand(index);
         }
         best.map(|index| self.path(index, false))
+    }
+
+    /// How far it is from a point to the goal, m.
+    fn remaining(&self, from: &Vec3) -> f64 {
+        let straight = (self.query.goal_world - from).norm();
+        self.guide.remaining_m(from).map_or(straight + NO_WAY_M, |around| around.max(straight))
     }
 
     fn cheapest(&mut self) -> Option<usize> {
@@ -292,7 +303,7 @@ impl<'a> Search<'a> {
                 entry.insert(index);
             }
         }
-        let estimate = node.cost + GREED * (query.goal_world - node.pos).norm() / query.speed_mps.max(node.vel.norm());
+        let estimate = node.cost + GREED * self.remaining(&node.pos) / query.speed_mps.max(node.vel.norm());
         self.nodes.push(node);
         self.open.push(Open { estimate, node: index });
     }
