@@ -19,9 +19,9 @@ use crate::trial::{FRAME_AT_PLANNER_S, Pilot, TrialError};
 /// From a frame's being there to the trajectory's being there, s; for detecting the target the policy's time is added.
 ///
 /// A constant, so that flights are the same on every machine. It records what `cargo bench -p goshawk-sim --bench
-/// classical` measured on one core of a busy 2-core Intel Xeon server (AVX-512): p50 3.3 ms, p99 7.6 ms, of which mapping
-/// 2.5 and 3.4, search 0.5 and 5.0, optimisation 0.2 and 0.4.
-pub const COMPUTE_S: f64 = 0.008;
+/// classical` measured on one core of a busy 2-core Intel Xeon server (AVX-512): p50 4.5 ms, p99 8.9 ms, of which mapping
+/// 2.5 and 3.6, search 1.7 and 5.8, optimisation 0.3 and 0.4; rounded up.
+pub const COMPUTE_S: f64 = 0.010;
 
 /// A new trajectory is planned every so many frames (10 Hz), and whenever the one that is flown is no longer clear.
 const REPLAN_FRAMES: u32 = 3;
