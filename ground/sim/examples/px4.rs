@@ -5,6 +5,7 @@
 //! ```
 
 use goshawk_core::types::{Time, Vec3};
+use goshawk_sim::imu::ImuSample;
 use goshawk_sim::px4::{Px4Config, Px4Udp, VehicleState};
 use goshawk_sim::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
 use std::error::Error;
@@ -43,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             vel_world: state.vel_world,
             world_from_body: state.world_from_body,
             ang_vel_body: state.ang_vel_body,
-            acc_world: state.acc_world,
+            imu: ImuSample::ideal(state),
             on_ground: state.on_ground,
             battery_fraction: quadrotor.battery_fraction(),
             reset_counter: 0,

@@ -2,8 +2,8 @@
 
 use crate::dataset::{DatasetConfig, generate};
 use crate::fly::args::FlyArgs;
-use crate::forest::{ForestConfig, forest};
 use crate::serve::ServeArgs;
+use crate::trial::WorldSource;
 use crate::world_preview::preview;
 use clap::{Args, Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
@@ -35,7 +35,12 @@ pub enum Command {
 
 /// `goshawk-sim world`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  goshawk-sim world --seed 4 --spacing 5 -o forest.png\n  \
+                  goshawk-sim world --world buildings --seed 2\n  goshawk-sim world --world scan.ply")]
 pub struct WorldArgs {
+    /// The world: forest, buildings, or a point cloud (.ply, .pcd).
+    #[arg(long, value_name = "WORLD", default_value = "forest")]
+    world: String,
     /// Seed of the world.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -84,10 +89,18 @@ impl Cli {
 
 impl WorldArgs {
     fn run(self) -> Result<()> {
-        let world = forest(&ForestConfig { spacing_m: self.spacing, ..ForestConfig::default() }, self.seed)?;
+        let world = WorldSource::parse(&self.world, self.spacing)?.draw(self.seed, 40.0)?;
         let shown = self.output.display();
         preview(&world).save(&self.output).wrap_err_with(|| format!("cannot write {shown}"))?;
-        println!("{shown}: {} trees, {} parts", world.trees().len(), world.parts().len());
+        let size = world.max_world() - world.min_world();
+        println!(
+            "{shown}: {}, {:.0} x {:.0} m, {} trees, {} obstacles in all",
+            self.world,
+            size.x,
+            size.y,
+            world.trees().len(),
+            world.parts().len()
+        );
         Ok(())
     }
 }

@@ -15,7 +15,8 @@ pub use voxels::{VOXEL_M, obstacle_voxels};
 use crate::forest::{ForestConfig, forest};
 use crate::person::Person;
 use crate::render::{Camera, Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, SensorConfig, mix};
+use crate::sensor::{RgbdImage, Sensor, mix};
+use crate::sensors::Sensors;
 use crate::world::{World, WorldError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -149,7 +150,7 @@ pub fn scene_world(seed: u64) -> Result<World, WorldError> {
 /// [`DatasetError::NoPlace`] if the world leaves no room.
 pub fn scene_frames(world: &World, scene: usize, frames: usize) -> Result<Vec<LabelledFrame>, DatasetError> {
     let mut renderer = Renderer::new(Camera::default());
-    let mut sensor = Sensor::new(SensorConfig::default());
+    let sensors = Sensors::default();
     let mut ideal = Frame::default();
     (0..frames)
         .map(|frame| {
@@ -172,7 +173,9 @@ pub fn scene_frames(world: &World, scene: usize, frames: usize) -> Result<Vec<La
                     }
                 }
                 let mut image = RgbdImage::default();
-                sensor.capture(&ideal, rng.random(), &mut image);
+                // Another unit for each frame.
+                let mut sensor = Sensor::new(&sensors, renderer.camera(), rng.random());
+                sensor.capture(&ideal, &sample.motion, rng.random(), &mut image);
                 let p = sample.camera.pos_world;
                 let ground_z = world.ground_height(p.x, p.y);
                 return Ok(LabelledFrame { sample, visible, ground_z, image });

@@ -3,6 +3,7 @@
 //! The whole run is planned before it begins, from the world and a seed; [`Evader::at`] then only looks it up. The
 //! turn midway is nevertheless a surprise: until it happens the runner runs as if there were none.
 
+mod course;
 mod field;
 mod pace;
 mod path;
@@ -16,13 +17,16 @@ use thiserror::Error;
 
 use crate::person::{CENTRE_M, Person, PersonLook, PersonPose};
 use crate::world::World;
+pub use course::{Course, CourseError};
 use field::{Field, Point, column_clearance};
 use pace::{Knot, Limits, place, timetable};
 use path::{Path, relax, resample};
 
 /// How a person runs.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EvaderConfig {
+    /// What is run.
+    pub course: Course,
     /// Most speed, m/s; reached where the way is straight enough.
     pub speed_mps: f64,
     /// Most acceleration, all directions together, m/s².
@@ -39,7 +43,7 @@ impl EvaderConfig {
     /// The acceptance's evader at a speed, m/s.
     #[must_use]
     pub fn at_speed(speed_mps: f64) -> Self {
-        Self { speed_mps, acc_mps2: 5.0, margin_m: 0.45, goal_m: 40.0, start_m: [4.0, 6.0] }
+        Self { course: Course::Goal, speed_mps, acc_mps2: 5.0, margin_m: 0.45, goal_m: 40.0, start_m: [4.0, 6.0] }
     }
 }
 
@@ -228,9 +232,14 @@ impl Runner<'_> {
     /// Both legs and when the goal changes.
     fn run(&self, start: Point, rng: &mut ChaCha8Rng) -> Option<(Leg, Leg, f64)> {
         let rest = Knot { time_s: 0.0, arc_m: 0.0, parameter: 0.0, speed_mps: 0.0 };
+        if let Some(points) = self.config.course.points(self.vehicle.xy(), self.heading_rad) {
+            let goals: Vec<Point> = points.iter().filter_map(|p| self.free_near(p)).collect();
+            let whole = self.leg(&[start], &goals, rest)?;
+            return Some((whole.clone(), whole, 0.0));
+        }
         let before = (0..20).find_map(|_| {
             let goal = self.ahead(self.config.goal_m, rng.random_range(-0.3..0.3));
-            self.leg(&[start], goal, rest)
+            self.leg(&[start], &[goal], rest)
         })?;
         let length = before.knots[before.knots.len() - 1].arc_m;
         let switch_arc = length * rng.random_range(0.35..0.6);
@@ -248,7 +257,7 @@ impl Runner<'_> {
                 let angle = self.heading_rad + turn;
                 let goal = at + Point::new(angle.cos(), angle.sin()) * left;
                 let elsewhere = (goal - before.path.at(before.path.end()).0).norm() > 5.0;
-                if let Some(after) = elsewhere.then(|| self.leg(head, goal, switch)).flatten() {
+                if let Some(after) = elsewhere.then(|| self.leg(head, &[goal], switch)).flatten() {
                     return Some((before, after, switch.time_s));
                 }
             }
@@ -257,13 +266,33 @@ impl Runner<'_> {
         None
     }
 
-    /// From the end of `head` (control points that are kept) to a goal, entered at `from`: the quickest of several
-    /// smoothings that keep the margin.
-    fn leg(&self, head: &[Point], goal: Point, from: Knot) -> Option<Leg> {
-        if !self.world.contains_xy(goal.x, goal.y, 1.5) {
+    /// The nearest place to a point where the runner has room, within 3 m.
+    fn free_near(&self, at: &Point) -> Option<Point> {
+        (0..=12).find_map(|ring| {
+            let radius = 0.25 * f64::from(ring);
+            (0..16).find_map(|turn| {
+                let angle = std::f64::consts::TAU * f64::from(turn) / 16.0;
+                let place = at + Point::new(angle.cos(), angle.sin()) * radius;
+                let free = self.world.contains_xy(place.x, place.y, 1.5)
+                    && column_clearance(self.world, &place) > self.way_margin() + 0.1;
+                free.then_some(place)
+            })
+        })
+    }
+
+    /// From the end of `head` (control points that are kept) by way of all `goals`, entered at `from`: the quickest of
+    /// several smoothings that keep the margin.
+    fn leg(&self, head: &[Point], goals: &[Point], from: Knot) -> Option<Leg> {
+        let mut way = vec![head[head.len() - 1]];
+        for goal in goals {
+            if !self.world.contains_xy(goal.x, goal.y, 1.5) {
+                return None;
+            }
+            way.extend(self.field.way(&way[way.len() - 1], goal, self.way_margin())?.into_iter().skip(1));
+        }
+        if way.len() < 2 {
             return None;
         }
-        let way = self.field.way(&head[head.len() - 1], &goal, self.way_margin())?;
         let mut control = head.to_vec();
         control.extend(resample(&way).into_iter().skip(1));
         [(2000.0, 0.25), (400.0, 0.2), (60.0, 0.2), (10.0, 0.15), (2.0, 0.1), (0.3, 0.1)]
@@ -286,4 +315,10 @@ impl Runner<'_> {
             column_clearance(self.world, &at) >= self.config.margin_m + 0.02
         })
     }
+}
+
+/// Whether a body of `margin_m` can get from one place to another over the ground, both in the world frame.
+#[must_use]
+pub fn reachable(world: &World, from_world: &Vec3, to_world: &Vec3, margin_m: f64) -> bool {
+    Field::new(world).way(&from_world.xy(), &to_world.xy(), margin_m).is_some()
 }

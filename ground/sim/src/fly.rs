@@ -15,15 +15,17 @@ use goshawk_proto::v1;
 use rayon::prelude::*;
 use thiserror::Error;
 
+use crate::evader::Course;
 use crate::sensor::mix;
+use crate::sensors::Sensors;
 use crate::trial::airframe::Mount;
-use crate::trial::{Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, fly_trial};
+use crate::trial::{Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial};
 use log::{FlightLog, LogError};
 use report::{Cell, CellConfig, Report, Timing};
 pub use table::table;
 
 /// What to fly.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Campaign {
     /// Which software flies.
     pub pilot: PilotKind,
@@ -31,8 +33,10 @@ pub struct Campaign {
     pub task: Task,
     /// A cell for each, m/s.
     pub speeds_mps: Vec<f64>,
-    /// And for each spacing, m.
-    pub spacings_m: Vec<f64>,
+    /// And for each world.
+    pub worlds: Vec<WorldSource>,
+    /// Track: what the evader runs.
+    pub course: Course,
     /// Flights in each cell.
     pub trials: usize,
     /// Everything is drawn from it.
@@ -43,6 +47,10 @@ pub struct Campaign {
     pub speed_ratio: f64,
     /// Height of the flight above the start, m.
     pub height_m: f64,
+    /// Camera and odometry.
+    pub sensors: Sensors,
+    /// How far each airframe is from the vehicle file: relative standard deviation of its parameters.
+    pub spread: f64,
     /// Flights at once.
     pub threads: usize,
     /// Log each flight into this folder.
@@ -53,14 +61,14 @@ pub struct Campaign {
 #[derive(Debug, Error)]
 pub enum CampaignError {
     /// A flight cannot be flown at all.
-    #[error("{task} at {speed_mps} m/s, spacing {spacing_m} m, trial {trial}: {source}")]
+    #[error("{task} at {speed_mps} m/s, {world}, trial {trial}: {source}")]
     Trial {
         /// Its cell.
         task: &'static str,
         /// Its cell.
         speed_mps: f64,
         /// Its cell.
-        spacing_m: f64,
+        world: String,
         /// Its number.
         trial: usize,
         /// Why.
@@ -134,14 +142,14 @@ impl Campaign {
     }
 
     fn cells(&self) -> Vec<CellConfig> {
-        let cell = |speed_mps, spacing_m| CellConfig {
+        let cell = |speed_mps, world: &WorldSource| CellConfig {
             pilot: self.pilot,
             task: self.task,
             speed_mps,
-            spacing_m,
+            world: world.clone(),
             wind_mps: self.wind_mps,
         };
-        self.spacings_m.iter().flat_map(|m| self.speeds_mps.iter().map(move |v| cell(*v, *m))).collect()
+        self.worlds.iter().flat_map(|w| self.speeds_mps.iter().map(move |v| cell(*v, w))).collect()
     }
 
     fn fly(
@@ -157,18 +165,22 @@ impl Campaign {
             speed_mps: cell.speed_mps,
             speed_ratio: self.speed_ratio,
             height_m: self.height_m,
-            spacing_m: cell.spacing_m,
+            world: cell.world.clone(),
+            course: self.course.clone(),
             wind_mps: cell.wind_mps,
+            sensors: self.sensors,
+            spread: self.spread,
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };
         let network = network.map(|network| network as &mut dyn Network);
-        let (task, speed_mps, spacing_m) = (report::task_name(cell.task), cell.speed_mps, cell.spacing_m);
-        let failed = |why| CampaignError::Trial { task, speed_mps, spacing_m, trial, source: Box::new(why) };
+        let (task, speed_mps) = (report::task_name(cell.task), cell.speed_mps);
+        let world = cell.label();
+        let failed = |why| CampaignError::Trial { task, speed_mps, world: world.clone(), trial, source: Box::new(why) };
         let Some((folder, header)) = &self.log else {
             return fly_trial(&config, vehicle, network, &mut Unwatched).map_err(failed);
         };
-        let path = folder.join(format!("{task}-{speed_mps}mps-{spacing_m}m-{trial:03}.mcap"));
+        let path = folder.join(format!("{task}-{speed_mps}mps-{world}-{trial:03}.mcap"));
         let header = v1::LogHeader { profile: format!("{task} {speed_mps} m/s"), ..header.clone() };
         let mut log = FlightLog::create(&path, Mount::of(vehicle).camera, &header)?;
         let flight = fly_trial(&config, vehicle, network, &mut log).map_err(failed)?;

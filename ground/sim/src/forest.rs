@@ -78,6 +78,7 @@ pub fn forest(config: &ForestConfig, seed: u64) -> Result<World, WorldError> {
         min_xy: min,
         max_xy: max,
         start_xy: config.start_xy,
+        start_heading_rad: 0.0,
         ground,
         parts: grown.parts,
         trees: grown.trees,
@@ -263,6 +264,7 @@ fn intrudes(shape: &Shape, config: &ForestConfig, ground: &Ground) -> bool {
             }
             (s.centre.x - sx).hypot(s.centre.y - sy) - s.radius_xy
         }
+        Shape::Cuboid(c) => (c.centre.x - sx).hypot(c.centre.y - sy) - c.half.xy().norm(),
     };
     nearest < config.start_clear_m
 }

@@ -16,7 +16,7 @@ pub const BODY_PARTS: usize = 20;
 /// Size and clothes; colours in linear light, 0..1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PersonLook {
-    /// Of the 1.75 m body, 0.95..1.05.
+    /// Of the 1.75 m body, 0.9..1.1.
     pub scale: f64,
     /// Thickness of limbs and torso against the usual, 0.85..1.2.
     pub girth: f64,
@@ -42,7 +42,7 @@ impl PersonLook {
         let skins = [[0.62, 0.42, 0.32], [0.50, 0.32, 0.22], [0.36, 0.21, 0.13], [0.16, 0.09, 0.06]];
         let hairs = [[0.03, 0.02, 0.02], [0.10, 0.06, 0.03], [0.30, 0.22, 0.10], [0.35, 0.34, 0.33], [0.4, 0.06, 0.05]];
         Self {
-            scale: rng.random_range(0.95..1.05),
+            scale: rng.random_range(0.9..1.1),
             girth: rng.random_range(0.85..1.2),
             shirt: cloth(0.75, rng),
             trousers: cloth(0.35, rng),

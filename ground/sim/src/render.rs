@@ -16,7 +16,7 @@ pub use camera::{Camera, CameraPose};
 use crate::person::Person;
 use crate::world::{Shape, World};
 use camera::Rays;
-use raster::{Canvas, ViewCone, ViewSpheroid};
+use raster::{Canvas, ViewCone, ViewCuboid, ViewSpheroid};
 
 /// Parts that begin beyond this distance from the camera are not drawn, m.
 pub const RANGE_M: f32 = 30.0;
@@ -40,6 +40,10 @@ pub enum Class {
     Foliage = 4,
     /// The target.
     Person = 5,
+    /// Walls, ceilings, furniture.
+    Building = 6,
+    /// A scanned surface.
+    Scan = 7,
 }
 
 /// One ideal image: row-major from the top left, no sensor effects.
@@ -83,13 +87,15 @@ pub struct Renderer {
     camera: Camera,
     rays: Rays,
     ids: Vec<u32>,
+    linear: Vec<f32>,
 }
 
 impl Renderer {
     /// A renderer for images of `camera`.
     #[must_use]
     pub fn new(camera: Camera) -> Self {
-        Self { rays: Rays::new(&camera), ids: vec![ID_NONE; camera.width * camera.height], camera }
+        let pixels = camera.width * camera.height;
+        Self { rays: Rays::new(&camera), ids: vec![ID_NONE; pixels], linear: vec![0.0; 3 * pixels], camera }
     }
 
     /// The camera that it draws for.
@@ -124,11 +130,12 @@ impl Renderer {
                 // A trunk's lower cap lies in the ground.
                 Shape::Cone(c) => canvas.cone(&ViewCone::new(c, pose), id, part.kind != crate::world::Kind::Trunk),
                 Shape::Spheroid(s) => canvas.spheroid(&ViewSpheroid::new(s, pose), id),
+                Shape::Cuboid(c) => canvas.cuboid(&ViewCuboid::new(c, pose), id),
             }
         }
         ground::draw(world.ground(), pose, &mut canvas);
         frame.person_pixels_visible = count_person(canvas.ids);
-        shade::shade(world, body.as_ref(), pose, &self.rays, &self.ids, frame);
+        shade::shade(world, body.as_ref(), pose, &self.rays, &self.ids, &mut self.linear, frame);
     }
 }
 

@@ -16,14 +16,17 @@ use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, ensure};
 use goshawk_air::clock;
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{NormalisedThrust, Time, Vec3};
+use goshawk_core::types::{NormalisedThrust, Rot, Time, Vec3};
 
+use crate::evader::Course;
+use crate::imu::Imu;
 use crate::px4::{Px4Config, Px4Udp, VehicleState};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::sensor::mix;
+use crate::sensors::{SensorArgs, Sensors};
 use crate::trial::airframe::airframe;
-use crate::trial::estimator::{Estimator, EstimatorConfig};
-use crate::trial::{Scene, SceneConfig};
+use crate::trial::estimator::Estimator;
+use crate::trial::{Scene, SceneConfig, WorldSource};
 use camera::{Camera, Exposure};
 use session::Session;
 use watch::Watch;
@@ -34,6 +37,8 @@ const STEP_NS: u64 = 1_000_000;
 const BATCH_STEPS: u64 = 2;
 const ESTIMATE_STEPS: u64 = 10;
 const WIND_STEPS: u64 = 10;
+/// The IMU averages over this long, as it is streamed, s.
+const IMU_PERIOD_S: f64 = 0.008;
 const WATCH_STEPS: u64 = 5;
 const TRUTH_STEPS: u64 = 50;
 /// Behind the wall clock by more than this, the simulation lets time go instead of racing after it.
@@ -56,6 +61,12 @@ pub struct ServeArgs {
     /// Most speed of the evader, m/s.
     #[arg(long, value_name = "MPS", default_value_t = 3.0)]
     speed: f64,
+    /// The world: forest, buildings, or a point cloud (.ply, .pcd).
+    #[arg(long, value_name = "WORLD", default_value = "forest")]
+    world: String,
+    /// What the evader runs: goal, eight, or a CSV file of waypoints (x,y in m ahead and left).
+    #[arg(long, value_name = "COURSE", default_value = "goal")]
+    course: String,
     /// How far ahead of the vehicle the evader's goal is, m.
     #[arg(long, value_name = "M", default_value_t = 40.0)]
     distance: f64,
@@ -74,6 +85,8 @@ pub struct ServeArgs {
     /// What gusts reach, m/s.
     #[arg(long, value_name = "MPS", default_value_t = 0.0)]
     wind: f64,
+    #[command(flatten)]
+    sensors: SensorArgs,
     /// End by itself after so long, s.
     #[arg(long, value_name = "S")]
     exit_after: Option<f64>,
@@ -97,24 +110,25 @@ impl ServeArgs {
             );
         }
         let vehicle = Vehicle::load(&self.vehicle_file)?;
+        let sensors = self.sensors.load()?;
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop)).wrap_err("cannot handle signals")?;
         }
         let scene = Arc::new(Scene::new(&SceneConfig {
             seed: self.seed,
-            spacing_m: self.spacing,
+            world: WorldSource::parse(&self.world, self.spacing)?,
             distance_m: self.distance,
-            evader_mps: Some(self.speed),
+            evader: Some((Course::parse(&self.course)?, self.speed)),
         })?);
         let mut session = Session::dial(&vehicle.name, &self.connect, &scene)?;
-        let camera = Camera::start(&session, &vehicle, &scene, self.seed, Arc::clone(&stop))?;
-        let mut simulation = Simulation::new(&self, &vehicle, &scene)?;
+        let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, Arc::clone(&stop))?;
+        let mut simulation = Simulation::new(&self, &vehicle, &sensors, &scene)?;
         println!(
-            "seed {}: {} trees {} m apart, the target runs {} m at up to {} m/s; vehicle at {}, autopilot to UDP {}",
+            "seed {}, {} ({} obstacles): the target runs {} m at up to {} m/s; vehicle at {}, autopilot to UDP {}",
             self.seed,
-            scene.world.trees().len(),
-            self.spacing,
+            self.world,
+            scene.world.parts().len(),
             self.distance,
             self.speed,
             self.connect,
@@ -132,6 +146,15 @@ impl ServeArgs {
     }
 }
 
+/// How the state estimate errs.
+#[derive(Clone, Copy, Debug, Default)]
+struct Misbelief {
+    pos_world: Vec3,
+    vel_world: Vec3,
+    turn_world: Rot,
+    jumps: u8,
+}
+
 struct Simulation<'a> {
     scene: &'a Scene,
     quad: Quadrotor,
@@ -140,8 +163,9 @@ struct Simulation<'a> {
     wind: Wind,
     wind_world: Vec3,
     estimator: Estimator,
-    /// What the autopilot believes minus the truth: position and velocity.
-    error: (Vec3, Vec3),
+    imu: Imu,
+    /// The newest estimate less the truth of its time.
+    error: Misbelief,
     watch: Watch,
     /// The simulated instant; follows the monotonic clock.
     now: Time,
@@ -154,7 +178,7 @@ struct Simulation<'a> {
 }
 
 impl<'a> Simulation<'a> {
-    fn new(args: &ServeArgs, vehicle: &Vehicle, scene: &'a Scene) -> Result<Self> {
+    fn new(args: &ServeArgs, vehicle: &Vehicle, sensors: &Sensors, scene: &'a Scene) -> Result<Self> {
         let parameters = airframe(vehicle);
         let start = scene.vehicle_start(&parameters);
         let mut mavlink = vehicle.autopilot.bind;
@@ -167,13 +191,14 @@ impl<'a> Simulation<'a> {
         let now = clock::now();
         Ok(Self {
             scene,
-            quad: Quadrotor::new(parameters, start, 0.0),
+            quad: Quadrotor::new(parameters, start, scene.world.start_heading_rad()),
             px4: Px4Udp::open(config, here, Some(mavlink))?,
             mavlink,
             wind: Wind::new(args.wind, mix(args.seed, 12)),
             wind_world: Vec3::zeros(),
-            estimator: Estimator::new(EstimatorConfig::default(), mix(args.seed, 11)),
-            error: (Vec3::zeros(), Vec3::zeros()),
+            estimator: Estimator::new(sensors.odometry, mix(args.seed, 11)),
+            imu: Imu::new(sensors.imu, mix(args.seed, 15)),
+            error: Misbelief::default(),
             watch: Watch::default(),
             now,
             step: 0,
@@ -203,14 +228,20 @@ impl<'a> Simulation<'a> {
     fn advance(&mut self, session: &mut Session, camera: &Camera) {
         let world = &self.scene.world;
         if self.step.is_multiple_of(WIND_STEPS) {
-            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S);
+            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
         if self.step.is_multiple_of(ESTIMATE_STEPS) {
             let truth = self.quad.state();
             let estimate = self.estimator.estimate(self.now, truth);
-            self.error = (estimate.pos_world - truth.pos_world, estimate.vel_world - truth.vel_world);
+            self.error = Misbelief {
+                pos_world: estimate.pos_world - truth.pos_world,
+                vel_world: estimate.vel_world - truth.vel_world,
+                turn_world: estimate.world_from_body * truth.world_from_body.inverse(),
+                jumps: estimate.reset_counter as u8, // MAVLink counts modulo 256
+            };
         }
-        let output = self.px4.poll(self.now, &self.sensed());
+        let sensed = self.sensed();
+        let output = self.px4.poll(self.now, &sensed);
         self.quad.step(STEP_S, output.demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
         self.release_the_evader();
         let since = self.running_for();
@@ -227,17 +258,17 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    fn sensed(&self) -> VehicleState {
+    fn sensed(&mut self) -> VehicleState {
         let truth = self.quad.state();
         VehicleState {
-            pos_world: truth.pos_world + self.error.0,
-            vel_world: truth.vel_world + self.error.1,
-            world_from_body: truth.world_from_body,
+            pos_world: truth.pos_world + self.error.pos_world,
+            vel_world: truth.vel_world + self.error.vel_world,
+            world_from_body: self.error.turn_world * truth.world_from_body,
             ang_vel_body: truth.ang_vel_body,
-            acc_world: truth.acc_world,
+            imu: self.imu.measure(truth, IMU_PERIOD_S),
             on_ground: truth.on_ground,
             battery_fraction: self.quad.battery_fraction(),
-            reset_counter: 0,
+            reset_counter: self.error.jumps,
         }
     }
 

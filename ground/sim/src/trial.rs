@@ -18,13 +18,14 @@ use goshawk_proto::v1;
 use thiserror::Error;
 
 use crate::classical::Classical;
-use crate::evader::{EvaderError, EvaderState};
+use crate::evader::{Course, EvaderError, EvaderState};
 use crate::quadrotor::QuadrotorState;
 use crate::sensor::RgbdImage;
+use crate::sensors::Sensors;
 use crate::world::WorldError;
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
-pub use scene::{Scene, SceneConfig};
+pub use scene::{Scene, SceneConfig, WorldSource};
 
 /// Why a flight cannot be flown at all. A flight that ends badly is no error.
 #[derive(Debug, Error)]
@@ -32,6 +33,9 @@ pub enum TrialError {
     /// The forest.
     #[error(transparent)]
     World(#[from] WorldError),
+    /// There is no free place to start from, or no way to any goal.
+    #[error("no room in this world to fly from a start to a goal: give a larger world, or another --seed")]
+    NoRoom,
     /// Nobody can run in it.
     #[error(transparent)]
     Evader(#[from] EvaderError),
@@ -88,7 +92,7 @@ pub trait Pilot {
 }
 
 /// One flight.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct TrialConfig {
     /// Which software flies.
     pub pilot: PilotKind,
@@ -100,10 +104,16 @@ pub struct TrialConfig {
     pub speed_ratio: f64,
     /// Height of the flight above the start, m.
     pub height_m: f64,
-    /// Mean spacing of the trees, m.
-    pub spacing_m: f64,
+    /// Where.
+    pub world: WorldSource,
+    /// Track: what the evader runs.
+    pub course: Course,
     /// What the wind's gusts reach, m/s; 0: still air.
     pub wind_mps: f64,
+    /// Camera and odometry.
+    pub sensors: Sensors,
+    /// How far the airframe is from the vehicle file: relative standard deviation of its parameters.
+    pub spread: f64,
     /// Everything random is drawn from it.
     pub seed: u64,
 }
@@ -189,7 +199,8 @@ pub fn fly_trial(
     network: Option<&mut dyn Network>,
     witness: &mut dyn Witness,
 ) -> Result<Flight, TrialError> {
-    let scene = Scene::new(&SceneConfig::of_task(config.task, config.speed_mps, config.spacing_m, config.seed))?;
+    let (world, course) = (config.world.clone(), config.course.clone());
+    let scene = Scene::new(&SceneConfig::of_task(config.task, config.speed_mps, world, course, config.seed))?;
     let mount = airframe::Mount::of(vehicle);
     let pilot: Box<dyn Pilot> = match (config.pilot, network) {
         (PilotKind::Policy, Some(network)) => Box::new(Onboard::new(vehicle, &mount, network)?),

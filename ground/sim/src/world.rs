@@ -13,7 +13,7 @@ mod shape;
 pub use cast::{Hit, Surface};
 pub use ground::Ground;
 pub use look::Look;
-pub use shape::{RoundCone, Shape, Spheroid};
+pub use shape::{Cuboid, RoundCone, Shape, Spheroid};
 
 use goshawk_core::types::Vec3;
 use goshawk_proto::v1;
@@ -48,6 +48,10 @@ pub enum Kind {
     Branch,
     /// Leaves: canopy, low foliage, bushes.
     Foliage,
+    /// Walls, ceilings, furniture.
+    Building,
+    /// A voxel of a scanned point cloud.
+    Scan,
 }
 
 /// One solid part of the world.
@@ -87,6 +91,8 @@ pub struct WorldParts {
     pub max_xy: [f64; 2],
     /// Where the vehicle starts, m.
     pub start_xy: [f64; 2],
+    /// What it looks along at first, from east to north, rad.
+    pub start_heading_rad: f64,
     /// The height field.
     pub ground: Ground,
     /// All solid parts.
@@ -150,6 +156,19 @@ impl World {
     pub fn start_world(&self) -> Vec3 {
         let [x, y] = self.from.start_xy;
         Vec3::new(x, y, self.ground_height(x, y))
+    }
+
+    /// What the vehicle looks along at its start, from east to north, rad.
+    #[must_use]
+    pub fn start_heading_rad(&self) -> f64 {
+        self.from.start_heading_rad
+    }
+
+    /// The same world with another start.
+    #[must_use]
+    pub fn started_at(mut self, start_xy: [f64; 2], start_heading_rad: f64) -> Self {
+        (self.from.start_xy, self.from.start_heading_rad) = (start_xy, start_heading_rad);
+        self
     }
 
     /// The height field.

@@ -2,7 +2,8 @@
 
 use crate::person::{Person, PersonLook, PersonPose};
 use crate::render::{Camera, CameraPose, Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, SensorConfig};
+use crate::sensor::{Motion, RgbdImage, Sensor};
+use crate::sensors::Sensors;
 use crate::world::{Kind, Shape, World};
 use goshawk_core::types::{Rot, Vec3};
 use image::{Rgb, RgbImage};
@@ -19,9 +20,10 @@ pub fn preview(world: &World) -> RgbImage {
     let start = world.start_world();
     let camera = CameraPose {
         pos_world: start + Vec3::new(0.0, 0.0, 1.5),
-        world_from_cam: Rot::from_euler_angles(0.0, -0.05, 0.0),
+        world_from_cam: Rot::from_euler_angles(0.0, -0.05, world.start_heading_rad()),
     };
-    let person = ahead(world, start.x + 4.5, start.y + 0.8);
+    let beside = camera.world_from_cam * Vec3::new(4.5, 0.8, 0.0);
+    let person = ahead(world, start.x + beside.x, start.y + beside.y);
     let wide = Camera { width: 640, height: 384, ..Camera::default() };
     let mut frame = Frame::default();
     Renderer::new(wide).render(world, Some(&person), &camera, &mut frame);
@@ -29,7 +31,12 @@ pub fn preview(world: &World) -> RgbImage {
 
     let mut image = RgbdImage::default();
     Renderer::new(Camera::default()).render(world, Some(&person), &camera, &mut frame);
-    Sensor::new(SensorConfig::default()).capture(&frame, world.seed(), &mut image);
+    Sensor::new(&Sensors::default(), &Camera::default(), world.seed()).capture(
+        &frame,
+        &Motion::still(),
+        world.seed(),
+        &mut image,
+    );
     let small = rgb_image(image.width, image.height, &image.rgb);
     let depth = depth_image(&image);
     let zoom = |i: &RgbImage| image::imageops::resize(i, 320, 192, image::imageops::FilterType::Nearest);
@@ -82,20 +89,32 @@ fn map(world: &World) -> RgbImage {
         let rise = ((world.ground_height(x, y) - low) / (high - low).max(0.01)) as f32;
         Rgb([150.0, 140.0, 120.0].map(|c: f32| (c * (0.75 + 0.45 * rise)) as u8))
     });
-    let mut disc = |x: f64, y: f64, radius: f64, colour: [u8; 3]| {
-        let (cu, cv, r) = ((x - min.x) * MAP_SCALE, (max.y - y) * MAP_SCALE, (radius * MAP_SCALE).max(0.7));
-        for v in (cv - r).floor().max(0.0) as u32..((cv + r).ceil().max(0.0) as u32).min(size.1 as u32) {
-            for u in (cu - r).floor().max(0.0) as u32..((cu + r).ceil().max(0.0) as u32).min(size.0 as u32) {
-                if (f64::from(u) + 0.5 - cu).hypot(f64::from(v) + 0.5 - cv) <= r {
+    // Colours the pixels within `reach` m of (x, y) in which `inside` holds, by their offset from (x, y) in m.
+    let mut stamp = |x: f64, y: f64, reach: f64, colour: [u8; 3], inside: &dyn Fn(f64, f64) -> bool| {
+        let (cu, cv, r) = ((x - min.x) * MAP_SCALE, (max.y - y) * MAP_SCALE, reach * MAP_SCALE);
+        for v in (cv - r).floor().max(0.0) as u32..((cv + r).ceil().max(0.0) as u32).min(map.height()) {
+            for u in (cu - r).floor().max(0.0) as u32..((cu + r).ceil().max(0.0) as u32).min(map.width()) {
+                if inside((f64::from(u) + 0.5 - cu) / MAP_SCALE, (cv - f64::from(v) - 0.5) / MAP_SCALE) {
                     map.put_pixel(u, v, Rgb(colour));
                 }
             }
         }
     };
+    let round = |radius: f64| radius.max(0.7 / MAP_SCALE);
     for part in world.parts() {
         match &part.shape {
-            Shape::Spheroid(s) if s.centre.z < 3.6 => disc(s.centre.x, s.centre.y, s.radius_xy, [70, 120, 60]),
-            Shape::Spheroid(_) => {}
+            Shape::Spheroid(s) if s.centre.z < 3.6 => {
+                let radius = round(s.radius_xy);
+                stamp(s.centre.x, s.centre.y, radius, [70, 120, 60], &|dx, dy| dx.hypot(dy) <= radius);
+            }
+            Shape::Cuboid(c) if c.centre.z - c.half.z < world.ground_height(c.centre.x, c.centre.y) + 2.0 => {
+                let shade = part.tint.map(|t| 40 + (90.0 * t) as u8);
+                stamp(c.centre.x, c.centre.y, c.half.xy().norm(), shade, &|dx, dy| {
+                    let at = c.turn_in(&Vec3::new(dx, dy, 0.0)).abs();
+                    at.x <= c.half.x && at.y <= c.half.y
+                });
+            }
+            Shape::Spheroid(_) | Shape::Cuboid(_) => {}
             Shape::Cone(c) => {
                 let colour = if part.kind == Kind::Trunk { [60, 40, 25] } else { [100, 75, 55] };
                 let steps = ((c.b - c.a).norm() * 8.0).ceil() as usize;
@@ -103,13 +122,14 @@ fn map(world: &World) -> RgbImage {
                     let f = i as f64 / steps as f64;
                     let p = c.a.lerp(&c.b, f);
                     if p.z < 4.0 {
-                        disc(p.x, p.y, c.radius_a + (c.radius_b - c.radius_a) * f, colour);
+                        let radius = round(c.radius_a + (c.radius_b - c.radius_a) * f);
+                        stamp(p.x, p.y, radius, colour, &|dx, dy| dx.hypot(dy) <= radius);
                     }
                 }
             }
         }
     }
     let start = world.start_world();
-    disc(start.x, start.y, 0.3, [230, 60, 40]);
+    stamp(start.x, start.y, 0.3, [230, 60, 40], &|dx, dy| dx.hypot(dy) <= 0.3);
     map
 }

@@ -3,7 +3,9 @@
 
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::Task;
-use goshawk_sim::trial::{Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, fly_trial};
+use goshawk_sim::evader::Course;
+use goshawk_sim::sensors::Sensors;
+use goshawk_sim::trial::{Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial};
 use std::path::Path;
 
 fn fly(task: Task) -> Result<Flight, TrialError> {
@@ -14,8 +16,11 @@ fn fly(task: Task) -> Result<Flight, TrialError> {
         speed_mps: 3.0,
         speed_ratio: 2.8,
         height_m: 1.5,
-        spacing_m: 6.0,
+        world: WorldSource::Forest { spacing_m: 6.0 },
+        course: Course::Goal,
         wind_mps: 1.0,
+        sensors: Sensors::default(),
+        spread: 0.0,
         seed: 2,
     };
     fly_trial(&config, &Vehicle::load(&file).unwrap(), None, &mut Unwatched)

@@ -5,8 +5,12 @@ use goshawk_air::config::Vehicle;
 use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_core::{Cause, Mode};
 use goshawk_policy::{Contract, PolicyError};
+use goshawk_sim::evader::Course;
 use goshawk_sim::fly::{Campaign, MakeNetwork};
-use goshawk_sim::trial::{Contact, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, fly_trial};
+use goshawk_sim::sensors::Sensors;
+use goshawk_sim::trial::{
+    Contact, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial,
+};
 use std::path::Path;
 
 fn vehicle() -> Vehicle {
@@ -91,8 +95,19 @@ impl Network for Constant {
 }
 
 fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialConfig {
-    let pilot = PilotKind::Policy;
-    TrialConfig { pilot, task, speed_mps, speed_ratio: 2.5, height_m: 1.5, spacing_m, wind_mps: 0.0, seed }
+    TrialConfig {
+        pilot: PilotKind::Policy,
+        task,
+        speed_mps,
+        speed_ratio: 2.5,
+        height_m: 1.5,
+        world: WorldSource::Forest { spacing_m },
+        course: Course::Goal,
+        wind_mps: 0.0,
+        sensors: Sensors::default(),
+        spread: 0.0,
+        seed,
+    }
 }
 
 fn fly(config: &TrialConfig, network: &mut dyn Network) -> Flight {
@@ -140,7 +155,13 @@ fn a_network_of_nan_is_no_flight_but_no_panic_either() {
 fn wind_and_speed_do_not_change_the_forest() {
     let end = |wind_mps, speed| {
         let config = TrialConfig { wind_mps, ..config(Task::Navigate, speed, 7.0, 3) };
-        let scene = goshawk_sim::trial::SceneConfig::of_task(config.task, config.speed_mps, 7.0, config.seed);
+        let scene = goshawk_sim::trial::SceneConfig::of_task(
+            config.task,
+            config.speed_mps,
+            config.world.clone(),
+            Course::Goal,
+            config.seed,
+        );
         goshawk_sim::trial::Scene::new(&scene).unwrap().world.trees().to_vec()
     };
     assert_eq!(end(0.0, 3.0), end(5.0, 8.0));
@@ -153,12 +174,15 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             pilot: PilotKind::Policy,
             task: Task::Navigate,
             speeds_mps: vec![3.0, 5.0],
-            spacings_m: vec![7.0],
+            worlds: vec![WorldSource::Forest { spacing_m: 7.0 }],
+            course: Course::Goal,
             trials: 2,
             seed: 5,
             wind_mps: 3.0,
             speed_ratio: 2.5,
             height_m: 1.5,
+            sensors: Sensors::default(),
+            spread: 0.0,
             threads,
             log: None,
         };

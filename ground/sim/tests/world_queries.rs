@@ -1,10 +1,20 @@
 //! The world answers exactly: against brute force, against the Poisson law, and around the start.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 use goshawk_core::types::Vec3;
+use goshawk_sim::buildings::{BuildingsConfig, buildings};
 use goshawk_sim::forest::{ForestConfig, START_CLEAR_HEIGHT_M, forest};
 use goshawk_sim::world::{CLEARANCE_CAP_M, Surface, World, WorldError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+/// A forest of a spacing, and buildings.
+fn worlds(spacing_m: f64, seed: u64) -> [World; 2] {
+    [
+        forest(&ForestConfig { spacing_m, ..ForestConfig::default() }, seed).unwrap(),
+        buildings(&BuildingsConfig::default(), seed).unwrap(),
+    ]
+}
 
 fn place(rng: &mut ChaCha8Rng) -> Vec3 {
     Vec3::new(rng.random_range(-3.0..73.0), rng.random_range(-28.0..28.0), rng.random_range(-0.5..11.0))
@@ -18,11 +28,12 @@ fn brute_clearance(world: &World, p: &Vec3) -> f64 {
 fn clearance_is_the_smallest_distance_to_any_part() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     for (seed, spacing_m) in [(1, 4.0), (2, 12.0)] {
-        let world = forest(&ForestConfig { spacing_m, ..ForestConfig::default() }, seed).unwrap();
-        for _ in 0..3000 {
-            let p = place(&mut rng);
-            let (fast, brute) = (world.clearance(&p), brute_clearance(&world, &p));
-            assert!((fast - brute).abs() < 1e-9, "{p:?}: {fast} against {brute}");
+        for world in worlds(spacing_m, seed) {
+            for _ in 0..3000 {
+                let p = place(&mut rng);
+                let (fast, brute) = (world.clearance(&p), brute_clearance(&world, &p));
+                assert!((fast - brute).abs() < 1e-9, "{p:?}: {fast} against {brute}");
+            }
         }
     }
 }
@@ -58,7 +69,13 @@ fn a_step_of_the_clearance_reaches_a_surface_and_no_less_does() {
 
 #[test]
 fn a_ray_stops_where_marching_by_clearance_stops() {
-    let world = forest(&ForestConfig::default(), 4).unwrap();
+    let [trees, walls] = worlds(4.0, 4);
+    ray_stops_where_marching_stops(&trees, [200, 100, 50]);
+    ray_stops_where_marching_stops(&walls, [200, 50, 50]);
+}
+
+/// Also checks that at least so many rays end on parts, on the ground and on nothing.
+fn ray_stops_where_marching_stops(world: &World, least: [usize; 3]) {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let (mut on_parts, mut on_ground, mut on_nothing) = (0, 0, 0);
     for _ in 0..1500 {
@@ -94,7 +111,8 @@ fn a_ray_stops_where_marching_by_clearance_stops() {
             }
         }
     }
-    assert!(on_parts > 200 && on_ground > 100 && on_nothing > 50, "{on_parts} {on_ground} {on_nothing}");
+    let counts = [on_parts, on_ground, on_nothing];
+    assert!(counts.iter().zip(least).all(|(count, least)| *count >= least), "{counts:?}");
 }
 
 #[test]

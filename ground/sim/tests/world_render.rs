@@ -1,6 +1,7 @@
 //! What is drawn is what is there: depth against ray casting, and points against the pinhole.
 
 use goshawk_core::types::{Rot, Vec3};
+use goshawk_sim::buildings::{BuildingsConfig, buildings};
 use goshawk_sim::forest::{ForestConfig, forest};
 use goshawk_sim::person::{CENTRE_M, HEIGHT_M, Person, PersonLook, PersonPose};
 use goshawk_sim::render::{Camera, CameraPose, Class, Frame, Renderer};
@@ -14,6 +15,7 @@ fn plain(parts: Vec<Part>) -> World {
         spacing_m: 4.0,
         min_xy: [-40.0, -40.0],
         max_xy: [40.0, 40.0],
+        start_heading_rad: 0.0,
         start_xy: [0.0, 0.0],
         ground: Ground::from_fn([-40.0, -40.0], [40.0, 40.0], 0.5, |_, _| 0.0),
         parts,
@@ -56,8 +58,11 @@ fn every_pixels_depth_and_class_are_the_ray_casts() {
     let mut renderer = Renderer::new(camera);
     let mut frame = Frame::default();
     let (mut pixels, mut wrong, mut parts_seen) = (0, 0, 0);
-    for seed in 0..12 {
-        let world = forest(&ForestConfig { spacing_m: 3.5, ..ForestConfig::default() }, seed).unwrap();
+    for seed in 0..24 {
+        let world = match seed % 2 {
+            0 => forest(&ForestConfig { spacing_m: 3.5, ..ForestConfig::default() }, seed).unwrap(),
+            _ => buildings(&BuildingsConfig::default(), seed).unwrap(),
+        };
         let (x, y) = (rng.random_range(5.0..65.0), rng.random_range(-20.0..20.0));
         let pos_world = Vec3::new(x, y, world.ground_height(x, y) + rng.random_range(0.6..4.0));
         if world.clearance(&pos_world) < 0.2 {
@@ -84,6 +89,8 @@ fn every_pixels_depth_and_class_are_the_ray_casts() {
                                 Kind::Trunk => Class::Trunk,
                                 Kind::Branch => Class::Branch,
                                 Kind::Foliage => Class::Foliage,
+                                Kind::Building => Class::Building,
+                                Kind::Scan => Class::Scan,
                             },
                         };
                         parts_seen += usize::from(kind != Class::Ground);

@@ -1,7 +1,9 @@
 //! The depth camera's errors are those it is meant to have.
 
-use goshawk_sim::render::Frame;
-use goshawk_sim::sensor::{RgbdImage, Sensor, SensorConfig};
+use goshawk_core::types::Vec3;
+use goshawk_sim::render::{Camera, Frame};
+use goshawk_sim::sensor::{Motion, RgbdImage, Sensor};
+use goshawk_sim::sensors::Sensors;
 
 fn flat(depth_m: f32) -> Frame {
     let pixels = 160 * 96;
@@ -16,8 +18,13 @@ fn flat(depth_m: f32) -> Frame {
 }
 
 fn capture(frame: &Frame, seed: u64) -> RgbdImage {
+    moving(frame, &Motion::still(), seed)
+}
+
+/// A unit, and what it makes of the frame, both drawn from `seed`.
+fn moving(frame: &Frame, motion: &Motion, seed: u64) -> RgbdImage {
     let mut image = RgbdImage::default();
-    Sensor::new(SensorConfig::default()).capture(frame, seed, &mut image);
+    Sensor::new(&Sensors::default(), &Camera::default(), seed).capture(frame, motion, seed, &mut image);
     image
 }
 
@@ -60,7 +67,7 @@ fn nothing_is_measured_below_the_minimum_or_beyond_the_maximum() {
     for depth in [0.0, 0.2, 0.39, 20.1, 50.0, f32::INFINITY] {
         assert!(capture(&flat(depth), 1).depth_mm.iter().all(|mm| *mm == 0), "{depth} m was measured");
     }
-    let limits = SensorConfig::default();
+    let limits = Sensors::default().depth;
     for mm in capture(&flat(19.9), 2).depth_mm.into_iter().filter(|mm| *mm > 0) {
         assert!(f32::from(mm) <= limits.max_m * 1000.0);
     }
@@ -95,14 +102,47 @@ fn same_seed_same_image_and_another_seed_another() {
     assert_ne!(capture(&frame, 3), capture(&frame, 4));
 }
 
+fn mean_level(image: &RgbdImage) -> f64 {
+    image.rgb.iter().map(|c| f64::from(*c)).sum::<f64>() / image.rgb.len() as f64
+}
+
+fn grey(level: u8) -> Frame {
+    Frame { rgb: vec![level; 160 * 96 * 3], ..flat(5.0) }
+}
+
 #[test]
-fn exposure_varies_but_stays_usable() {
-    let means: Vec<f64> = (0..60)
-        .map(|seed| {
-            let image = capture(&flat(5.0), seed);
-            image.rgb.iter().map(|c| f64::from(*c)).sum::<f64>() / image.rgb.len() as f64
-        })
-        .collect();
+fn units_differ_in_exposure_but_stay_usable() {
+    let means: Vec<f64> = (0..60).map(|seed| mean_level(&capture(&grey(120), seed))).collect();
     let (low, high) = means.iter().fold((255.0f64, 0.0f64), |(l, h), m| (l.min(*m), h.max(*m)));
-    assert!(low > 60.0 && high < 230.0 && high - low > 30.0, "{low} to {high}");
+    assert!(low > 60.0 && high < 200.0 && high - low > 25.0, "{low} to {high}");
+}
+
+#[test]
+fn auto_exposure_brings_dark_and_bright_views_together() {
+    let level = |true_level: u8| (0..20).map(|seed| mean_level(&capture(&grey(true_level), seed))).sum::<f64>() / 20.0;
+    let (dark, bright) = (level(50), level(200));
+    assert!(dark > 75.0 && bright < 150.0 && bright > dark, "{dark} {bright}");
+}
+
+#[test]
+fn turning_smears_an_edge_sideways_and_standing_still_does_not() {
+    let mut frame = grey(40);
+    for row in frame.rgb.chunks_exact_mut(160 * 3) {
+        row[240..].fill(200);
+    }
+    let width = |motion: &Motion| {
+        // Columns whose mean lies between the two sides, over many units.
+        let mut between = 0;
+        for seed in 0..20 {
+            let image = moving(&frame, motion, seed);
+            let column = |u: usize| (0..96).map(|v| f64::from(image.rgb[(v * 160 + u) * 3 + 1])).sum::<f64>() / 96.0;
+            let (low, high) = (column(60), column(100));
+            let quarter = 0.25 * (high - low);
+            between += (60..100).filter(|u| (low + quarter..high - quarter).contains(&column(*u))).count();
+        }
+        f64::from(between as u32) / 20.0
+    };
+    let turning = Motion { ang_vel_cam: Vec3::new(0.0, 0.0, 6.0), ..Motion::still() };
+    let (still, turned) = (width(&Motion::still()), width(&turning));
+    assert!(still <= 0.5 && turned > still + 0.7, "{still} {turned}");
 }

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from goshawk_ground.dial import LinkError
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
+from goshawk_ground.trainer import run_trainer, trainer_installed
 
 REFUSED = 1
 NO_REPLY = 2
@@ -206,6 +207,18 @@ def demo(
     except DemoError as error:
         fail(str(error), REFUSED)
     raise typer.Exit(0 if succeeded else REFUSED)
+
+
+@app.command(
+    add_help_option=False,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    epilog="Examples: goshawk dataset check data/train | goshawk dataset import SRC --out DIR",
+)
+def dataset(context: typer.Context) -> None:
+    """Data sets for training: check one, or import recordings. Says more with --help."""
+    if not trainer_installed():
+        fail("goshawk dataset needs the trainer (goshawk_train), which is not installed: make setup-train", NO_REPLY)
+    raise typer.Exit(run_trainer(["dataset", *context.args]))
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -100,3 +101,23 @@ def test_a_busy_dashboard_port_is_one_clear_line(free_endpoint: str) -> None:
 
 def test_an_unknown_option_is_wrong_usage() -> None:
     assert CliRunner().invoke(app, ["start", "--nosuch"]).exit_code == 2
+
+
+def test_dataset_is_the_trainers_command() -> None:
+    done = goshawk("dataset", "--help")
+    assert done.returncode == 0
+    assert "goshawk dataset check data/train --against data/val" in done.stdout
+    assert "goshawk dataset import" in done.stdout
+
+
+def test_dataset_passes_words_and_status_through(tmp_path: Path) -> None:
+    done = goshawk("dataset", "check", str(tmp_path))
+    assert done.returncode == 2
+    assert one_line(done.stderr).startswith(f"goshawk dataset check: {tmp_path} holds no dataset.json")
+
+
+def test_dataset_without_the_trainer_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("goshawk_ground.cli.trainer_installed", lambda: False)
+    done = CliRunner().invoke(app, ["dataset", "check", "data"])
+    assert done.exit_code == 2
+    assert "make setup-train" in one_line(done.stderr)

@@ -1,4 +1,4 @@
-"""The command line: check, train, validate, preview, export."""
+"""The command line: dataset, train, validate, preview, export. What needs torch imports it where it runs."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from goshawk_train import checkpoint, train, validate
 from goshawk_train.config import ConfigError, load_config, replace_training
-from goshawk_train.data import DataError
-from goshawk_train.export import ExportError
+from goshawk_train.dataset import DataError
+
+if TYPE_CHECKING:
+    from goshawk_train.checkpoint import Checkpoint
+    from goshawk_train.network import Policy
 
 EXAMPLES = """examples:
-  python -m goshawk_train check    --config configs/track.toml --data data/train
+  python -m goshawk_train dataset  check data/train --against data/val
   python -m goshawk_train train    --config configs/track.toml --data data/train --validation data/val --out runs/a
   python -m goshawk_train train    --config configs/track.toml --data data/train --out runs/a --resume
   python -m goshawk_train validate --run runs/a --data data/val --json metrics.json
@@ -25,7 +28,7 @@ EXAMPLES = """examples:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="goshawk_train",
-        description="Train Goshawk's policies on a data set of `goshawk-sim dataset`.",
+        description="Train Goshawk's policies on a data set of `goshawk-sim dataset` or `dataset import`.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -36,11 +39,10 @@ def _parser() -> argparse.ArgumentParser:
             name, help=text, description=text, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
         )
 
-    check = add("check", "Check a data set before training on it; exit status 1 if it is not fit.")
+    commands.add_parser("dataset", add_help=False, help="Check a data set, or import one of another layout.")
     run = add("train", "Train; Ctrl-C saves, --resume goes on exactly there.")
-    for command in (check, run):
-        command.add_argument("--config", type=Path, required=True, help="TOML file, see configs/")
-        command.add_argument("--data", type=Path, required=True, help="data set of `goshawk-sim dataset`")
+    run.add_argument("--config", type=Path, required=True, help="TOML file, see configs/")
+    run.add_argument("--data", type=Path, required=True, help="data set to train on")
     run.add_argument("--validation", type=Path, help="data set of other scenes")
     run.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint and TensorBoard events")
     run.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out, if there is one")
@@ -64,17 +66,9 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _check(args: argparse.Namespace) -> int:
-    from goshawk_train.check import check
-
-    figures, problems = check(args.data, load_config(args.config))
-    print(validate.table(figures))
-    for problem in problems:
-        print(f"problem: {problem}", file=sys.stderr)
-    return 1 if problems else 0
-
-
 def _train(args: argparse.Namespace) -> int:
+    from goshawk_train import train
+
     changes = {k: v for k, v in (("samples", args.samples), ("threads", args.threads)) if v is not None}
     config = replace_training(load_config(args.config), **changes)
     config.validate()
@@ -82,7 +76,9 @@ def _train(args: argparse.Namespace) -> int:
     return 0 if final.step * config.training.batch >= config.training.samples else 130
 
 
-def _load(folder: Path) -> tuple[checkpoint.Checkpoint, train.Policy]:
+def _load(folder: Path) -> tuple[Checkpoint, Policy]:
+    from goshawk_train import checkpoint, train
+
     saved = checkpoint.load(folder / train.CHECKPOINT)
     network = train.Policy(saved.config)
     checkpoint.load_weights(network, saved)
@@ -90,6 +86,8 @@ def _load(folder: Path) -> tuple[checkpoint.Checkpoint, train.Policy]:
 
 
 def _validate(args: argparse.Namespace) -> int:
+    from goshawk_train import validate
+
     saved, network = _load(args.run)
     config = saved.config
     if args.frames is not None:
@@ -112,7 +110,7 @@ def _preview(args: argparse.Namespace) -> int:
 
 
 def _export(args: argparse.Namespace) -> int:
-    from goshawk_train import export
+    from goshawk_train import export, validate
 
     saved, network = _load(args.run)
     agreed = export.export(saved, args.out, commit=export.current_commit())
@@ -128,12 +126,24 @@ def _export(args: argparse.Namespace) -> int:
     return 0
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run a command; returns the exit status."""
-    args = _parser().parse_args(argv)
-    commands = {"check": _check, "train": _train, "validate": _validate, "preview": _preview, "export": _export}
+def _run(args: argparse.Namespace) -> int:
+    from goshawk_train.checkpoint import CheckpointError
+    from goshawk_train.export import ExportError
+    from goshawk_train.train import TrainingError
+
+    commands = {"train": _train, "validate": _validate, "preview": _preview, "export": _export}
     try:
         return commands[args.command](args)
-    except (ConfigError, DataError, ExportError, train.TrainingError, checkpoint.CheckpointError) as error:
+    except (ConfigError, DataError, ExportError, TrainingError, CheckpointError) as error:
         print(f"goshawk_train {args.command}: {error}", file=sys.stderr)
         return 2
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command; returns the exit status."""
+    arguments = sys.argv[1:] if argv is None else argv
+    if arguments[:1] == ["dataset"]:
+        from goshawk_train.dataset import cli as dataset
+
+        return dataset.main(arguments[1:])
+    return _run(_parser().parse_args(arguments))

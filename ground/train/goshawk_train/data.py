@@ -1,4 +1,4 @@
-"""Data sets on disk (written by `goshawk-sim dataset`) to arrays in memory and batches.
+"""Data sets on disk (`dataset.layout`) to arrays in memory and batches.
 
 Shape letters: M frames of a scene, F frames of all scenes, B batch, H, W, 3 an FLU or ENU vector, S state.
 The "net" frame is the camera frame, or its mirror image left to right for mirrored samples.
@@ -6,7 +6,6 @@ The "net" frame is the camera frame, or its mirror image left to right for mirro
 
 from __future__ import annotations
 
-import csv
 import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,27 +20,12 @@ from torch import Tensor
 from goshawk_train import augment, geometry, preprocess, sampling
 from goshawk_train.config import Config
 from goshawk_train.costs import Situation
+from goshawk_train.dataset import DataError
+from goshawk_train.dataset.layout import Labels, read_ground, read_images, read_labels, read_view, scene_folders
+from goshawk_train.dataset.ply import read_ply
 from goshawk_train.esdf import ESDF_VERSION, SceneGrid, SceneMaps, grid_from_points
 
 F64 = NDArray[np.float64]
-
-
-class DataError(ValueError):
-    """A data set that cannot be used; the message names the file and what is wrong."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Labels:
-    """Poses and targets of frames."""
-
-    pos_world_F3: F64
-    world_from_cam_F33: F64
-    target_world_F3: F64
-    """0 where there is none."""
-    has_target_F: NDArray[np.bool_]
-    visible_F: F64
-    ground_F: F64
-    scene_F: NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,56 +57,6 @@ class Batch:
     """Its goal weights are for the loss to set."""
 
 
-def read_ply(path: Path) -> NDArray[np.float32]:
-    """Points [P, 3] of a binary little-endian PLY whose vertices begin with float x, y, z; raises `DataError`."""
-    raw = path.read_bytes()
-    end = raw.find(b"end_header\n")
-    header = raw[: max(end, 0)].decode("ascii", errors="replace").splitlines()
-    if end < 0 or not header or header[0] != "ply" or "format binary_little_endian 1.0" not in header:
-        raise DataError(f"{path}: not a binary little-endian PLY")
-    count, properties = 0, []
-    for line in header:
-        words = line.split()
-        if words[:2] == ["element", "vertex"]:
-            count = int(words[2])
-        elif words[:1] == ["property"]:
-            properties.append(tuple(words[1:]))
-    if properties not in ([("float", c) for c in "xyz"], [("float32", c) for c in "xyz"]):
-        raise DataError(f"{path}: the vertices must be exactly float x, y, z, not {properties}")
-    body = raw[end + len(b"end_header\n") :]
-    if len(body) < count * 12:
-        raise DataError(f"{path}: {len(body)} bytes for {count} points")
-    return np.frombuffer(body, dtype="<f4", count=count * 3).reshape(-1, 3)
-
-
-def read_labels(path: Path, scene: int) -> Labels:
-    """One scene's `labels.csv`; raises `DataError`."""
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    if not rows:
-        raise DataError(f"{path}: no frames")
-
-    def column(name: str, *, empty: float | None = None) -> F64:
-        try:
-            values = np.array([empty if r[name] == "" and empty is not None else float(r[name]) for r in rows])
-        except (KeyError, ValueError) as error:
-            raise DataError(f"{path}: column {name}: {error}") from error
-        if not np.isfinite(values).all():
-            raise DataError(f"{path}: column {name} is not finite everywhere")
-        return values
-
-    quaternion = np.column_stack([column(n) for n in ("qw", "qx", "qy", "qz")])
-    return Labels(
-        pos_world_F3=np.column_stack([column(n) for n in "xyz"]),
-        world_from_cam_F33=geometry.matrix_from_quaternion(quaternion),
-        target_world_F3=np.column_stack([column(f"target_{n}", empty=0.0) for n in "xyz"]),
-        has_target_F=np.array([r["target_x"] != "" for r in rows]),
-        visible_F=column("visible", empty=0.0),
-        ground_F=column("ground_z"),
-        scene_F=np.full(len(rows), scene),
-    )
-
-
 def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.float16], F64]:
     """The distance field, mapped from `esdf.npy` beside the points; made first when absent or older than they are."""
     points, cache, about = folder / "environment.ply", folder / "esdf.npy", folder / "esdf.json"
@@ -140,58 +74,37 @@ def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.floa
 
 def read_grid(folder: Path) -> SceneGrid:
     """One scene's privileged map; raises `DataError`."""
-    meta: dict[str, Any] = json.loads((folder / "scene.json").read_text())
-    low, high = np.array(meta["min_xyz"], dtype=float), np.array(meta["max_xyz"], dtype=float)
-    distance, origin = _cached_distance(folder, low, high)
-    ground_YX = np.load(folder / "ground.npy").astype(np.float32)
-    cell, ground_origin = float(meta["ground_cell_m"]), np.array(meta["ground_min_xy"], dtype=float)
-    ends = ground_origin + cell * (np.array(ground_YX.shape[::-1]) - 1)
-    if ground_YX.ndim != 2 or (ground_origin > low[:2] + cell).any() or (ends < high[:2] - cell).any():
-        raise DataError(f"{folder}/ground.npy: {ground_origin} .. {ends} does not cover {low[:2]} .. {high[:2]}")
+    ground, bounds = read_ground(folder)
+    distance, origin = _cached_distance(folder, bounds.min_xyz, bounds.max_xyz)
     return SceneGrid(
         distance_XYZ=distance,
         distance_origin=origin,
-        ground_XY=np.ascontiguousarray(ground_YX.T),
-        ground_origin=ground_origin,
-        ground_cell_m=cell,
+        ground_XY=np.ascontiguousarray(ground.height_YX.T),
+        ground_origin=ground.min_xy,
+        ground_cell_m=ground.cell_m,
     )
-
-
-def scene_folders(root: Path) -> list[Path]:
-    """The scenes of a data set, in order; raises `DataError`."""
-    if not (root / "dataset.json").is_file():
-        raise DataError(f"{root} holds no dataset.json; make a data set with `goshawk-sim dataset --out {root}`")
-    folders = sorted(p for p in root.iterdir() if p.is_dir() and p.name.startswith("scene_"))
-    if not folders:
-        raise DataError(f"{root} holds no scene_* folder")
-    return folders
-
-
-def describe(root: Path) -> str:
-    """What a data set is, in a line for the policy's contract."""
-    about = json.loads((root / "dataset.json").read_text())
-    return f"{root.name}: seed {about['seed']}, {about['scenes']} x {about['frames']} frames, {about['commit'][:12]}"
 
 
 def load(root: Path, config: Config, *, workers: int = 2) -> tuple[Frames, SceneMaps]:
     """Read a whole data set; depth is filled once here. Raises `DataError`."""
-    folders = scene_folders(root)
-
+    folders, view = scene_folders(root), read_view(root)
+    camera = config.camera
+    if (view.width, view.height) != (camera.width, camera.height) or abs(view.hfov_rad - camera.hfov_rad) > 1e-3:
+        raise DataError(
+            f"{root}/dataset.json: images are {view.width} x {view.height} at {view.hfov_rad:.4f} rad across, the "
+            f"configuration says {camera.width} x {camera.height} at {camera.hfov_rad:.4f}; use another configuration"
+        )
     parts = [read_labels(folder / "labels.csv", scene) for scene, folder in enumerate(folders)]
     fields = Labels.__dataclass_fields__
     labels = Labels(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in fields})
-    size = (config.camera.height, config.camera.width)
+    size = (view.height, view.width)
     rgb_FHW3 = np.empty((len(labels.scene_F), *size, 3), dtype=np.uint8)
     depth_FHW = np.empty((len(labels.scene_F), *size), dtype=np.uint16)
-    starts = np.cumsum([0] + [len(part.scene_F) for part in parts])
+    starts = np.cumsum([0] + [len(part) for part in parts])
 
     def one(scene: int) -> SceneGrid:
         folder, here = folders[scene], slice(starts[scene], starts[scene + 1])
-        rgb, depth = np.load(folder / "rgb.npy", mmap_mode="r"), np.load(folder / "depth.npy", mmap_mode="r")
-        if rgb.shape != rgb_FHW3[here].shape or depth.shape != depth_FHW[here].shape:
-            raise DataError(f"{folder}: rgb {rgb.shape} and depth {depth.shape} do not fit {depth_FHW[here].shape}")
-        if rgb.dtype != np.uint8 or depth.dtype != np.uint16:
-            raise DataError(f"{folder}: rgb must be uint8 and depth uint16, not {rgb.dtype} and {depth.dtype}")
+        rgb, depth = read_images(folder, len(parts[scene]), view)
         rgb_FHW3[here] = rgb
         depth_FHW[here] = preprocess.fill_depth(np.asarray(depth), config.depth)
         return read_grid(folder)

@@ -5,12 +5,34 @@ Anchors count row-major from the image's top left. Shape letters: N anchors, 3 a
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from goshawk_train.config import CameraConfig, LatticeConfig
 
 F64 = NDArray[np.float64]
+
+
+class Pinhole(Protocol):
+    """A camera with square pixels and its axis in the image's middle."""
+
+    @property
+    def width(self) -> int:
+        """Pixels across."""
+        ...
+
+    @property
+    def height(self) -> int:
+        """Pixels down."""
+        ...
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length, px."""
+        ...
 
 
 def anchor_angles(camera: CameraConfig, lattice: LatticeConfig) -> tuple[F64, F64]:
@@ -59,6 +81,12 @@ def matrix_from_quaternion(wxyz: F64) -> F64:
     return np.stack(rows, axis=-2)
 
 
+def quaternion_from_matrix(rotation: F64) -> F64:
+    """Unit quaternions [N, 4] (w, x, y, z) of rotation matrices [N, 3, 3], w not negative."""
+    xyzw = Rotation.from_matrix(rotation).as_quat(canonical=True)
+    return np.roll(xyzw, 1, axis=-1)
+
+
 def level_from_cam(world_from_cam: F64) -> F64:
     """The camera's attitude [..., 3, 3] with its heading taken out: Rz(-yaw) world_from_cam."""
     yaw = np.arctan2(world_from_cam[..., 1, 0], world_from_cam[..., 0, 0])
@@ -69,14 +97,14 @@ def level_from_cam(world_from_cam: F64) -> F64:
     return out
 
 
-def project(pos_cam: F64, camera: CameraConfig) -> tuple[F64, F64]:
+def project(pos_cam: F64, camera: Pinhole) -> tuple[F64, F64]:
     """Pixel coordinates (u right, v down; the image's corner is 0, 0) of points [..., 3] with x > 0."""
     u = camera.width / 2 - camera.focal_px * pos_cam[..., 1] / pos_cam[..., 0]
     v = camera.height / 2 - camera.focal_px * pos_cam[..., 2] / pos_cam[..., 0]
     return u, v
 
 
-def pixel_rays(camera: CameraConfig) -> F64:
+def pixel_rays(camera: Pinhole) -> F64:
     """The point at x = 1 m seen at each pixel's centre, [height, width, 3], camera frame."""
     u = np.arange(camera.width) + 0.5
     v = np.arange(camera.height) + 0.5

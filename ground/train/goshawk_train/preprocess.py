@@ -12,6 +12,7 @@ from goshawk_train.config import DepthConfig
 
 U16 = NDArray[np.uint16]
 F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 
 _NONE = np.uint16(65535)
 """Stands for "no measurement" while filling: it never wins a minimum. Longer measurements count as one less."""
@@ -56,19 +57,21 @@ def resize_depth(depth_mm: U16, *, height: int, width: int) -> U16:
     return depth_mm[rows[:, None], columns[None, :]]
 
 
-def _box_weights(source: int, target: int) -> NDArray[np.float64]:
-    """Share of each source pixel in each target pixel's box, [target, source], rows sum to 1."""
-    edges = np.arange(target + 1) * source / target
-    start, stop = edges[:-1, None], edges[1:, None]
+def box_weights(start: F64, stop: F64, source: int) -> F64:
+    """Share of each of `source` pixels in each box from `start` to `stop` (source pixels), [boxes, source].
+
+    Rows sum to 1; each box must overlap the image.
+    """
     pixel = np.arange(source)[None, :]
-    overlap = np.minimum(stop, pixel + 1) - np.maximum(start, pixel)
-    return np.clip(overlap, 0, None) * target / source
+    overlap = np.clip(np.minimum(stop[:, None], pixel + 1) - np.maximum(start[:, None], pixel), 0, None)
+    return overlap / overlap.sum(axis=1, keepdims=True)
 
 
 def resize_rgb(rgb: NDArray[np.uint8], *, height: int, width: int) -> F32:
     """Box average of [H, W, 3] in 0..255, areas weighted where the sizes do not divide."""
-    rows = _box_weights(rgb.shape[0], height)
-    columns = _box_weights(rgb.shape[1], width)
+    row, column = (np.arange(to + 1) * of / to for to, of in ((height, rgb.shape[0]), (width, rgb.shape[1])))
+    rows = box_weights(row[:-1], row[1:], rgb.shape[0])
+    columns = box_weights(column[:-1], column[1:], rgb.shape[1])
     return np.einsum("ah,hwc,bw->abc", rows, rgb.astype(np.float64), columns).astype(np.float32)
 
 

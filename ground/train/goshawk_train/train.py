@@ -22,6 +22,7 @@ from goshawk_train import checkpoint, data, validate
 from goshawk_train.checkpoint import Checkpoint, Ema, load_weights
 from goshawk_train.config import Config, replace_training
 from goshawk_train.costs import CostModel
+from goshawk_train.dataset.layout import describe
 from goshawk_train.esdf import SceneMaps
 from goshawk_train.losses import LossModel
 from goshawk_train.network import Policy, parameter_count
@@ -176,7 +177,7 @@ def run(
         raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
     print(f"loading {root}", flush=True)
     frames, maps = data.load(root, config)
-    trainer = Trainer(config, frames, maps, data_name=data.describe(root))
+    trainer = Trainer(config, frames, maps, data_name=describe(root))
     if resume and path.exists():
         trainer.restore(checkpoint.load(path))
     elif begin:

@@ -1,4 +1,7 @@
-"""A tiny data set in the exact layout of `goshawk-sim dataset`: cylinders as trees and person, flat ground."""
+"""A tiny data set in the exact layout of `goshawk-sim dataset`: cylinders as trees and person, flat ground.
+
+And the same in the layout of the public YOPO-Tracker.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from goshawk_train import geometry
 from goshawk_train.config import CameraConfig
+from goshawk_train.dataset.layout import View
+from PIL import Image
 
 PERSON_RADIUS_M = 0.25
 LOW = np.array([-14.0, -14.0, -0.6])
@@ -67,17 +72,45 @@ def _write_ply(path: Path, points: np.ndarray) -> None:
     path.write_bytes(header.encode() + points.astype("<f4").tobytes())
 
 
+def _trees(rng: np.random.Generator) -> np.ndarray:
+    """x, y, radius of each."""
+    return np.column_stack([rng.uniform(-13, 13, (30, 2)), rng.uniform(0.1, 0.35, 30)])
+
+
+def _voxels(trees: np.ndarray) -> np.ndarray:
+    axes = [np.arange(lo + 0.1, hi, 0.2) for lo, hi in zip(LOW, HIGH, strict=True)]
+    centre = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    gap = np.hypot(centre[:, None, 0] - trees[:, 0], centre[:, None, 1] - trees[:, 1]) - trees[:, 2]
+    return centre[(gap.min(axis=1) < 0.1) & (centre[:, 2] < 4.0)]
+
+
+def _pose(rng: np.random.Generator, trees: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Position and quaternion of a camera, and a target two times out of three."""
+    pos = np.array([*rng.uniform(-8, 8, 2), rng.uniform(0.8, 2.0)])
+    while (np.hypot(trees[:, 0] - pos[0], trees[:, 1] - pos[1]) - trees[:, 2]).min() < 0.6:
+        pos[:2] = rng.uniform(-8, 8, 2)
+    yaw = rng.uniform(-np.pi, np.pi)
+    quaternion = _quaternion(yaw, rng.normal(0, 0.12), rng.normal(0, 0.12))
+    if rng.uniform() >= 0.67:
+        return pos, quaternion, None
+    bearing, away = yaw + rng.uniform(-0.6, 0.6), rng.uniform(1.5, 8.0)
+    return pos, quaternion, np.array([pos[0] + away * np.cos(bearing), pos[1] + away * np.sin(bearing), 0.95])
+
+
+def _measured_mm(rng: np.random.Generator, depth: np.ndarray) -> np.ndarray:
+    noisy = depth * (1 + 0.005 * depth * rng.normal(size=depth.shape))
+    measured = (noisy > 0) & (noisy < 20) & (rng.uniform(size=depth.shape) > 0.02)
+    return (np.where(measured, noisy, 0.0) * 1000).astype(np.uint16)
+
+
 def write_dataset(root: Path, camera: CameraConfig, *, scenes: int, frames: int, seed: int) -> None:
     """Write `scenes` scenes of `frames` frames; about two thirds of the frames hold a person."""
     for scene in range(scenes):
         rng = np.random.default_rng([seed, scene])
         folder = root / f"scene_{scene:04d}"
         folder.mkdir(parents=True)
-        trees = np.column_stack([rng.uniform(-13, 13, (30, 2)), rng.uniform(0.1, 0.35, 30)])
-        axes = [np.arange(lo + 0.1, hi, 0.2) for lo, hi in zip(LOW, HIGH, strict=True)]
-        centre = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        gap = np.hypot(centre[:, None, 0] - trees[:, 0], centre[:, None, 1] - trees[:, 1]) - trees[:, 2]
-        _write_ply(folder / "environment.ply", centre[(gap.min(axis=1) < 0.1) & (centre[:, 2] < 4.0)])
+        trees = _trees(rng)
+        _write_ply(folder / "environment.ply", _voxels(trees))
         np.save(folder / "ground.npy", np.zeros((57, 57), dtype=np.float32))
         meta = {"seed": seed, "spacing_m": 5.0, "min_xyz": LOW.tolist(), "max_xyz": HIGH.tolist()}
         meta |= {"ground_cell_m": 0.5, "ground_min_xy": LOW[:2].tolist(), "ground_shape": [57, 57]}
@@ -86,20 +119,10 @@ def write_dataset(root: Path, camera: CameraConfig, *, scenes: int, frames: int,
         depth_mm = np.zeros((frames, camera.height, camera.width), dtype=np.uint16)
         lines = ["frame,x,y,z,qw,qx,qy,qz,target_x,target_y,target_z,visible,ground_z"]
         for frame in range(frames):
-            pos = np.array([*rng.uniform(-8, 8, 2), rng.uniform(0.8, 2.0)])
-            while (np.hypot(trees[:, 0] - pos[0], trees[:, 1] - pos[1]) - trees[:, 2]).min() < 0.6:
-                pos[:2] = rng.uniform(-8, 8, 2)
-            yaw = rng.uniform(-np.pi, np.pi)
-            quaternion = _quaternion(yaw, rng.normal(0, 0.12), rng.normal(0, 0.12))
+            pos, quaternion, target = _pose(rng, trees)
             world_from_cam = geometry.matrix_from_quaternion(quaternion)
-            target = None
-            if rng.uniform() < 0.67:
-                bearing, away = yaw + rng.uniform(-0.6, 0.6), rng.uniform(1.5, 8.0)
-                target = np.array([pos[0] + away * np.cos(bearing), pos[1] + away * np.sin(bearing), 0.95])
             rgb[frame], depth, visible = _render(pos, world_from_cam, camera, trees, target)
-            noisy = depth * (1 + 0.005 * depth * rng.normal(size=depth.shape))
-            measured = (noisy > 0) & (noisy < 20) & (rng.uniform(size=depth.shape) > 0.02)
-            depth_mm[frame] = np.where(measured, noisy, 0.0) * 1000
+            depth_mm[frame] = _measured_mm(rng, depth)
             cells = ["", "", ""] if target is None else [f"{c:.4f}" for c in target]
             numbers = [*pos, *quaternion]
             lines.append(",".join([str(frame), *(f"{n:.6f}" for n in numbers), *cells, f"{visible:.3f}", "0.0"]))
@@ -109,3 +132,29 @@ def write_dataset(root: Path, camera: CameraConfig, *, scenes: int, frames: int,
     meta = {"version": 1, "width": camera.width, "height": camera.height, "hfov_rad": camera.hfov_rad}
     meta |= {"vfov_rad": camera.vfov_rad, "seed": seed, "scenes": scenes, "frames": frames, "commit": "synthetic"}
     (root / "dataset.json").write_text(json.dumps(meta))
+
+
+def write_foreign(root: Path, *, scenes: int, frames: int, seed: int) -> None:
+    """The same world in the public YOPO-Tracker's layout: 480 x 270 images, a cloud with ground, targets NaN if unseen.
+
+    The names of the images are not padded, so that their order is that of numbers, not of text.
+    """
+    camera = View(width=480, height=270, hfov_rad=np.pi / 2)
+    for scene in range(scenes):
+        rng = np.random.default_rng([seed, scene])
+        folder = root / f"scene-{scene}"
+        for name in ("rgb", "depth"):
+            (folder / name).mkdir(parents=True)
+        trees = _trees(rng)
+        flat = np.stack(np.meshgrid(np.arange(-14, 14, 0.15), np.arange(-14, 14, 0.15)), axis=-1).reshape(-1, 2)
+        ground = np.column_stack([flat, rng.normal(0, 0.02, len(flat))])
+        _write_ply(folder / "environment.ply", np.vstack([_voxels(trees), ground]))
+        lines = ["px,py,pz,qw,qx,qy,qz,tx,ty,tz"]
+        for frame in range(frames):
+            pos, quaternion, target = _pose(rng, trees)
+            rgb, depth, visible = _render(pos, geometry.matrix_from_quaternion(quaternion), camera, trees, target)
+            Image.fromarray(rgb).save(folder / "rgb" / f"{frame}.jpg", quality=95)
+            Image.fromarray(_measured_mm(rng, depth)).save(folder / "depth" / f"{frame}.png")
+            seen = target if target is not None and visible > 0.8 else np.full(3, np.nan)
+            lines.append(",".join(f"{n:.6f}" for n in [*pos, *quaternion, *seen]))
+        (folder / "labels.csv").write_text("\n".join(lines) + "\n")

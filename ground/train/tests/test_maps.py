@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -88,45 +87,6 @@ def test_scene_without_obstacles_is_far_from_everything() -> None:
     box = np.zeros(3), np.ones(3)
     distance, _ = grid_from_points(np.zeros((0, 3), dtype=np.float32), min_xyz=box[0], max_xyz=box[1])
     assert distance.min() == pytest.approx(3.2)
-
-
-def test_synthetic_data_lie_on_their_map(config: Config, dataset: Path) -> None:
-    from goshawk_train.check import check
-
-    figures, problems = check(dataset, config)
-    assert problems == []
-    assert figures["surface_share"] > 0.95
-
-
-def test_wrong_frames_are_noticed_before_training(config: Config, dataset: Path, tmp_path: Path) -> None:
-    """Quaternions written (x, y, z, w) do not fit the images."""
-    import shutil
-
-    from goshawk_train.check import check
-
-    root = tmp_path / "swapped"
-    shutil.copytree(dataset, root)
-    for path in root.glob("scene_*/labels.csv"):
-        text = path.read_text().replace("qw,qx,qy,qz", "qx,qy,qz,qw")
-        path.write_text(text)
-    assert any("surfaces" in p for p in check(root, config)[1])
-
-
-@pytest.mark.parametrize("spoil", ["ply\nformat ascii 1.0\nend_header\n", "", "ply\n"])
-def test_other_ply_is_refused(tmp_path: Path, spoil: str) -> None:
-    path = tmp_path / "x.ply"
-    path.write_text(spoil)
-    with pytest.raises(data.DataError, match=r"x\.ply"):
-        data.read_ply(path)
-
-
-def test_short_ply_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "x.ply"
-    header = b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n"
-    header += b"property float x\nproperty float y\nproperty float z\nend_header\n"
-    path.write_bytes(header + struct.pack("<fff", 1, 2, 3))
-    with pytest.raises(data.DataError, match="2 points"):
-        data.read_ply(path)
 
 
 def test_missing_dataset_says_how_to_make_one(config: Config, tmp_path: Path) -> None:

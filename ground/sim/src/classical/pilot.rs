@@ -198,6 +198,11 @@ impl Pilot for Classical<'_> {
     }
 
     fn take_odometry(&mut self, odometry: &Odometry) {
+        if self.odometry.is_some_and(|last| last.reset_counter != odometry.reset_counter) {
+            // The frame has moved: what was mapped and planned in the old one is in the wrong place.
+            self.planner = MapPlanner::default();
+            (self.flown, self.coming) = (None, None);
+        }
         self.history.push_odometry(odometry);
         self.tracker.take_odometry(odometry);
         self.odometry = Some(*odometry);

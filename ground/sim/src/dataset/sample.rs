@@ -2,6 +2,7 @@
 
 use crate::person::{CENTRE_M, Person, PersonLook, PersonPose};
 use crate::render::{Camera, CameraPose};
+use crate::sensor::Motion;
 use crate::world::World;
 use goshawk_core::types::{Rot, Vec3};
 use rand::{Rng, RngExt};
@@ -33,6 +34,8 @@ const PITCH_LIMIT_RAD: f64 = 40.0 * std::f64::consts::PI / 180.0;
 pub struct FrameSample {
     /// Where the camera is and looks.
     pub camera: CameraPose,
+    /// How it moves while the shutter is open.
+    pub motion: Motion,
     /// Whom it may see.
     pub person: Option<Person>,
 }
@@ -46,7 +49,8 @@ pub fn sample_frame<R: Rng>(world: &World, camera: &Camera, with_person: bool, r
     let pos_world = camera_place(world, rng)?;
     if !with_person {
         let world_from_cam = attitude(rng.random_range(0.0..TAU), pitch(rng), roll(rng));
-        return Some(FrameSample { camera: CameraPose { pos_world, world_from_cam }, person: None });
+        let camera = CameraPose { pos_world, world_from_cam };
+        return Some(FrameSample { camera, motion: motion(rng), person: None });
     }
     let distance: f64 = (DISTANCE_MEDIAN_M.ln() + DISTANCE_LOG_STD * rng.sample::<f64, _>(StandardNormal)).exp();
     if !DISTANCES_M.contains(&distance) {
@@ -81,11 +85,18 @@ pub fn sample_frame<R: Rng>(world: &World, camera: &Camera, with_person: bool, r
             let inside = |x: f64, n: usize| x >= MARGIN_PX && x <= n as f64 - MARGIN_PX;
             if inside(u, camera.width) && inside(v, camera.height) {
                 let camera = CameraPose { pos_world, world_from_cam };
-                return Some(FrameSample { camera, person: Some(person) });
+                return Some(FrameSample { camera, motion: motion(rng), person: Some(person) });
             }
         }
     }
     None
+}
+
+/// Forward at 0–8 m/s, sideways and in turn as a chase does.
+fn motion<R: Rng>(rng: &mut R) -> Motion {
+    let mut normal = |std: f64| std * rng.sample::<f64, _>(StandardNormal);
+    let vel_cam = Vec3::new(normal(3.0).abs(), normal(1.2), normal(0.6));
+    Motion { vel_cam, ang_vel_cam: Vec3::new(normal(0.8), normal(0.8), normal(0.8)) }
 }
 
 fn camera_place<R: Rng>(world: &World, rng: &mut R) -> Option<Vec3> {

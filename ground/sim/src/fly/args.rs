@@ -13,7 +13,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::log::header;
 use super::{Campaign, table};
-use crate::trial::{Network, Outcome, PilotKind};
+use crate::evader::Course;
+use crate::sensors::SensorArgs;
+use crate::trial::{Network, Outcome, PilotKind, WorldSource};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -31,13 +33,6 @@ pub enum PilotName {
     Policy,
     /// A map-based planner as a yardstick; to track, a policy finds the target for it.
     Classical,
-}
-
-/// The world to fly in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum WorldName {
-    /// Trees by a Poisson process.
-    Forest,
 }
 
 /// Fly campaigns in lockstep and report successes.
@@ -64,9 +59,12 @@ pub struct FlyArgs {
     /// Mean spacings of the trees, m; cells for each.
     #[arg(long, value_name = "M[,M…]", value_delimiter = ',', default_value = "4", value_parser = positive)]
     spacing: Vec<f64>,
-    /// The world.
-    #[arg(long, value_enum, default_value = "forest")]
-    world: WorldName,
+    /// The world: forest, buildings, or a point cloud (.ply, .pcd).
+    #[arg(long, value_name = "WORLD", default_value = "forest")]
+    world: String,
+    /// Track: what the evader runs: goal, eight, or a CSV file of waypoints (x,y in m ahead and left).
+    #[arg(long, value_name = "COURSE", default_value = "goal")]
+    course: String,
     /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it. Not needed by --pilot classical to
     /// navigate.
     #[arg(long, value_name = "FILE")]
@@ -83,6 +81,11 @@ pub struct FlyArgs {
     /// Height of the flight above the start, m; absent: that of the vehicle's default profile.
     #[arg(long, value_name = "M", value_parser = positive)]
     height: Option<f64>,
+    /// Let each flight's airframe differ from the vehicle file: relative standard deviation of mass, thrust, drag, …
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.0)]
+    spread: f64,
+    #[command(flatten)]
+    sensors: SensorArgs,
     /// Write the report as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -105,9 +108,9 @@ impl FlyArgs {
     /// # Errors
     /// If the campaign could not be flown; the message says on what and what to do.
     pub fn run(self) -> Result<()> {
-        let WorldName::Forest = self.world;
         ensure!(self.trials > 0, "--trials is 0: there is nothing to fly");
         ensure!(self.wind.is_finite() && self.wind >= 0.0, "--wind is {}: it must be 0 or more", self.wind);
+        ensure!((0.0..=0.3).contains(&self.spread), "--spread is {}: it must be 0 to 0.3", self.spread);
         let vehicle = Vehicle::load(&self.vehicle_file)?;
         let task = match self.task {
             TaskName::Track => Task::Track,
@@ -137,16 +140,19 @@ impl FlyArgs {
             pilot,
             task,
             speeds_mps: self.speed.clone(),
-            spacings_m: self.spacing.clone(),
+            worlds: self.worlds()?,
+            course: Course::parse(&self.course)?,
             trials: self.trials,
             seed: self.seed,
             wind_mps: self.wind,
             speed_ratio: self.speed_ratio,
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
+            sensors: self.sensors.load()?,
+            spread: self.spread,
             threads: self.threads,
             log: self.log.clone().map(|folder| (folder, header(&vehicle, first.as_ref()))),
         };
-        let flights = campaign.speeds_mps.len() * campaign.spacings_m.len() * campaign.trials;
+        let flights = campaign.speeds_mps.len() * campaign.worlds.len() * campaign.trials;
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} flights, {msg}  {elapsed} (left {eta})")?;
         let bar = ProgressBar::new(flights as u64).with_style(style).with_message("0 failed");
         let failed = std::sync::atomic::AtomicUsize::new(0);
@@ -167,6 +173,14 @@ impl FlyArgs {
         }
         println!("{}", table(&report));
         Ok(())
+    }
+
+    /// A forest for each spacing, or the one world.
+    fn worlds(&self) -> Result<Vec<WorldSource>> {
+        if self.world != "forest" {
+            return Ok(vec![WorldSource::parse(&self.world, 0.0)?]);
+        }
+        Ok(self.spacing.iter().map(|&spacing_m| WorldSource::Forest { spacing_m }).collect())
     }
 
     fn model(&self, vehicle: &Vehicle) -> PathBuf {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use goshawk_core::types::Task;
 use serde::Serialize;
 
-use crate::trial::{Contact, Flight, Outcome, PilotKind};
+use crate::trial::{Contact, Flight, Outcome, PilotKind, WorldSource};
 
 /// The whole of it. Everything but `timing` is the same for the same seed, vehicle file and policy.
 #[derive(Clone, Debug, Serialize)]
@@ -32,7 +32,7 @@ pub struct Cell {
     pub task: &'static str,
     pub speed_mps: f64,
     pub spacing_m: f64,
-    pub world: &'static str,
+    pub world: String,
     pub wind_mps: f64,
     pub trials: usize,
     pub successes: usize,
@@ -163,6 +163,8 @@ fn contact_name(contact: Contact) -> &'static str {
         Contact::Trunk => "trunk",
         Contact::Branch => "branch",
         Contact::Foliage => "foliage",
+        Contact::Building => "building",
+        Contact::Scan => "scan",
         Contact::Ground => "ground",
         Contact::Person => "person",
     }
@@ -193,7 +195,7 @@ pub fn wilson(successes: usize, trials: usize) -> [f64; 2] {
 }
 
 /// What all flights of a cell have in common.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct CellConfig {
     /// Which software flies.
     pub pilot: PilotKind,
@@ -201,10 +203,21 @@ pub struct CellConfig {
     pub task: Task,
     /// m/s.
     pub speed_mps: f64,
-    /// m.
-    pub spacing_m: f64,
+    /// Where.
+    pub world: WorldSource,
     /// m/s.
     pub wind_mps: f64,
+}
+
+impl CellConfig {
+    /// The world in short, as in a file's name: `4m`, `buildings`, `hall.ply`.
+    #[must_use]
+    pub fn label(&self) -> String {
+        match &self.world {
+            WorldSource::Forest { spacing_m } => format!("{spacing_m}m"),
+            other => other.name().to_owned(),
+        }
+    }
 }
 
 impl Cell {
@@ -228,8 +241,8 @@ impl Cell {
             pilot: pilot_name(config.pilot),
             task: task_name(config.task),
             speed_mps: config.speed_mps,
-            spacing_m: config.spacing_m,
-            world: "forest",
+            spacing_m: config.world.spacing_m(),
+            world: config.world.name().to_owned(),
             wind_mps: config.wind_mps,
             trials: flights.len(),
             successes,

@@ -1,10 +1,12 @@
 //! A bench for the stand-in's tests: no physics, no sockets, a step of 1 ms.
 
+use crate::imu::ImuSample;
+
 use super::{Px4Config, Px4Logic, Px4Output, VehicleState};
 use goshawk_autopilot::messages::*;
 use goshawk_autopilot::wire::Packet;
 use goshawk_autopilot::{AutopilotEvent, Px4Mode};
-use goshawk_core::types::{Rot, Time, Vec3};
+use goshawk_core::types::{GRAVITY, Rot, Time, Vec3};
 use mavlink::MavHeader;
 
 const STEP_S: f64 = 1e-3;
@@ -15,7 +17,7 @@ pub(super) fn standing() -> VehicleState {
         vel_world: Vec3::zeros(),
         world_from_body: Rot::identity(),
         ang_vel_body: Vec3::zeros(),
-        acc_world: Vec3::zeros(),
+        imu: ImuSample { force_body: Vec3::new(0.0, 0.0, GRAVITY), ang_vel_body: Vec3::zeros() },
         on_ground: true,
         battery_fraction: 1.0,
         reset_counter: 0,

@@ -2,6 +2,7 @@
 
 use super::bench::standing;
 use super::{LossAction, Px4Config, Px4Logic, VehicleState};
+use crate::imu::ImuSample;
 use crate::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
 use goshawk_autopilot::Px4Mode;
 use goshawk_autopilot::messages::{
@@ -18,7 +19,7 @@ pub(super) fn sensed(quadrotor: &Quadrotor) -> VehicleState {
         vel_world: state.vel_world,
         world_from_body: state.world_from_body,
         ang_vel_body: state.ang_vel_body,
-        acc_world: state.acc_world,
+        imu: ImuSample::ideal(state),
         on_ground: state.on_ground,
         battery_fraction: quadrotor.battery_fraction(),
         ..standing()

@@ -23,6 +23,7 @@ mod logic_tests;
 #[cfg(test)]
 mod reports_tests;
 
+use crate::imu::ImuSample;
 use goshawk_autopilot::Px4Mode;
 use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Vec3};
 
@@ -40,8 +41,8 @@ pub struct VehicleState {
     pub world_from_body: Rot,
     /// Angular velocity, rad/s.
     pub ang_vel_body: Vec3,
-    /// Acceleration (0 at rest), m/s². Ignored on the ground.
-    pub acc_world: Vec3,
+    /// What the IMU measures.
+    pub imu: ImuSample,
     /// The feet touch the ground.
     pub on_ground: bool,
     /// Charge left, 0..=1.

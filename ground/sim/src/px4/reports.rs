@@ -4,7 +4,7 @@ use super::{OdometryFault, VehicleState};
 use goshawk_autopilot::Px4Mode;
 use goshawk_autopilot::frames::{frd_from_flu, ned_from_enu, ned_from_frd};
 use goshawk_autopilot::messages::*;
-use goshawk_core::types::{AttitudeThrust, GRAVITY, Vec3};
+use goshawk_core::types::{AttitudeThrust, Vec3};
 use mavlink::MessageData;
 
 /// Voltage of its four-cell pack, empty and full, V.
@@ -162,10 +162,8 @@ impl Facts<'_> {
     }
 
     fn imu(&self) -> MavMessage {
-        let acc = if self.vehicle.on_ground { Vec3::zeros() } else { self.vehicle.acc_world };
-        let force_body = self.vehicle.world_from_body.inverse() * (acc + Vec3::z() * GRAVITY);
-        let [xacc, yacc, zacc] = single(frd_from_flu(force_body));
-        let [xgyro, ygyro, zgyro] = self.wire_rates();
+        let [xacc, yacc, zacc] = single(frd_from_flu(self.vehicle.imu.force_body));
+        let [xgyro, ygyro, zgyro] = single(frd_from_flu(self.vehicle.imu.ang_vel_body));
         MavMessage::HIGHRES_IMU(HIGHRES_IMU_DATA {
             time_usec: self.boot_ns / 1000,
             xacc,

@@ -57,6 +57,29 @@ pub(super) fn ellipsoid_slopes(centre: &Vector3<f32>, spread: &Matrix3<f32>, rad
     Some([side(1), side(2)])
 }
 
+/// Slopes of a box with the given corners (corner i has the signs of i's bits along the box's axes), cut off at depth
+/// `near`; `None` if no point of it is beyond.
+pub(super) fn box_slopes(corners: &[Vector3<f32>; 8], near: f32) -> Option<[Slopes; 2]> {
+    let mut slopes: Option<[Slopes; 2]> = None;
+    let mut take = |p: &Vector3<f32>| {
+        let [y, z] = [p.y / p.x, p.z / p.x];
+        let [(y0, y1), (z0, z1)] = slopes.unwrap_or([(y, y), (z, z)]);
+        slopes = Some([(y0.min(y), y1.max(y)), (z0.min(z), z1.max(z))]);
+    };
+    for (index, corner) in corners.iter().enumerate() {
+        if corner.x >= near {
+            take(corner);
+        }
+        for bit in [1, 2, 4] {
+            let other = &corners[index ^ bit];
+            if corner.x >= near && other.x < near {
+                take(&(corner + (other - corner) * ((corner.x - near) / (corner.x - other.x))));
+            }
+        }
+    }
+    slopes
+}
+
 /// The smallest slopes that hold both.
 pub(super) fn hull(a: Option<[Slopes; 2]>, b: Option<[Slopes; 2]>) -> Option<[Slopes; 2]> {
     match (a, b) {

@@ -1,9 +1,9 @@
 //! Solids into the depth buffer. The inner loops are branch-free over one row, so that they vectorise.
 
-use super::bounds::{Rect, Slopes, ellipsoid_slopes, hull, sphere_slopes};
+use super::bounds::{Rect, Slopes, box_slopes, ellipsoid_slopes, hull, sphere_slopes};
 use super::camera::{CameraPose, Rays};
 use super::{NEAR_M, RANGE_M};
-use crate::world::{RoundCone, Spheroid};
+use crate::world::{Cuboid, RoundCone, Spheroid};
 use goshawk_core::types::Vec3;
 use nalgebra::{Matrix3, Vector3};
 
@@ -54,6 +54,32 @@ impl ViewSpheroid {
             spread: Matrix3::identity() * xy2 + upward * (z2 - xy2),
             radius: xy2.max(z2).sqrt(),
         }
+    }
+}
+
+/// A box in the camera frame.
+pub(super) struct ViewCuboid {
+    /// Rows: the box's axes in the camera frame.
+    axes: Matrix3<f32>,
+    /// The camera, along the box's axes from its centre.
+    eye: V3,
+    half: V3,
+}
+
+impl ViewCuboid {
+    pub(super) fn new(cuboid: &Cuboid, pose: &CameraPose) -> Self {
+        let axis = |v: Vec3| pose.rotate_to_cam(&cuboid.turn_out(&v)).transpose();
+        let axes = Matrix3::from_rows(&[axis(Vec3::x()), axis(Vec3::y()), axis(Vec3::z())]);
+        let eye = cuboid.turn_in(&(pose.pos_world - cuboid.centre)).cast::<f32>();
+        Self { axes, eye, half: cuboid.half.cast::<f32>() }
+    }
+
+    fn corners(&self) -> [V3; 8] {
+        std::array::from_fn(|i| {
+            let sign = |bit: usize, half: f32| if i & bit == 0 { -half } else { half };
+            let corner = V3::new(sign(1, self.half.x), sign(2, self.half.y), sign(4, self.half.z));
+            self.axes.tr_mul(&(corner - self.eye))
+        })
     }
 }
 
@@ -120,6 +146,28 @@ impl Canvas<'_> {
         let Some(rect) = self.rays.rect(sphere_slopes(centre, radius)) else { return };
         let qc = centre.norm_squared() - radius * radius;
         self.quadric(rect, id, &Matrix3::identity(), centre, qc);
+    }
+
+    /// Draws a box.
+    pub(super) fn cuboid(&mut self, cuboid: &ViewCuboid, id: u32) {
+        let Some(rect) = self.rays.rect(box_slopes(&cuboid.corners(), NEAR_M)) else { return };
+        let (axes, low, high) = (&cuboid.axes, -cuboid.half - cuboid.eye, cuboid.half - cuboid.eye);
+        for v in rect.v0..rect.v1 {
+            let start = axes.column(0) + axes.column(2) * self.rays.dz[v];
+            let across = axes.column(1).into_owned();
+            for (&dy, (depth, pixel)) in self.row(v, rect) {
+                let (mut enter, mut leave) = (NEAR_M, f32::INFINITY);
+                for axis in 0..3 {
+                    let inverse = 1.0 / (start[axis] + across[axis] * dy);
+                    let (a, b) = (low[axis] * inverse, high[axis] * inverse);
+                    enter = enter.max(a.min(b));
+                    leave = leave.min(a.max(b));
+                }
+                let hit = (enter <= leave) & (enter > NEAR_M) & (enter < *depth);
+                *depth = if hit { enter } else { *depth };
+                *pixel = if hit { id } else { *pixel };
+            }
+        }
     }
 
     /// Draws a spheroid.

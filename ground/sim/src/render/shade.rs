@@ -11,13 +11,14 @@ use nalgebra::Vector3;
 
 type V3 = Vector3<f32>;
 
-/// Colours every pixel of `frame` from its id and depth.
+/// Colours every pixel of `frame` from its id and depth; `linear` is scratch of the size of `frame.rgb`.
 pub(super) fn shade(
     world: &World,
     body: Option<&[BodyPart; BODY_PARTS]>,
     pose: &CameraPose,
     rays: &Rays,
     ids: &[u32],
+    linear: &mut [f32],
     frame: &mut Frame,
 ) {
     let painter = Painter {
@@ -47,12 +48,12 @@ pub(super) fn shade(
                 id => painter.part(id - 1, &point, depth),
             };
             frame.class[pixel] = class as u8;
-            let out = &mut frame.rgb[3 * pixel..3 * pixel + 3];
-            for channel in 0..3 {
-                // Square root: the display's gamma, near enough.
-                out[channel] = (light[channel].max(0.0).sqrt() * 255.0 + 0.5).min(255.0) as u8;
-            }
+            linear[3 * pixel..3 * pixel + 3].copy_from_slice(light.as_slice());
         }
+    }
+    // Square root: the display's gamma, near enough. On its own, so that it vectorises.
+    for (level, light) in frame.rgb.iter_mut().zip(linear) {
+        *level = (light.max(0.0).sqrt() * 255.0 + 0.5).min(255.0) as u8;
     }
 }
 
@@ -102,6 +103,21 @@ impl Painter<'_> {
                 normal = (normal + V3::new(turn(3), turn(11), turn(19))).normalize();
                 let detail = 1.0 + 0.5 * near * signed(leaf) + 0.25 * signed(clump);
                 (Class::Foliage, self.lit(tint, detail, &normal, point, depth))
+            }
+            Kind::Building => {
+                // Courses of blocks with joints, under stains; a plaster finish on every third part.
+                let along = if normal.x.abs() > normal.y.abs() { point.y } else { point.x };
+                let (row, plaster) = (floor(point.z * 4.0), salt % 3 == 0);
+                let column = along * 2.0 + if row % 2 == 0 { 0.5 } else { 0.0 };
+                let joint = (point.z * 4.0 - row as f32).min(column - floor(column) as f32) < 0.07;
+                let block = 0.12 * signed(hash(row, floor(column), salt));
+                let stain = 0.15 * smooth(along * 0.9, point.z * 1.3, salt);
+                let course = if plaster { 0.0 } else { block - if joint { 0.25 * near } else { 0.0 } };
+                (Class::Building, self.lit(tint, 1.0 + stain + course, &normal, point, depth))
+            }
+            Kind::Scan => {
+                let grain = hash(floor(point.x * 9.0), floor(point.y * 9.0), floor(point.z * 9.0));
+                (Class::Scan, self.lit(tint, 1.0 + 0.25 * near * signed(grain), &normal, point, depth))
             }
         }
     }
@@ -167,6 +183,13 @@ fn surface_normal(shape: &Shape, point: &V3) -> V3 {
             let rel = point - single(&s.centre);
             let (xy, z) = ((s.radius_xy * s.radius_xy) as f32, (s.radius_z * s.radius_z) as f32);
             V3::new(rel.x / xy, rel.y / xy, rel.z / z).try_normalize(1e-9).unwrap_or(V3::z())
+        }
+        Shape::Cuboid(c) => {
+            let rel = c.turn_in(&(point.cast::<f64>() - c.centre));
+            let axis = (rel.abs() - c.half).imax();
+            let mut normal = Vec3::zeros();
+            normal[axis] = rel[axis].signum();
+            single(&c.turn_out(&normal))
         }
     }
 }

@@ -16,7 +16,8 @@ use goshawk_proto::v1;
 use super::session::Session;
 use crate::quadrotor::QuadrotorState;
 use crate::render::{Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, SensorConfig, mix};
+use crate::sensor::{RgbdImage, Sensor, mix};
+use crate::sensors::Sensors;
 use crate::trial::Scene;
 use crate::trial::airframe::Mount;
 use crate::trial::judge::in_view;
@@ -42,6 +43,7 @@ impl Camera {
     pub(super) fn start(
         session: &Session,
         vehicle: &Vehicle,
+        sensors: &Sensors,
         scene: &Arc<Scene>,
         seed: u64,
         stop: Arc<AtomicBool>,
@@ -58,12 +60,12 @@ impl Camera {
             frame: Frame::default(),
             image: RgbdImage::default(),
         };
+        let mut sensor = Sensor::new(sensors, &work.mount.camera, mix(seed, 14));
         let (inbox, seen, count) = (exposures.clone(), Arc::clone(&sees_target), Arc::clone(&published));
         let thread = thread::Builder::new()
             .name("camera".to_owned())
             .spawn(move || {
                 let mut renderer = Renderer::new(work.mount.camera);
-                let mut sensor = Sensor::new(SensorConfig::default());
                 let mut newest = 0;
                 while !stop.load(Ordering::Relaxed) {
                     if let Some((exposure, _)) = inbox.wait_newer(&mut newest, Duration::from_millis(100)) {
@@ -111,7 +113,12 @@ impl Work {
         let person = self.scene.person_at(exposure.running_for_s);
         let pose = self.mount.pose(&exposure.vehicle);
         renderer.render(&self.scene.world, person.as_ref(), &pose, &mut self.frame);
-        sensor.capture(&self.frame, mix(mix(self.seed, 13), seq), &mut self.image);
+        sensor.capture(
+            &self.frame,
+            &self.mount.motion(&exposure.vehicle),
+            mix(mix(self.seed, 13), seq),
+            &mut self.image,
+        );
         let image = &self.image;
         self.publisher.put(&v1::Rgbd {
             seq,

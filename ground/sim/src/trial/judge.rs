@@ -18,6 +18,10 @@ pub enum Contact {
     Branch,
     /// Leaves.
     Foliage,
+    /// A wall, a ceiling, furniture.
+    Building,
+    /// A scanned surface.
+    Scan,
     /// The ground, in flight.
     Ground,
     /// The target itself.
@@ -102,7 +106,9 @@ pub fn contact(world: &World, at: &Vec3, person: Option<&EvaderState>, airborne:
         return Some(match nearest {
             Some(Kind::Branch) => Contact::Branch,
             Some(Kind::Foliage) => Contact::Foliage,
-            _ => Contact::Trunk,
+            Some(Kind::Building) => Contact::Building,
+            Some(Kind::Scan) => Contact::Scan,
+            Some(Kind::Trunk) | None => Contact::Trunk,
         });
     }
     if person.is_some_and(|p| person_distance(at, p) < BODY_RADIUS_M) {

@@ -5,15 +5,15 @@ use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Task, Time, Vec3};
 use goshawk_core::{Cause, Command, Mode, Plan, Profile};
 
-use super::airframe::{Mount, airframe};
+use super::airframe::{Mount, airframe, spread};
 use super::autopilot::Obliging;
-use super::estimator::{Estimator, EstimatorConfig};
+use super::estimator::Estimator;
 use super::judge::{Contact, Exposure, Judge, contact, in_view};
 use super::scene::Scene;
 use super::{FRAME_AT_PLANNER_S, Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::render::{Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, SensorConfig, mix};
+use crate::sensor::{RgbdImage, Sensor, mix};
 
 const STEPS_PER_S: u64 = 1000;
 const FRAMES_PER_S: u64 = 30;
@@ -37,7 +37,6 @@ const GOAL_RADIUS_M: f64 = 2.0;
 /// The take-off may take this long, a navigation this long beyond its way at a quarter of its speed, s.
 const TAKEOFF_S: f64 = 25.0;
 const NAVIGATION_GRACE_S: f64 = 20.0;
-const GOAL_AHEAD_M: f64 = 40.0;
 
 /// A frame on its way through the vehicle.
 struct InFlight {
@@ -77,21 +76,21 @@ pub(super) struct Lockstep<'a> {
 impl<'a> Lockstep<'a> {
     pub(super) fn new(config: &TrialConfig, vehicle: &Vehicle, scene: &'a Scene, onboard: Box<dyn Pilot + 'a>) -> Self {
         let mount = Mount::of(vehicle);
-        let parameters = airframe(vehicle);
+        let parameters = spread(&airframe(vehicle), config.spread, mix(config.seed, 16));
         let start = scene.vehicle_start(&parameters);
         Self {
-            config: *config,
+            config: config.clone(),
             scene,
             mount,
             control_steps: (STEPS_PER_S as f64 / vehicle.controller.rate_hz).round().max(1.0) as u64,
-            quad: Quadrotor::new(parameters, start, 0.0),
+            quad: Quadrotor::new(parameters, start, scene.world.start_heading_rad()),
             wind: Wind::new(config.wind_mps, mix(config.seed, 12)),
             wind_world: Vec3::zeros(),
-            estimator: Estimator::new(EstimatorConfig::default(), mix(config.seed, 11)),
+            estimator: Estimator::new(config.sensors.odometry, mix(config.seed, 11)),
             autopilot: Obliging::default(),
             onboard,
             renderer: Renderer::new(mount.camera),
-            sensor: Sensor::new(SensorConfig::default()),
+            sensor: Sensor::new(&config.sensors, &mount.camera, mix(config.seed, 14)),
             frame: Frame::default(),
             image: RgbdImage::default(),
             frames: 0,
@@ -184,7 +183,8 @@ impl<'a> Lockstep<'a> {
         let person = self.scene.person_at(since);
         let pose = self.mount.pose(self.quad.state());
         self.renderer.render(&self.scene.world, person.as_ref(), &pose, &mut self.frame);
-        self.sensor.capture(&self.frame, mix(mix(self.config.seed, 13), self.frames), &mut self.image);
+        let motion = self.mount.motion(self.quad.state());
+        self.sensor.capture(&self.frame, &motion, mix(mix(self.config.seed, 13), self.frames), &mut self.image);
         let exposure = Exposure {
             vehicle_world: self.quad.state().pos_world,
             target_world: person.map(|p| p.pose.centre_world()),
@@ -230,14 +230,14 @@ impl<'a> Lockstep<'a> {
                 task: Task::Navigate,
                 speed: config.speed_mps,
                 height: config.height_m,
-                goal: Some(Vec3::new(GOAL_AHEAD_M, 0.0, config.height_m)),
+                goal: Some(self.goal_world() - self.scene.vehicle_start(self.quad.parameters())),
             },
         }
     }
 
     fn move_on(&mut self, now: Time) {
         if self.step.is_multiple_of(WIND_STEPS) {
-            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S);
+            self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
         let demand = self.autopilot.demand(now);
         let world = &self.scene.world;
@@ -251,8 +251,7 @@ impl<'a> Lockstep<'a> {
     }
 
     fn goal_world(&self) -> Vec3 {
-        let start = self.scene.vehicle_start(self.quad.parameters());
-        start + Vec3::new(GOAL_AHEAD_M, 0.0, self.config.height_m)
+        self.scene.goal_world + Vec3::new(0.0, 0.0, self.quad.parameters().leg_m + self.config.height_m)
     }
 
     fn truth(&self, now: Time) -> Truth<'_> {
@@ -291,7 +290,8 @@ impl<'a> Lockstep<'a> {
                 }
             }
             None => {
-                let limit = NAVIGATION_GRACE_S + GOAL_AHEAD_M / (0.25 * self.config.speed_mps);
+                let way = (self.scene.goal_world - self.scene.world.start_world()).norm();
+                let limit = NAVIGATION_GRACE_S + way / (0.25 * self.config.speed_mps);
                 let late = self.up.is_some_and(|up| now.since(up) > limit);
                 if (self.goal_world() - at).norm() <= GOAL_RADIUS_M {
                     Some(Outcome::Success)

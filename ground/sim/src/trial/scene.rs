@@ -1,71 +1,175 @@
-//! Where a flight takes place: the forest, the vehicle's start, and the person who runs.
+//! Where a flight takes place: the world, the vehicle's start and goal, and the person who runs.
+
+use std::path::Path;
+use std::sync::Arc;
 
 use goshawk_core::types::{Task, Vec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use super::TrialError;
-use crate::evader::{Evader, EvaderConfig, EvaderError, EvaderState};
+use crate::buildings::{BuildingsConfig, buildings};
+use crate::cloud::{self, CloudError};
+use crate::evader::{Course, Evader, EvaderConfig, EvaderState, reachable};
 use crate::forest::{ForestConfig, forest};
 use crate::person::Person;
 use crate::quadrotor::QuadrotorParameters;
 use crate::sensor::mix;
 use crate::world::World;
 
+/// What worlds are drawn from.
+#[derive(Clone, Debug)]
+pub enum WorldSource {
+    /// Trees of this mean spacing, m.
+    Forest {
+        /// Mean spacing, m.
+        spacing_m: f64,
+    },
+    /// Rooms, corridors, courtyards, stairs.
+    Buildings,
+    /// A point cloud, and its file's name.
+    Cloud(Arc<World>, String),
+}
+
+impl WorldSource {
+    /// `forest`, `buildings`, or the path of a point cloud; `spacing_m` is the forest's.
+    ///
+    /// # Errors
+    /// [`CloudError`] if the file is none.
+    pub fn parse(text: &str, spacing_m: f64) -> Result<Self, CloudError> {
+        Ok(match text {
+            "forest" => Self::Forest { spacing_m },
+            "buildings" => Self::Buildings,
+            file => {
+                let path = Path::new(file);
+                let name = path.file_name().map_or(file.to_owned(), |n| n.to_string_lossy().into_owned());
+                Self::Cloud(Arc::new(cloud::load(path)?), name)
+            }
+        })
+    }
+
+    /// `forest`, `buildings`, or the file's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Forest { .. } => "forest",
+            Self::Buildings => "buildings",
+            Self::Cloud(_, name) => name,
+        }
+    }
+
+    /// The forest's mean spacing, m; 0 elsewhere.
+    #[must_use]
+    pub fn spacing_m(&self) -> f64 {
+        if let Self::Forest { spacing_m } = self { *spacing_m } else { 0.0 }
+    }
+
+    /// The world of a seed, with room for a goal `distance_m` ahead of the start where that can be chosen.
+    ///
+    /// # Errors
+    /// If the spacing is unusable.
+    pub fn draw(&self, seed: u64, distance_m: f64) -> Result<World, TrialError> {
+        let plain = ForestConfig::default();
+        let max_x = plain.max_xy[0].max(plain.start_xy[0] + distance_m + 24.0);
+        let half_y = plain.max_xy[1].max(0.62 * distance_m);
+        let (min_xy, max_xy) = ([plain.min_xy[0], -half_y], [max_x, half_y]);
+        Ok(match self {
+            Self::Forest { spacing_m } => {
+                forest(&ForestConfig { min_xy, max_xy, spacing_m: *spacing_m, ..plain }, seed)?
+            }
+            Self::Buildings => buildings(&BuildingsConfig { min_xy, max_xy, ..BuildingsConfig::default() }, seed)?,
+            Self::Cloud(world, _) => {
+                let (start_xy, heading_rad) = start_in(world, seed).ok_or(TrialError::NoRoom)?;
+                World::clone(world).started_at(start_xy, heading_rad)
+            }
+        })
+    }
+}
+
+/// A free place in a world, and a heading from there toward its middle.
+fn start_in(world: &World, seed: u64) -> Option<([f64; 2], f64)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x57a2);
+    let (low, high) = (world.min_world(), world.max_world());
+    (0..4000).find_map(|attempt| {
+        let x = rng.random_range(low.x..high.x);
+        let y = rng.random_range(low.y..high.y);
+        let heading = (0.5 * (low.y + high.y) - y).atan2(0.5 * (low.x + high.x) - x) + rng.random_range(-0.5..0.5);
+        let ground = world.ground_height(x, y);
+        // The less room there is, the less is asked for.
+        let room = 1.5 - 0.25 * f64::from(attempt / 1000);
+        let free = [0.3, 0.9, 1.5, 2.1].iter().all(|h| world.clearance(&Vec3::new(x, y, ground + h)) > room);
+        free.then_some(([x, y], heading))
+    })
+}
+
 /// What a scene is made from.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct SceneConfig {
     /// Everything is drawn from it.
     pub seed: u64,
-    /// Mean spacing of the trees, m.
-    pub spacing_m: f64,
+    /// Where.
+    pub world: WorldSource,
     /// How far ahead the goal is, the evader's or the vehicle's own, m.
     pub distance_m: f64,
-    /// Most speed of the evader, m/s; none: nobody runs.
-    pub evader_mps: Option<f64>,
+    /// What the evader runs, and its most speed, m/s; none: nobody runs.
+    pub evader: Option<(Course, f64)>,
 }
 
 impl SceneConfig {
     /// The acceptance's scene for a task at a speed: the evader's, or the vehicle's own.
     #[must_use]
-    pub fn of_task(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> Self {
-        let evader_mps = (task == Task::Track).then_some(speed_mps);
-        Self { seed, spacing_m, distance_m: 40.0, evader_mps }
+    pub fn of_task(task: Task, speed_mps: f64, world: WorldSource, course: Course, seed: u64) -> Self {
+        let evader = (task == Task::Track).then_some((course, speed_mps));
+        Self { seed, world, distance_m: 40.0, evader }
     }
 }
 
-/// A world with its actors. The vehicle looks east from the world's start.
+/// A world with its actors. The vehicle looks along the world's start heading.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Obstacles and ground.
     pub world: World,
+    /// Where a navigation leads, on the ground.
+    pub goal_world: Vec3,
     /// The runner.
     pub evader: Option<Evader>,
 }
 
-/// Forests in which nobody can run are drawn again, this often at most.
+/// Worlds in which nobody can run are drawn again, this often at most.
 const ATTEMPTS: u64 = 20;
+/// Where worlds are too small for the asked distance it shrinks with each attempt, to this at least, m.
+const SHRINK: f64 = 0.93;
+const DISTANCE_MIN_M: f64 = 12.0;
+/// A navigation's goal can be reached with this much room, m.
+const GOAL_ROOM_M: f64 = 0.45;
 
 impl Scene {
     /// Draws a scene.
     ///
     /// # Errors
-    /// If the spacing is unusable, or no forest of it lets the evader run.
+    /// If the world cannot be made, or none of it lets the evader run.
     pub fn new(config: &SceneConfig) -> Result<Self, TrialError> {
-        let mut failure = EvaderError::NoWay;
+        let mut failure = TrialError::NoRoom;
+        let bounded = !matches!(config.world, WorldSource::Forest { .. });
         for attempt in 0..ATTEMPTS {
             let seed = mix(config.seed, attempt);
-            let plain = ForestConfig { spacing_m: config.spacing_m, ..ForestConfig::default() };
-            let max_x = plain.max_xy[0].max(plain.start_xy[0] + config.distance_m + 24.0);
-            let half_y = plain.max_xy[1].max(0.62 * config.distance_m);
-            let wide = ForestConfig { min_xy: [plain.min_xy[0], -half_y], max_xy: [max_x, half_y], ..plain };
-            let world = forest(&wide, seed)?;
-            let Some(speed) = config.evader_mps else { return Ok(Self { world, evader: None }) };
-            let runner = EvaderConfig { goal_m: config.distance_m, ..EvaderConfig::at_speed(speed) };
-            match Evader::plan(&world, &runner, world.start_world(), 0.0, mix(seed, 1)) {
-                Ok(evader) => return Ok(Self { world, evader: Some(evader) }),
-                Err(error) => failure = error,
+            let shrunk = (config.distance_m * SHRINK.powi(attempt as i32)).max(DISTANCE_MIN_M.min(config.distance_m));
+            let distance_m = if bounded { shrunk } else { config.distance_m };
+            let world = config.world.draw(seed, config.distance_m)?;
+            let (start, heading) = (world.start_world(), world.start_heading_rad());
+            let Some((course, speed)) = &config.evader else {
+                match goal(&world, distance_m, bounded, seed) {
+                    Some(goal_world) => return Ok(Self { world, goal_world, evader: None }),
+                    None => continue,
+                }
+            };
+            let runner = EvaderConfig { course: course.clone(), goal_m: distance_m, ..EvaderConfig::at_speed(*speed) };
+            match Evader::plan(&world, &runner, start, heading, mix(seed, 1)) {
+                Ok(evader) => return Ok(Self { goal_world: start, world, evader: Some(evader) }),
+                Err(error) => failure = error.into(),
             }
         }
-        Err(failure.into())
+        Err(failure)
     }
 
     /// Where the vehicle stands at first: its centre of mass.
@@ -85,4 +189,20 @@ impl Scene {
     pub fn person_at(&self, since_start_s: f64) -> Option<Person> {
         self.evader.as_ref().map(|e| e.person(&self.world, since_start_s))
     }
+}
+
+/// A goal on the ground ahead of the start; in a world of walls (`bounded`) one that can be reached.
+fn goal(world: &World, distance_m: f64, bounded: bool, seed: u64) -> Option<Vec3> {
+    let (start, heading) = (world.start_world(), world.start_heading_rad());
+    let ahead = |bearing: f64| {
+        let at = start + Vec3::new((heading + bearing).cos(), (heading + bearing).sin(), 0.0) * distance_m;
+        Vec3::new(at.x, at.y, world.ground_height(at.x, at.y))
+    };
+    if !bounded {
+        return Some(ahead(0.0));
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, 3));
+    (0..6)
+        .map(|_| ahead(rng.random_range(-0.5..0.5)))
+        .find(|at| world.contains_xy(at.x, at.y, 1.0) && reachable(world, &start, at, GOAL_ROOM_M))
 }

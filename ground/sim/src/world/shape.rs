@@ -27,6 +27,17 @@ pub struct Spheroid {
     pub radius_z: f64,
 }
 
+/// An upright box, turned about the vertical.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cuboid {
+    /// Its centre.
+    pub centre: Vec3,
+    /// Half its edges along its own axes, m, each above 0.
+    pub half: Vec3,
+    /// From east to its own x axis, rad.
+    pub yaw_rad: f64,
+}
+
 /// The geometry of a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
@@ -34,6 +45,8 @@ pub enum Shape {
     Cone(RoundCone),
     /// Foliage.
     Spheroid(Spheroid),
+    /// Walls, slabs, furniture, voxels.
+    Cuboid(Cuboid),
 }
 
 impl RoundCone {
@@ -118,6 +131,44 @@ impl Spheroid {
     }
 }
 
+impl Cuboid {
+    /// A vector of the world along the box's own axes.
+    #[must_use]
+    pub fn turn_in(&self, v_world: &Vec3) -> Vec3 {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        Vec3::new(cos * v_world.x + sin * v_world.y, cos * v_world.y - sin * v_world.x, v_world.z)
+    }
+
+    /// A vector along the box's own axes in the world.
+    #[must_use]
+    pub fn turn_out(&self, v: &Vec3) -> Vec3 {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        Vec3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
+    }
+
+    /// Exact signed distance.
+    #[must_use]
+    pub fn signed_distance(&self, p: &Vec3) -> f64 {
+        let beyond = self.turn_in(&(p - self.centre)).abs() - self.half;
+        beyond.sup(&Vec3::zeros()).norm() + beyond.max().min(0.0)
+    }
+
+    fn ray(&self, origin: &Vec3, dir: &Vec3) -> Option<f64> {
+        let (o, d) = (self.turn_in(&(origin - self.centre)), self.turn_in(dir));
+        let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
+        for axis in 0..3 {
+            // A ray along a face divides by zero: the infinities have the right signs.
+            let (a, b) = ((-self.half[axis] - o[axis]) / d[axis], (self.half[axis] - o[axis]) / d[axis]);
+            if a.is_nan() || b.is_nan() {
+                continue;
+            }
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        (enter <= leave && enter > 0.0).then_some(enter)
+    }
+}
+
 impl Shape {
     /// Signed distance of a point, negative inside, m.
     #[must_use]
@@ -125,6 +176,7 @@ impl Shape {
         match self {
             Shape::Cone(cone) => cone.signed_distance(p),
             Shape::Spheroid(spheroid) => spheroid.signed_distance(p),
+            Shape::Cuboid(cuboid) => cuboid.signed_distance(p),
         }
     }
 
@@ -134,6 +186,7 @@ impl Shape {
         match self {
             Shape::Cone(cone) => cone.ray(origin, dir),
             Shape::Spheroid(spheroid) => spheroid.ray(origin, dir),
+            Shape::Cuboid(cuboid) => cuboid.ray(origin, dir),
         }
     }
 
@@ -149,6 +202,11 @@ impl Shape {
                 let half = Vec3::new(s.radius_xy, s.radius_xy, s.radius_z);
                 (s.centre - half, s.centre + half)
             }
+            Shape::Cuboid(c) => {
+                let (sin, cos) = (c.yaw_rad.sin().abs(), c.yaw_rad.cos().abs());
+                let half = Vec3::new(cos * c.half.x + sin * c.half.y, sin * c.half.x + cos * c.half.y, c.half.z);
+                (c.centre - half, c.centre + half)
+            }
         }
     }
 
@@ -158,6 +216,7 @@ impl Shape {
         match self {
             Shape::Cone(c) => ((c.a + c.b) * 0.5, (c.b - c.a).norm() * 0.5 + c.radius_a.max(c.radius_b)),
             Shape::Spheroid(s) => (s.centre, s.radius_xy.max(s.radius_z)),
+            Shape::Cuboid(c) => (c.centre, c.half.norm()),
         }
     }
 }
