@@ -9,7 +9,8 @@ use goshawk_sim::classical::pilot::COMPUTE_S;
 use goshawk_sim::classical::planner::{Aim, MapPlanner};
 use goshawk_sim::forest::{ForestConfig, forest};
 use goshawk_sim::render::{Camera, CameraPose, Frame, Renderer};
-use goshawk_sim::sensor::{RgbdImage, Sensor, SensorConfig};
+use goshawk_sim::sensor::{Motion, RgbdImage, Sensor};
+use goshawk_sim::sensors::Sensors;
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
 
@@ -60,7 +61,7 @@ fn main() -> color_eyre::Result<()> {
 fn fly(seed: u64, times: &mut Times) -> color_eyre::Result<()> {
     let world = forest(&ForestConfig::default(), seed)?;
     let camera = Camera::default();
-    let (mut renderer, mut sensor) = (Renderer::new(camera), Sensor::new(SensorConfig::default()));
+    let (mut renderer, mut sensor) = (Renderer::new(camera), Sensor::new(&Sensors::default(), &camera, seed));
     let (mut frame, mut image) = (Frame::default(), RgbdImage::default());
     let mut planner = MapPlanner::default();
     let start_world = world.start_world() + Vec3::z() * 1.5;
@@ -70,7 +71,8 @@ fn fly(seed: u64, times: &mut Times) -> color_eyre::Result<()> {
         let yaw = if at.vel.xy().norm() > 1.0 { at.vel.y.atan2(at.vel.x) } else { 0.0 };
         let pose = CameraPose { pos_world: at.pos, world_from_cam: Rot::from_euler_angles(0.0, 0.0, yaw) };
         renderer.render(&world, None, &pose, &mut frame);
-        sensor.capture(&frame, (seed << 32) + count, &mut image);
+        let motion = Motion { vel_cam: pose.world_from_cam.inverse() * at.vel, ang_vel_cam: Vec3::zeros() };
+        sensor.capture(&frame, &motion, (seed << 32) + count, &mut image);
 
         let begun = core_seconds();
         planner.see(&camera, &pose, &image.depth_mm, None);
