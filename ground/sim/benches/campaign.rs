@@ -7,13 +7,13 @@ mod common;
 
 use std::path::Path;
 
-use common::{core_seconds, median, record, verdict};
+use common::{core_seconds, median, record, tenths, verdict};
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::{NetworkOutput, Task};
 use goshawk_policy::{Contract, Policy, PolicyError};
 use goshawk_sim::evader::Course;
 use goshawk_sim::sensors::Sensors;
-use goshawk_sim::trial::{Network, TrialConfig, Unwatched, WorldSource, fly_trial};
+use goshawk_sim::trial::{Network, PilotKind, TrialConfig, Unwatched, WorldSource, fly_trial};
 
 const FLIGHTS: u64 = 6;
 const TARGET: f64 = 10.0;
@@ -31,9 +31,9 @@ impl Network for Timed {
     }
 
     fn infer(&mut self, rgbd: &[f32], state: &[f32]) -> Result<NetworkOutput, PolicyError> {
-        let begun = core_seconds().expect("this system says how long a thread has had a core");
+        let begun = core_seconds();
         let output = self.policy.infer(rgbd, state);
-        self.inference_s += core_seconds().expect("it did a moment ago") - begun;
+        self.inference_s += core_seconds() - begun;
         self.frames += 1;
         output
     }
@@ -47,6 +47,7 @@ fn main() -> color_eyre::Result<()> {
     let (mut factors, mut flown_s, mut core_s) = (Vec::new(), 0.0, 0.0);
     for seed in 0..FLIGHTS {
         let config = TrialConfig {
+            pilot: PilotKind::Policy,
             task: Task::Track,
             speed_mps: 3.0,
             speed_ratio: 2.8,
@@ -58,9 +59,9 @@ fn main() -> color_eyre::Result<()> {
             spread: 0.0,
             seed,
         };
-        let begun = core_seconds()?;
-        let flight = fly_trial(&config, &vehicle, &mut network, &mut Unwatched)?;
-        let took = core_seconds()? - begun;
+        let begun = core_seconds();
+        let flight = fly_trial(&config, &vehicle, Some(&mut network), &mut Unwatched)?;
+        let took = core_seconds() - begun;
         factors.push(flight.flown_s / took);
         (flown_s, core_s) = (flown_s + flight.flown_s, core_s + took);
     }
@@ -74,6 +75,6 @@ fn main() -> color_eyre::Result<()> {
         per_frame(core_s),
         per_frame(network.inference_s)
     );
-    record("campaign_realtime_per_core", factor)?;
+    record("campaign_realtime_per_core", tenths(factor))?;
     Ok(())
 }

@@ -24,7 +24,7 @@ use crate::evader::Course;
 use crate::sensor::mix;
 use crate::sensors::Sensors;
 use crate::trial::airframe::Mount;
-use crate::trial::{Flight, Network, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial};
+use crate::trial::{Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial};
 use files::Files;
 use log::{FlightLog, LogError};
 pub use pick::Pick;
@@ -35,6 +35,8 @@ use trace::{Trace, Tracer};
 /// What to fly.
 #[derive(Clone, Debug)]
 pub struct Campaign {
+    /// Which software flies.
+    pub pilot: PilotKind,
     /// Chase or fly to a goal.
     pub task: Task,
     /// A cell for each, m/s.
@@ -131,8 +133,8 @@ pub enum CampaignError {
     Threads(usize, rayon::ThreadPoolBuildError),
 }
 
-/// Makes the network that a thread flies with.
-pub type MakeNetwork<'a> = dyn Fn() -> Result<Box<dyn Network + Send>, TrialError> + Sync + 'a;
+/// Makes the network that a thread flies with; none where the pilot needs none.
+pub type MakeNetwork<'a> = dyn Fn() -> Result<Option<Box<dyn Network + Send>>, TrialError> + Sync + 'a;
 
 impl Campaign {
     /// The flights to fly, in order.
@@ -167,7 +169,7 @@ impl Campaign {
         let begun = Instant::now();
         let picks = self.picks()?;
         let cells: Vec<CellConfig> = self.cells();
-        let spare: Mutex<Vec<Box<dyn Network + Send>>> = Mutex::new(Vec::new());
+        let spare: Mutex<Vec<Option<Box<dyn Network + Send>>>> = Mutex::new(Vec::new());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.threads)
             .build()
@@ -182,7 +184,7 @@ impl Campaign {
                         Some(network) => network,
                         None => make().map_err(CampaignError::Network)?,
                     };
-                    let flown = self.fly(&cells[pick.cell], pick, vehicle, network.as_mut())?;
+                    let flown = self.fly(&cells[pick.cell], pick, vehicle, network.as_deref_mut())?;
                     spare.lock().unwrap_or_else(PoisonError::into_inner).push(network);
                     done(&flown.flight);
                     Ok(flown)
@@ -216,6 +218,7 @@ impl Campaign {
 
     fn cells(&self) -> Vec<CellConfig> {
         let cell = |speed_mps, world: &WorldSource| CellConfig {
+            pilot: self.pilot,
             task: self.task,
             speed_mps,
             world: world.clone(),
@@ -229,10 +232,11 @@ impl Campaign {
         cell: &CellConfig,
         pick: Pick,
         vehicle: &Vehicle,
-        network: &mut dyn Network,
+        network: Option<&mut (dyn Network + Send + 'static)>,
     ) -> Result<Flown, CampaignError> {
         let trial = pick.trial;
         let config = TrialConfig {
+            pilot: cell.pilot,
             task: cell.task,
             speed_mps: cell.speed_mps,
             speed_ratio: self.speed_ratio,
@@ -245,6 +249,7 @@ impl Campaign {
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };
+        let network = network.map(|network| network as &mut dyn Network);
         let (task, speed_mps, world) = (report::task_name(cell.task), cell.speed_mps, cell.label());
         let mut log = match &self.log {
             Some(logs) => {

@@ -12,11 +12,12 @@ pub mod scene;
 use goshawk_air::config::Vehicle;
 use goshawk_air::convert;
 use goshawk_core::types::{Task, Time, Vec3};
-use goshawk_core::{Cause, ConfigError, ControllerOutput, Mode, Odometry, Plan};
+use goshawk_core::{AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, Mode, Odometry, Plan};
 use goshawk_policy::{PolicyError, PreprocessError};
 use goshawk_proto::v1;
 use thiserror::Error;
 
+use crate::classical::Classical;
 use crate::evader::{Course, EvaderError, EvaderState};
 use crate::quadrotor::QuadrotorState;
 use crate::sensor::RgbdImage;
@@ -44,14 +45,57 @@ pub enum TrialError {
     /// The policy failed.
     #[error(transparent)]
     Policy(#[from] PolicyError),
+    /// The pilot cannot fly without a policy.
+    #[error("this flight needs a policy: only the classical pilot's navigation does without")]
+    NoPolicy,
     /// The camera does not fit the policy.
     #[error(transparent)]
     Preprocess(#[from] PreprocessError),
 }
 
+/// Which software flies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PilotKind {
+    /// The vehicle's own: a policy's trajectories.
+    #[default]
+    Policy,
+    /// The baseline: a map, a search, an optimised spline.
+    Classical,
+}
+
+/// From the middle of the exposure to the frame's being there for the pilot, s.
+pub const FRAME_AT_PLANNER_S: f64 = 0.015;
+
+/// The software that flies: images and state estimates in, setpoints out.
+pub trait Pilot {
+    /// How long [`Pilot::plan`] takes on board, s: a plan counts only then. Below 18 ms, that is within a frame.
+    fn compute_s(&self) -> f64;
+
+    /// A state estimate has come.
+    fn take_odometry(&mut self, odometry: &Odometry);
+
+    /// Plans from a frame that was exposed at `stamp`; the plan is flown once it is handed to [`Pilot::take_plan`].
+    /// None: the controller demands no plan, or there is no odometry around the stamp.
+    ///
+    /// # Errors
+    /// If the network fails.
+    fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError>;
+
+    /// The last plan has become available.
+    fn take_plan(&mut self, plan: Plan);
+
+    /// The newest state estimate.
+    fn odometry(&self) -> Option<&Odometry>;
+
+    /// One tick of the controller.
+    fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput;
+}
+
 /// One flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrialConfig {
+    /// Which software flies.
+    pub pilot: PilotKind,
     /// Chase or fly to a goal.
     pub task: Task,
     /// The evader's largest speed (track), or the vehicle's own desired speed (navigate), m/s.
@@ -156,18 +200,27 @@ pub trait Witness {
 pub struct Unwatched;
 impl Witness for Unwatched {}
 
-/// Flies one flight.
+/// Flies one flight. `network`: the policy; the classical pilot needs it only to see a target.
 ///
 /// # Errors
 /// If it cannot be flown at all; see [`TrialError`].
 pub fn fly_trial(
     config: &TrialConfig,
     vehicle: &Vehicle,
-    network: &mut dyn Network,
+    network: Option<&mut dyn Network>,
     witness: &mut dyn Witness,
 ) -> Result<Flight, TrialError> {
     let scene = config.scene()?;
-    lockstep::Lockstep::new(config, vehicle, &scene, network)?.fly(witness)
+    let mount = airframe::Mount::of(vehicle);
+    let pilot: Box<dyn Pilot> = match (config.pilot, network) {
+        (PilotKind::Policy, Some(network)) => Box::new(Onboard::new(vehicle, &mount, network)?),
+        (PilotKind::Classical, None) if config.task == Task::Navigate => {
+            Box::new(Classical::new(vehicle, &mount, None)?)
+        }
+        (PilotKind::Classical, Some(network)) => Box::new(Classical::new(vehicle, &mount, Some(network))?),
+        (_, None) => return Err(TrialError::NoPolicy),
+    };
+    lockstep::Lockstep::new(config, vehicle, &scene, pilot).fly(witness)
 }
 
 impl Truth<'_> {

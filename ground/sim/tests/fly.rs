@@ -9,7 +9,7 @@ use goshawk_sim::evader::Course;
 use goshawk_sim::fly::{Campaign, MakeNetwork};
 use goshawk_sim::sensors::Sensors;
 use goshawk_sim::trial::{
-    Contact, Flight, Network, Outcome, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial,
+    Contact, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial,
 };
 use std::path::Path;
 
@@ -96,6 +96,7 @@ impl Network for Constant {
 
 fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialConfig {
     TrialConfig {
+        pilot: PilotKind::Policy,
         task,
         speed_mps,
         speed_ratio: 2.5,
@@ -110,7 +111,7 @@ fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialConfig 
 }
 
 fn fly(config: &TrialConfig, network: &mut dyn Network) -> Flight {
-    fly_trial(config, &vehicle(), network, &mut Unwatched).unwrap()
+    fly_trial(config, &vehicle(), Some(network), &mut Unwatched).unwrap()
 }
 
 #[test]
@@ -170,6 +171,7 @@ fn wind_and_speed_do_not_change_the_forest() {
 fn a_campaign_is_the_same_for_any_number_of_threads() {
     let run = |threads| {
         let campaign = Campaign {
+            pilot: PilotKind::Policy,
             task: Task::Navigate,
             speeds_mps: vec![3.0, 5.0],
             worlds: vec![WorldSource::Forest { spacing_m: 7.0 }],
@@ -186,11 +188,11 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             traced: false,
             log: None,
         };
-        let make: &MakeNetwork<'_> = &|| Ok::<_, TrialError>(Box::new(sectors(false)) as Box<dyn Network + Send>);
+        let make: &MakeNetwork<'_> = &|| Ok::<_, TrialError>(Some(Box::new(sectors(false)) as Box<dyn Network + Send>));
         let report = campaign.run(&vehicle(), make, &|_| {}).unwrap();
         serde_json::to_string(&report.cells).unwrap()
     };
     let alone = run(1);
     assert_eq!(alone, run(3));
-    assert!(alone.contains(r#""trials":2"#));
+    assert!(alone.contains(r#""pilot":"policy""#) && alone.contains(r#""trials":2"#));
 }

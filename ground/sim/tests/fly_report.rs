@@ -14,7 +14,7 @@ use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::report::Report;
 use goshawk_sim::fly::{Campaign, CampaignError, Pick, page, pick};
 use goshawk_sim::sensors::Sensors;
-use goshawk_sim::trial::{Network, Outcome, WorldSource};
+use goshawk_sim::trial::{Network, Outcome, PilotKind, WorldSource};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
@@ -63,6 +63,7 @@ impl Network for Straight {
 
 fn campaign(task: Task) -> Campaign {
     Campaign {
+        pilot: PilotKind::Policy,
         task,
         speeds_mps: vec![4.0, 6.0],
         worlds: vec![WorldSource::Forest { spacing_m: 7.0 }],
@@ -83,7 +84,7 @@ fn campaign(task: Task) -> Campaign {
 
 fn fly(campaign: &Campaign) -> Result<Report, CampaignError> {
     let task = campaign.task;
-    campaign.run(&vehicle(), &|| Ok(Box::new(Straight::new(task))), &|_| {})
+    campaign.run(&vehicle(), &|| Ok(Some(Box::new(Straight::new(task)))), &|_| {})
 }
 
 /// A chase's report with estimates, which the stand-in cannot make.

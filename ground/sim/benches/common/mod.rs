@@ -1,12 +1,14 @@
 //! What the benchmarks share: time on a core, and `target/bench.json`.
+#![allow(dead_code, reason = "each benchmark uses a part")]
 
 use std::path::Path;
 
+use rustix::time::{ClockId, clock_gettime};
+
 /// Seconds that this thread has had a core, so that a busy machine does not distort a figure per core.
-pub(crate) fn core_seconds() -> color_eyre::Result<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
-    let nanoseconds: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
-    Ok(nanoseconds * 1e-9)
+pub(crate) fn core_seconds() -> f64 {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
 /// The middle of values in any order; there must be one.
@@ -20,15 +22,20 @@ pub(crate) fn verdict(met: bool) -> &'static str {
     if met { "met" } else { "missed" }
 }
 
+/// A figure to a tenth.
+pub(crate) fn tenths(value: f64) -> serde_json::Value {
+    ((value * 10.0).round() / 10.0).into()
+}
+
 /// Sets one key of `target/bench.json`, keeping the others.
-pub(crate) fn record(key: &str, value: f64) -> color_eyre::Result<()> {
+pub(crate) fn record(key: &str, value: serde_json::Value) -> color_eyre::Result<()> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/bench.json");
     let mut figures: serde_json::Map<String, serde_json::Value> = match std::fs::read(&path) {
         Ok(text) => serde_json::from_slice(&text)?,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => serde_json::Map::new(),
         Err(error) => return Err(error.into()),
     };
-    figures.insert(key.to_owned(), ((value * 10.0).round() / 10.0).into());
+    figures.insert(key.to_owned(), value);
     std::fs::write(&path, serde_json::to_string_pretty(&figures)? + "\n")?;
     Ok(())
 }

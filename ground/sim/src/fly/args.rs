@@ -19,7 +19,7 @@ use super::log::header;
 use super::{Campaign, Logs, Pick, page, pick, table};
 use crate::evader::Course;
 use crate::sensors::SensorArgs;
-use crate::trial::{Network, Outcome, WorldSource};
+use crate::trial::{Network, Outcome, PilotKind, WorldSource};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -30,10 +30,20 @@ pub enum TaskName {
     Navigate,
 }
 
+/// The software to fly with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PilotName {
+    /// The vehicle's own, with a trained policy.
+    Policy,
+    /// A map-based planner as a yardstick; to track, a policy finds the target for it.
+    Classical,
+}
+
 /// Fly campaigns in lockstep and report successes.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim fly --task track --speed 3,5,7 --trials 100 --seed 1 --spacing 4\n  \
                   goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json\n  \
+                  goshawk-sim fly --task navigate --pilot classical --speed 3,5 --spacing 5\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --report report   # then open report/index.html\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --only 1:4 --log logs\n\n\
                   Exit status:\n  0    the campaign was flown, however its flights ended\n  \
@@ -43,6 +53,9 @@ pub struct FlyArgs {
     /// What to fly.
     #[arg(long, value_enum)]
     task: TaskName,
+    /// What flies it.
+    #[arg(long, value_enum, default_value = "policy")]
+    pilot: PilotName,
     /// Speeds, m/s: the evader's (track) or the vehicle's (navigate); a cell for each.
     #[arg(long, value_name = "V[,V…]", value_delimiter = ',', required = true, value_parser = positive)]
     speed: Vec<f64>,
@@ -61,7 +74,8 @@ pub struct FlyArgs {
     /// Track: what the evader runs: goal, eight, or a CSV file of waypoints (x,y in m ahead and left).
     #[arg(long, value_name = "COURSE", default_value = "goal")]
     course: String,
-    /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it.
+    /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it. Not needed by --pilot classical to
+    /// navigate.
     #[arg(long, value_name = "FILE")]
     policy: Option<PathBuf>,
     /// The vehicle file.
@@ -129,20 +143,27 @@ impl FlyArgs {
         let json = self.json.as_ref().map(begin).transpose()?;
         let model = self.model(&vehicle);
         let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
-        let load = || Policy::load(&model, library.as_deref(), 1);
+        let pilot = campaign.pilot;
+        // The classical pilot needs a policy's eyes, but not its way.
+        let needed = pilot == PilotKind::Policy || task == Task::Track;
+        ensure!(needed || self.policy.is_none(), "--pilot classical navigates without a policy: leave out --policy");
+        let load = || needed.then(|| Policy::load(&model, library.as_deref(), 1)).transpose();
         let first = load()?;
         ensure!(
-            first.contract().model().task == task,
+            first.as_ref().is_none_or(|policy| policy.contract().model().task == task),
             "policy {} was trained for another task than --task {}: give --policy",
             model.display(),
             super::report::task_name(task)
         );
-        campaign.log =
-            self.log.clone().map(|folder| Logs { folder, header: header(&vehicle, &first), files: files.clone() });
-        let make = || Ok(Box::new(load()?) as Box<dyn Network + Send>);
+        campaign.log = self.log.clone().map(|folder| Logs {
+            folder,
+            header: header(&vehicle, first.as_ref()),
+            files: files.clone(),
+        });
+        let make = || Ok(load()?.map(|policy| Box::new(policy) as Box<dyn Network + Send>));
         let mut report = campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?;
         progress.bar.finish_and_clear();
-        report.policy_sha256 = Some(first.sha256().to_owned());
+        report.policy_sha256 = first.map(|policy| policy.sha256().to_owned());
         if let Some((mut file, unfinished)) = json {
             file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }
@@ -156,6 +177,10 @@ impl FlyArgs {
 
     fn campaign(&self, task: Task, vehicle: &Vehicle) -> Result<Campaign> {
         Ok(Campaign {
+            pilot: match self.pilot {
+                PilotName::Policy => PilotKind::Policy,
+                PilotName::Classical => PilotKind::Classical,
+            },
             task,
             speeds_mps: self.speed.clone(),
             worlds: self.worlds()?,

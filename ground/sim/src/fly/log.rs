@@ -38,14 +38,14 @@ pub struct FlightLog {
     odometry: Option<Time>,
 }
 
-/// The header of a campaign's logs: vehicle file and policy.
+/// The header of a campaign's logs: vehicle file and, if one flies, policy.
 #[must_use]
-pub fn header(vehicle: &Vehicle, policy: &Policy) -> v1::LogHeader {
+pub fn header(vehicle: &Vehicle, policy: Option<&Policy>) -> v1::LogHeader {
     v1::LogHeader {
         vehicle: vehicle.name.clone(),
         vehicle_toml: vehicle.text.clone(),
-        policy_sha256: policy.sha256().to_owned(),
-        policy_contract_json: policy.contract_json().to_owned(),
+        policy_sha256: policy.map(Policy::sha256).unwrap_or_default().to_owned(),
+        policy_contract_json: policy.map(Policy::contract_json).unwrap_or_default().to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         ..Default::default()
     }

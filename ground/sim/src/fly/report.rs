@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::stats::{quantile, quantiles, wilson};
 use super::{Flown, Pick};
-use crate::trial::{Contact, Metrics, Outcome, WorldSource};
+use crate::trial::{Contact, Metrics, Outcome, PilotKind, WorldSource};
 
 /// The whole of it. Everything but `timing` is the same for the same seed, vehicle file and policy.
 #[derive(Clone, Debug, Serialize)]
@@ -38,6 +38,7 @@ pub struct Report {
 pub struct Cell {
     /// Its place in the campaign, from 0.
     pub cell: usize,
+    pub pilot: &'static str,
     pub task: &'static str,
     pub speed_mps: f64,
     pub spacing_m: f64,
@@ -167,6 +168,15 @@ pub fn task_name(task: Task) -> &'static str {
     }
 }
 
+/// The pilot's name in the report.
+#[must_use]
+pub fn pilot_name(pilot: PilotKind) -> &'static str {
+    match pilot {
+        PilotKind::Policy => "policy",
+        PilotKind::Classical => "classical",
+    }
+}
+
 /// The outcome's name in the report.
 #[must_use]
 pub fn outcome_name(outcome: Outcome) -> &'static str {
@@ -195,6 +205,8 @@ pub fn contact_name(contact: Contact) -> &'static str {
 /// What all flights of a cell have in common.
 #[derive(Clone, Debug)]
 pub struct CellConfig {
+    /// Which software flies.
+    pub pilot: PilotKind,
     /// Chase or fly to a goal.
     pub task: Task,
     /// m/s.
@@ -244,6 +256,7 @@ impl Cell {
         let [min, p5, p50] = [0.0, 0.05, 0.5].map(|q| quantile(&clearances, q));
         Self {
             cell,
+            pilot: pilot_name(config.pilot),
             task: task_name(config.task),
             speed_mps: config.speed_mps,
             spacing_m: config.world.spacing_m(),

@@ -1,5 +1,5 @@
 //! The clockwork of a lockstep flight: physics at 1 kHz, odometry at 100 Hz and 10 ms late, the camera at 30 Hz with
-//! 20 ms from exposure to plan, the controller at its own rate.
+//! 15 ms from exposure to the planner and the pilot's own time from there to the plan, the controller at its own rate.
 
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Task, Time, Vec3};
@@ -9,9 +9,8 @@ use super::airframe::{Mount, airframe, spread};
 use super::autopilot::Obliging;
 use super::estimator::Estimator;
 use super::judge::{Contact, Exposure, Judge, contact, in_view};
-use super::onboard::{Network, Onboard};
 use super::scene::Scene;
-use super::{Flight, Outcome, TrialConfig, TrialError, Truth, Witness};
+use super::{FRAME_AT_PLANNER_S, Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::render::{Frame, Renderer};
 use crate::sensor::{RgbdImage, Sensor, mix};
@@ -22,9 +21,6 @@ const ODOMETRY_STEPS: u64 = 10;
 const WIND_STEPS: u64 = 10;
 const TRUTH_STEPS: u64 = 50;
 const CLEARANCE_STEPS: u64 = 2;
-/// From the middle of the exposure to the network's start, and to the plan, s.
-const FRAME_AT_PLANNER_S: f64 = 0.015;
-const PLAN_READY_S: f64 = 0.020;
 
 /// The evader begins to run this long after the vehicle first tracks it, s.
 const HEAD_START_S: f64 = 0.5;
@@ -59,7 +55,7 @@ pub(super) struct Lockstep<'a> {
     wind_world: Vec3,
     estimator: Estimator,
     autopilot: Obliging,
-    onboard: Onboard<'a>,
+    onboard: Box<dyn Pilot + 'a>,
     renderer: Renderer,
     sensor: Sensor,
     frame: Frame,
@@ -78,16 +74,11 @@ pub(super) struct Lockstep<'a> {
 }
 
 impl<'a> Lockstep<'a> {
-    pub(super) fn new(
-        config: &TrialConfig,
-        vehicle: &Vehicle,
-        scene: &'a Scene,
-        network: &'a mut dyn Network,
-    ) -> Result<Self, TrialError> {
+    pub(super) fn new(config: &TrialConfig, vehicle: &Vehicle, scene: &'a Scene, onboard: Box<dyn Pilot + 'a>) -> Self {
         let mount = Mount::of(vehicle);
         let parameters = spread(&airframe(vehicle), config.spread, mix(config.seed, 16));
         let start = scene.vehicle_start(&parameters);
-        Ok(Self {
+        Self {
             config: config.clone(),
             scene,
             mount,
@@ -97,7 +88,7 @@ impl<'a> Lockstep<'a> {
             wind_world: Vec3::zeros(),
             estimator: Estimator::new(config.sensors.odometry, mix(config.seed, 11)),
             autopilot: Obliging::default(),
-            onboard: Onboard::new(vehicle, &mount, network)?,
+            onboard,
             renderer: Renderer::new(mount.camera),
             sensor: Sensor::new(&config.sensors, &mount.camera, mix(config.seed, 14)),
             frame: Frame::default(),
@@ -112,7 +103,7 @@ impl<'a> Lockstep<'a> {
             started: None,
             up: None,
             runs: None,
-        })
+        }
     }
 
     /// Flies to the end.
@@ -175,7 +166,7 @@ impl<'a> Lockstep<'a> {
             frame.planned = true;
             self.plan = self.onboard.plan(frame.stamp, &self.image)?;
         }
-        if now >= frame.stamp.plus(PLAN_READY_S) {
+        if now >= frame.stamp.plus(FRAME_AT_PLANNER_S + self.onboard.compute_s()) {
             let exposure = frame.exposure;
             self.pending = None;
             if let Some(plan) = self.plan.take() {

@@ -3,13 +3,16 @@
 use goshawk_air::config::Vehicle;
 use goshawk_core::{
     AutopilotStatus, Command, Controller, ControllerInput, ControllerOutput, History, NetworkOutput, Odometry, Plan,
-    Planner, PlannerInput, PlanningDemand, Time,
+    Planner, PlannerInput, PlanningDemand, Time, Vec3,
 };
 use goshawk_policy::{Contract, Policy, PolicyError, Preprocessor, Source};
 
-use super::TrialError;
 use super::airframe::Mount;
+use super::{Pilot, TrialError};
 use crate::sensor::RgbdImage;
+
+/// From a frame's being there to the plan's being there, s: a network of 3 ms and 2 in reserve.
+pub const POLICY_S: f64 = 0.005;
 
 /// What answers a frame: a policy, or something that stands in for one in a test.
 pub trait Network {
@@ -33,13 +36,72 @@ impl Network for Policy {
     }
 }
 
+/// A frame with what the vehicle knows of its exposure.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// Counts frames.
+    pub seq: u64,
+    /// At the exposure.
+    pub odometry: &'a Odometry,
+    /// Commanded acceleration then, m/s².
+    pub acc_world: Vec3,
+    /// What to plan for.
+    pub demand: &'a PlanningDemand,
+}
+
+/// The policy with the core's planner: an image in, a plan out.
+pub struct PolicyPlanner<'a> {
+    planner: Planner,
+    preprocessor: Preprocessor,
+    network: &'a mut dyn Network,
+}
+
+impl<'a> PolicyPlanner<'a> {
+    /// The planner of `vehicle` with `network` as its policy.
+    ///
+    /// # Errors
+    /// If the vehicle file does not fit the policy.
+    pub fn new(vehicle: &Vehicle, mount: &Mount, network: &'a mut dyn Network) -> Result<Self, TrialError> {
+        let camera = mount.camera;
+        let source = Source {
+            width: camera.width as u32,
+            height: camera.height as u32,
+            hfov_rad: camera.hfov_rad,
+            vfov_rad: camera.vfov_rad(),
+        };
+        Ok(Self {
+            planner: Planner::new(vehicle.planner_config(network.contract().model()))?,
+            preprocessor: Preprocessor::new(network.contract(), source)?,
+            network,
+        })
+    }
+
+    /// A target unseen for longer than this is not pursued any more, s.
+    #[must_use]
+    pub fn pursue_until_s(&self) -> f64 {
+        self.planner.config().select.pursue_until
+    }
+
+    /// Plans from a frame.
+    ///
+    /// # Errors
+    /// If the network fails.
+    pub fn plan(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<Plan, TrialError> {
+        let Seen { seq, odometry, acc_world, demand } = *seen;
+        let state = self.planner.network_state(odometry, acc_world, demand.speed, demand.goal_world);
+        let rgbd = self.preprocessor.run(&image.rgb, &image.depth_mm)?;
+        let state_len = self.network.contract().state_len();
+        let network = &self.network.infer(rgbd, &state[..state_len])?;
+        let (speed, goal_world) = (demand.speed, demand.goal_world);
+        Ok(self.planner.step(&PlannerInput { seq, odometry, acc_world, speed, goal_world, network }))
+    }
+}
+
 /// Planner and controller with what the onboard process keeps between them.
 pub struct Onboard<'a> {
     controller: Controller,
-    planner: Planner,
+    planner: PolicyPlanner<'a>,
     history: History,
-    preprocessor: Preprocessor,
-    network: &'a mut dyn Network,
     odometry: Option<Odometry>,
     demand: Option<PlanningDemand>,
     plan: Option<Plan>,
@@ -52,74 +114,45 @@ impl<'a> Onboard<'a> {
     /// # Errors
     /// If the vehicle file cannot be flown with, or does not fit the policy.
     pub fn new(vehicle: &Vehicle, mount: &Mount, network: &'a mut dyn Network) -> Result<Self, TrialError> {
-        let camera = mount.camera;
-        let source = Source {
-            width: camera.width as u32,
-            height: camera.height as u32,
-            hfov_rad: camera.hfov_rad,
-            vfov_rad: camera.vfov_rad(),
-        };
         Ok(Self {
             controller: Controller::new(vehicle.controller_config())?,
-            planner: Planner::new(vehicle.planner_config(network.contract().model()))?,
+            planner: PolicyPlanner::new(vehicle, mount, network)?,
             history: History::new(),
-            preprocessor: Preprocessor::new(network.contract(), source)?,
-            network,
             odometry: None,
             demand: None,
             plan: None,
             frames: 0,
         })
     }
+}
 
-    /// A state estimate has come.
-    pub fn take_odometry(&mut self, odometry: &Odometry) {
+impl Pilot for Onboard<'_> {
+    fn compute_s(&self) -> f64 {
+        POLICY_S
+    }
+
+    fn take_odometry(&mut self, odometry: &Odometry) {
         self.history.push_odometry(odometry);
         self.odometry = Some(*odometry);
     }
 
-    /// Plans from a frame that was exposed at `stamp`; the plan is flown once it is handed to
-    /// [`Onboard::take_plan`]. None: the controller demands no plan, or there is no odometry around the stamp.
-    ///
-    /// # Errors
-    /// If the network fails.
-    pub fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
+    fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
         self.frames += 1;
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);
-        let state = self.planner.network_state(&odometry, acc_world, demand.speed, demand.goal_world);
-        let rgbd = self.preprocessor.run(&image.rgb, &image.depth_mm)?;
-        let state_len = self.network.contract().state_len();
-        let network = self.network.infer(rgbd, &state[..state_len])?;
-        Ok(Some(self.planner.step(&PlannerInput {
-            seq: self.frames,
-            odometry: &odometry,
-            acc_world,
-            speed: demand.speed,
-            goal_world: demand.goal_world,
-            network: &network,
-        })))
+        let seen = Seen { seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
+        self.planner.plan(&seen, image).map(Some)
     }
 
-    /// A plan has become available to the controller.
-    pub fn take_plan(&mut self, plan: Plan) {
+    fn take_plan(&mut self, plan: Plan) {
         self.plan = Some(plan);
     }
 
-    /// The newest plan.
-    #[must_use]
-    pub fn newest_plan(&self) -> Option<&Plan> {
-        self.plan.as_ref()
-    }
-
-    /// The newest state estimate.
-    #[must_use]
-    pub fn odometry(&self) -> Option<&Odometry> {
+    fn odometry(&self) -> Option<&Odometry> {
         self.odometry.as_ref()
     }
 
-    /// One tick of the controller.
-    pub fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
+    fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
         let output = self.controller.step(
             now,
             &ControllerInput {

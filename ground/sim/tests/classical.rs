@@ -1,0 +1,41 @@
+//! Whole flights of the classical pilot.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
+
+use goshawk_air::config::Vehicle;
+use goshawk_core::types::Task;
+use goshawk_sim::evader::Course;
+use goshawk_sim::sensors::Sensors;
+use goshawk_sim::trial::{Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial};
+use std::path::Path;
+
+fn fly(task: Task) -> Result<Flight, TrialError> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml");
+    let config = TrialConfig {
+        pilot: PilotKind::Classical,
+        task,
+        speed_mps: 3.0,
+        speed_ratio: 2.8,
+        height_m: 1.5,
+        world: WorldSource::Forest { spacing_m: 6.0 },
+        course: Course::Goal,
+        wind_mps: 1.0,
+        sensors: Sensors::default(),
+        spread: 0.0,
+        seed: 2,
+    };
+    fly_trial(&config, &Vehicle::load(&file).unwrap(), None, &mut Unwatched)
+}
+
+#[test]
+fn the_classical_pilot_reaches_the_goal_without_a_policy_and_always_in_the_same_way() {
+    let flight = fly(Task::Navigate).unwrap();
+    assert_eq!(flight.outcome, Outcome::Success, "{flight:?}");
+    assert!(flight.metrics.clearance_m.unwrap() > 0.2, "{flight:?}");
+    assert!((2.0..4.0).contains(&flight.metrics.speed_max_mps), "{}", flight.metrics.speed_max_mps);
+    assert_eq!(flight, fly(Task::Navigate).unwrap());
+}
+
+#[test]
+fn without_a_policy_nobody_sees_the_target() {
+    assert!(matches!(fly(Task::Track), Err(TrialError::NoPolicy)));
+}
