@@ -19,7 +19,7 @@ import torch
 from torch.utils.tensorboard import SummaryWriter
 
 from goshawk_train import checkpoint, data, validate
-from goshawk_train.checkpoint import Checkpoint, Ema, load_weights
+from goshawk_train.checkpoint import Checkpoint, Ema
 from goshawk_train.config import Config, replace_training
 from goshawk_train.costs import CostModel
 from goshawk_train.dataset.layout import describe
@@ -89,11 +89,17 @@ class Trainer:
         self.step, self.seconds, self.data_name = saved.step, saved.seconds, saved.data
 
     def begin_from(self, other: Checkpoint) -> None:
-        """Start at step 0 with another run's averaged weights; raises `TrainingError` if the networks differ."""
-        try:
-            load_weights(self.network, other)
-        except RuntimeError as error:
-            raise TrainingError("the run to begin from has another network; use the same task and widths") from error
+        """Start at step 0 with another run's averaged weights. Of another task's run, whose head sees and says other
+        things, only the backbone is taken. Raises `TrainingError` if not even that fits.
+        """
+        own = self.network.state_dict()
+        theirs = {**other.network, **other.ema}
+        fitting = {name: value for name, value in theirs.items() if name in own and value.shape == own[name].shape}
+        if not all(name in fitting for name in own if name.startswith(("stem.", "blocks."))):
+            raise TrainingError("the run to begin from has another backbone; use the same widths")
+        if other.config.task != self.config.task:
+            fitting = {name: value for name, value in fitting.items() if not name.startswith(("head", "out."))}
+        self.network.load_state_dict({**own, **fitting})
         self.ema = Ema(self.network, self.config.training.ema)
         done = other.step * other.config.training.batch
         self.data_name += f", begun from {done} samples of {other.data}"

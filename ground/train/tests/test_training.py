@@ -72,6 +72,18 @@ def test_run_begins_with_another_runs_averaged_weights(
     assert "samples of a" in second.snapshot().data
 
 
+def test_run_of_another_task_lends_its_backbone_only(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
+    first = train.Trainer(small, *loaded, data_name="a")
+    first.advance()
+    second = train.Trainer(dataclasses.replace(small, task="navigate"), *loaded, data_name="b")
+    fresh = {name: value.clone() for name, value in second.snapshot().network.items()}
+    second.begin_from(first.snapshot())
+    for name, value in second.snapshot().network.items():
+        lent = first.ema.state_dict().get(name) if name.startswith(("stem.", "blocks.")) else fresh[name]
+        if lent is not None and value.is_floating_point():
+            assert torch.equal(value, lent), name
+
+
 def test_checkpoint_of_another_configuration_is_refused(
     small: Config, loaded: tuple[data.Frames, data.SceneMaps]
 ) -> None:
