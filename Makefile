@@ -7,7 +7,7 @@ VENV := .venv
 UV := $(VENV)/bin/uv
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-test build demo test test-rust test-python test-browser lint bench train
+.PHONY: help setup setup-train setup-test build demo test test-rust test-python lint bench train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
