@@ -7,6 +7,7 @@ pub mod commands;
 pub mod config;
 pub mod control;
 pub mod convert;
+pub mod errors;
 pub mod flightlog;
 pub mod health;
 pub mod planning;

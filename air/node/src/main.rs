@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use color_eyre::eyre::Result;
 use goshawk_air::config::Vehicle;
+use goshawk_air::errors::one_line;
 use goshawk_air::run::{Overrides, run};
 
 /// The onboard process: chases what its camera sees, obeys start and stop, writes the flight's log.
@@ -49,7 +50,7 @@ fn main() -> ExitCode {
     match start() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("goshawk-air: {}", error.chain().map(ToString::to_string).collect::<Vec<_>>().join(": "));
+            eprintln!("goshawk-air: {}", one_line(&error));
             ExitCode::FAILURE
         }
     }

@@ -21,7 +21,7 @@ const PREDICTION: &str = "prediction";
 #[derive(Debug, thiserror::Error)]
 pub enum PolicyError {
     /// The file cannot be read.
-    #[error("policy {}: {source}", path.display())]
+    #[error("policy {} cannot be read ({source}): is the path in the vehicle file, or in --policy, right?", path.display())]
     Read {
         /// The policy's file.
         path: PathBuf,
