@@ -169,6 +169,22 @@ mod tests {
     }
 
     #[test]
+    fn crowns_and_roofs_are_no_hills_even_without_a_point_of_the_ground_below_them() {
+        // Stems 4 m apart on a slope of 0.1, and over all of it leaves at 3 m; no other point of the ground.
+        let step = |n: i32, m: f64| (0..n).map(move |i| m * f64::from(i) + 0.05);
+        let slope = |x: f64| 0.1 * x;
+        let stems = step(6, 4.0).flat_map(|x| step(6, 4.0).flat_map(move |y| step(20, 0.1).map(move |z| [x, y, z])));
+        let leaves = step(200, 0.1).flat_map(|x| step(200, 0.1).map(move |y| [x, y, 3.0]));
+        let cloud = stems.chain(leaves).map(|[x, y, z]| Point { at: [x, y, z + slope(x)], rgb: None });
+        let world = world(&cloud.collect::<Vec<_>>(), Path::new("grove.ply")).unwrap();
+        for (x, y) in [(4.0, 4.0), (6.0, 6.0), (10.0, 2.0), (14.0, 17.0)] {
+            let off = world.ground_height(x, y) - slope(x);
+            assert!(off.abs() < 0.3, "{off} at {x}, {y}");
+        }
+        assert!(world.clearance(&Vec3::new(6.0, 6.0, 2.0)) > 0.8);
+    }
+
+    #[test]
     fn nothing_millimetres_and_other_files_are_refused_in_one_line() {
         let few = world(&room()[..50], Path::new("few.ply")).unwrap_err().to_string();
         assert!(few.contains("few.ply") && few.contains("50"), "{few}");

@@ -5,6 +5,7 @@ use goshawk_air::config::Vehicle;
 use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_core::{Cause, Mode};
 use goshawk_policy::{Contract, PolicyError};
+use goshawk_sim::cloud::{self, Point};
 use goshawk_sim::evader::Course;
 use goshawk_sim::fly::{Campaign, MakeNetwork};
 use goshawk_sim::sensors::Sensors;
@@ -12,6 +13,7 @@ use goshawk_sim::trial::{
     Contact, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial,
 };
 use std::path::Path;
+use std::sync::Arc;
 
 fn vehicle() -> Vehicle {
     Vehicle::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml")).unwrap()
@@ -126,6 +128,34 @@ fn a_navigation_by_depth_reaches_its_goal() {
         let modes: Vec<Mode> = flight.modes.iter().map(|m| m.1).collect();
         assert_eq!(modes[..2], [Mode::Takeoff, Mode::Navigate], "{modes:?}");
     }
+}
+
+#[test]
+fn in_a_scanned_world_the_goal_is_reached_whichever_way_the_flight_begins() {
+    let step = |n: i32, m: f64| (0..n).map(move |i| m * f64::from(i) + 0.05);
+    let floor = step(300, 0.2).flat_map(|x| step(300, 0.2).map(move |y| [x, y, 0.0]));
+    let posts = step(8, 8.0).flat_map(|x| step(8, 8.0).flat_map(move |y| step(40, 0.1).map(move |z| [x, y, z])));
+    let points: Vec<Point> = floor.chain(posts).map(|at| Point { at, rgb: None }).collect();
+    let world = Arc::new(cloud::world(&points, Path::new("posts.ply")).unwrap());
+    let flights: Vec<Flight> = (0..4)
+        .map(|seed| {
+            let world = WorldSource::Cloud(Arc::clone(&world), "posts.ply".to_owned());
+            fly(&TrialConfig { world, ..config(Task::Navigate, 3.0, 0.0, seed) }, &mut sectors(false))
+        })
+        .collect();
+    let ends: Vec<_> = flights.iter().map(|f| (f.outcome, f.contact, f.end_world)).collect();
+    assert!(flights.iter().filter(|f| f.outcome == Outcome::Success).count() >= 3, "{ends:?}");
+}
+
+#[test]
+fn sensors_and_airframe_of_another_kind_are_another_flight_and_none_is_the_same() {
+    let plain = config(Task::Navigate, 3.0, 9.0, 2);
+    let way = |config: &TrialConfig| fly(config, &mut sectors(false)).metrics.way_m;
+    assert_eq!(way(&plain), way(&TrialConfig { spread: 0.0, ..plain.clone() }));
+    assert_ne!(way(&plain), way(&TrialConfig { spread: 0.1, ..plain.clone() }));
+    let mut sensors = Sensors::default();
+    sensors.odometry.delay_s += 0.05;
+    assert_ne!(way(&plain), way(&TrialConfig { sensors, ..plain.clone() }));
 }
 
 #[test]

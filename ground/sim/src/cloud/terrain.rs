@@ -1,14 +1,14 @@
-//! The ground under a cloud: its lowest points, opened by a window wider than what stands on it.
+//! The ground under a cloud: its lowest points, without those that stand higher over others than ground can climb.
 
 use super::{VOXEL_M, Voxels};
 use crate::world::Ground;
 
 /// Distance between the ground's nodes, m.
 const CELL_M: f64 = 0.5;
-/// Things narrower than twice this do not become hills, m.
-const WINDOW_M: f64 = 4.5;
+/// No ground is steeper than this (rise over run): what is higher over a lower point is a crown, a roof, a table.
+const SLOPE: f64 = 0.5;
 
-/// Heights by node, row-major with x fastest.
+/// Heights by node, row-major with x fastest; infinite where nothing is known.
 struct Heights {
     nx: usize,
     ny: usize,
@@ -16,58 +16,100 @@ struct Heights {
 }
 
 impl Heights {
-    /// Each node becomes `pick` over the square of nodes within `reach`, axis by axis.
-    fn filter(&mut self, reach: usize, pick: fn(f64, f64) -> f64) {
-        for (count, stride, lines, line_stride) in [(self.nx, 1, self.ny, self.nx), (self.ny, self.nx, self.nx, 1)] {
-            for line in 0..lines {
-                let at = |i: usize| line * line_stride + i * stride;
-                let row: Vec<f64> = (0..count).map(|i| self.values[at(i)]).collect();
-                for i in 0..count {
-                    let window = &row[i.saturating_sub(reach)..(i + reach + 1).min(count)];
-                    self.values[at(i)] = window.iter().copied().reduce(pick).unwrap_or(row[i]);
+    fn new(nx: usize, ny: usize) -> Self {
+        Self { nx, ny, values: vec![f64::INFINITY; nx * ny] }
+    }
+
+    /// The nearest node's height, beyond the grid the border's.
+    fn at(&self, x: i64, y: i64) -> f64 {
+        let within = |index: i64, count: usize| index.clamp(0, count as i64 - 1) as usize;
+        self.values[within(y, self.ny) * self.nx + within(x, self.nx)]
+    }
+
+    /// The highest surface below these heights that is nowhere steeper than [`SLOPE`]: one sweep down the grid and one
+    /// back up, each node against the four neighbours before it.
+    fn envelope(&self) -> Self {
+        let mut low = Self { values: self.values.clone(), ..*self };
+        for back in [false, true] {
+            let sign = if back { -1 } else { 1 };
+            for i in 0..low.values.len() {
+                let i = if back { low.values.len() - 1 - i } else { i };
+                let (x, y) = ((i % low.nx) as i64, (i / low.nx) as i64);
+                for (dx, dy) in [(-1, 0), (-1, -1), (0, -1), (1, -1)] {
+                    let run_m = CELL_M * f64::from(dx * dx + dy * dy).sqrt();
+                    let climbed = low.at(x + i64::from(sign * dx), y + i64::from(sign * dy)) + SLOPE * run_m;
+                    low.values[i] = low.values[i].min(climbed);
                 }
+            }
+        }
+        low
+    }
+
+    /// Gives unknown nodes heights between those of the known ones: means of fours on ever coarser grids until all is
+    /// known, then back, bilinear.
+    fn fill(&mut self) {
+        if self.values.iter().all(|v| v.is_finite()) || self.values.len() == 1 {
+            return;
+        }
+        let mut coarse = Self::new(self.nx.div_ceil(2), self.ny.div_ceil(2));
+        for y in 0..coarse.ny {
+            for x in 0..coarse.nx {
+                let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| (2 * x + dx, 2 * y + dy));
+                let known = four.iter().filter(|(x, y)| *x < self.nx && *y < self.ny);
+                let known = known.map(|(x, y)| self.values[y * self.nx + x]).filter(|v| v.is_finite());
+                let (sum, count) = known.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+                coarse.values[y * coarse.nx + x] = if count > 0.0 { sum / count } else { f64::INFINITY };
+            }
+        }
+        coarse.fill();
+        for i in 0..self.values.len() {
+            if self.values[i].is_infinite() {
+                let place = |index: usize| {
+                    let at = 0.5 * index as f64 - 0.25;
+                    (at.floor() as i64, at - at.floor())
+                };
+                let ((x, fx), (y, fy)) = (place(i % self.nx), place(i / self.nx));
+                let row = |y: i64| coarse.at(x, y) * (1.0 - fx) + coarse.at(x + 1, y) * fx;
+                self.values[i] = row(y) * (1.0 - fy) + row(y + 1) * fy;
             }
         }
     }
 
-    /// Means over the square of nodes within `reach`.
-    fn smooth(&mut self, reach: usize) {
-        let ones = Self { nx: self.nx, ny: self.ny, values: vec![1.0; self.values.len()] };
-        let mut weights = ones;
-        self.filter(reach, |a, b| a + b);
-        weights.filter(reach, |a, b| a + b);
-        for (value, weight) in self.values.iter_mut().zip(weights.values) {
-            *value /= weight;
-        }
+    /// Means over each node and its eight neighbours.
+    fn smooth(&mut self) {
+        let mean = |i: usize| {
+            let (x, y) = ((i % self.nx) as i64, (i / self.nx) as i64);
+            (-1..=1)
+                .flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)))
+                .map(|(dx, dy)| self.at(x + dx, y + dy))
+                .sum::<f64>()
+                / 9.0
+        };
+        self.values = (0..self.values.len()).map(mean).collect();
     }
 }
 
 /// The height field under the voxels, over the rectangle from `low` to `high`.
 pub(super) fn ground(voxels: &Voxels, low: [f64; 2], high: [f64; 2]) -> Ground {
     let count = |axis: usize| ((high[axis] - low[axis]) / CELL_M).ceil() as usize + 1;
-    let (nx, ny) = (count(0).max(2), count(1).max(2));
-    let mut lowest = Heights { nx, ny, values: vec![f64::INFINITY; nx * ny] };
+    let mut heights = Heights::new(count(0).max(2), count(1).max(2));
+    let node = |metres: f64, axis: usize, count: usize| {
+        (((metres - low[axis]) / CELL_M).round().max(0.0) as usize).min(count - 1)
+    };
     for [x, y, z] in voxels.keys() {
-        let node = |index: i64, axis: usize| (((index as f64 + 0.5) * VOXEL_M - low[axis]) / CELL_M).round() as usize;
-        let cell = node(*y, 1).min(ny - 1) * nx + node(*x, 0).min(nx - 1);
-        lowest.values[cell] = lowest.values[cell].min((*z as f64 + 0.5) * VOXEL_M);
+        let [x, y, z] = [*x, *y, *z].map(|index| (index as f64 + 0.5) * VOXEL_M);
+        let cell = node(y, 1, heights.ny) * heights.nx + node(x, 0, heights.nx);
+        heights.values[cell] = heights.values[cell].min(z);
     }
-    // Where nothing was seen the nearest heights go on.
-    while lowest.values.iter().any(|v| v.is_infinite()) {
-        let mut spread = Heights { nx, ny, values: lowest.values.clone() };
-        spread.filter(1, f64::min);
-        for (value, near) in lowest.values.iter_mut().zip(spread.values) {
-            if value.is_infinite() {
-                *value = near;
-            }
+    let envelope = heights.envelope();
+    for (height, below) in heights.values.iter_mut().zip(envelope.values) {
+        if *height > below {
+            *height = f64::INFINITY;
         }
     }
-    let reach = (WINDOW_M / CELL_M).round() as usize;
-    lowest.filter(reach, f64::min);
-    lowest.filter(reach, f64::max);
-    lowest.smooth(1);
+    heights.fill();
+    heights.smooth();
     Ground::from_fn(low, high, CELL_M, |x, y| {
-        let (ix, iy) = (((x - low[0]) / CELL_M).round() as usize, ((y - low[1]) / CELL_M).round() as usize);
-        lowest.values[iy.min(ny - 1) * nx + ix.min(nx - 1)]
+        heights.values[node(y, 1, heights.ny) * heights.nx + node(x, 0, heights.nx)]
     })
 }

@@ -2,7 +2,7 @@
 //! 15 ms from exposure to the planner and the pilot's own time from there to the plan, the controller at its own rate.
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{Task, Time, Vec3};
+use goshawk_core::types::{Rot, Task, Time, Vec3};
 use goshawk_core::{Cause, Command, Mode, Plan, Profile};
 
 use super::airframe::{Mount, airframe, spread};
@@ -230,7 +230,7 @@ impl<'a> Lockstep<'a> {
                 task: Task::Navigate,
                 speed: config.speed_mps,
                 height: config.height_m,
-                goal: Some(self.goal_world() - self.scene.vehicle_start(self.quad.parameters())),
+                goal: Some(self.goal_from_start()),
             },
         }
     }
@@ -252,6 +252,12 @@ impl<'a> Lockstep<'a> {
 
     fn goal_world(&self) -> Vec3 {
         self.scene.goal_world + Vec3::new(0.0, 0.0, self.quad.parameters().leg_m + self.config.height_m)
+    }
+
+    /// As a profile says it: forward, left and up from where the vehicle starts, m.
+    fn goal_from_start(&self) -> Vec3 {
+        let to_goal = self.goal_world() - self.scene.vehicle_start(self.quad.parameters());
+        Rot::from_axis_angle(&Vec3::z_axis(), -self.scene.world.start_heading_rad()) * to_goal
     }
 
     fn truth(&self, now: Time) -> Truth<'_> {
