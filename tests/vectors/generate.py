@@ -215,18 +215,18 @@ def decode_anchor(policy: Policy, y_C: Array, index: int, alpha: float, start_3:
 def decode() -> Json:
     policy, rng = Policy(), np.random.default_rng(3)
     cases: list[Json] = []
-    for speed, tilt in ((6.0, 0.0), (9.0, 0.35), (3.0, 0.1745), (15.0, -0.2)):
+    for speed, tilt, far in ((6.0, 0.0, 30.0), (9.0, 0.35, 30.0), (3.0, 0.1745, 3.0), (15.0, -0.2, 30.0)):
         body = random_rotation(rng)
         pos, lens = rng.normal(size=3) * 5, np.array([0.07, 0.01, 0.03])
-        vel, acc, goal = rng.normal(size=3) * 2, rng.normal(size=3) * 2, rng.normal(size=3) * 30
+        vel, acc, goal = rng.normal(size=3) * 2, rng.normal(size=3) * 2, rng.normal(size=3) * far
         body_from_cam = axis_rotation("y", -tilt)
         world_from_cam = transform(body, pos) @ transform(body_from_cam, lens)
         alpha = speed / policy.v_max
         raw_CN = rng.normal(size=(CHANNELS, ANCHORS)).astype(np.float32).astype(np.float64) * 1.5
         raw_CN = raw_CN.astype(np.float32).astype(np.float64)
         cam_from_world = np.linalg.inv(world_from_cam)[:3, :3]
-        toward = (goal - pos) / np.linalg.norm(goal - pos)
-        state = [vel / (alpha * policy.v_max), acc / (alpha**2 * policy.a_max), np.array([0, 0, 1.0]), toward]
+        aim = (goal - pos) / max(2 * policy.radius, float(np.linalg.norm(goal - pos)))
+        state = [vel / (alpha * policy.v_max), acc / (alpha**2 * policy.a_max), np.array([0, 0, 1.0]), aim]
         cases.append(
             {
                 "speed": speed,

@@ -4,6 +4,7 @@
 //! after construction. Everything hangs on two functions: [`Planner::step`] once a camera frame, and
 //! [`Controller::step`] at a fixed rate.
 
+pub mod aim;
 pub mod config;
 pub mod controller;
 pub mod decode;
@@ -28,6 +29,7 @@ pub mod target;
 pub mod types;
 pub mod yaw;
 
+pub use aim::ChaseConfig;
 pub use config::{
     ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig, ObserverConfig, VehicleModel, YawConfig,
 };

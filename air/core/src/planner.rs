@@ -1,10 +1,11 @@
 //! One camera frame in, one plan out.
 
+use crate::aim::{ChaseConfig, within_reach};
 use crate::decode::{Decoder, FramePose};
 use crate::error::ConfigError;
-use crate::select::{SelectConfig, select};
-use crate::target::{TargetConfig, TargetFilter};
-use crate::types::{FlatState, NetworkOutput, Odometry, Plan, Rot, Task, Time, Vec3};
+use crate::select::{SelectConfig, detect, select};
+use crate::target::{Expected, TargetConfig, TargetFilter};
+use crate::types::{ANCHORS, FlatState, NetworkOutput, Odometry, Plan, Rot, Task, Time, Vec3};
 
 /// The camera as mounted, and the image that the network sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,8 +60,10 @@ pub struct PlannerConfig {
     pub policy: PolicyModel,
     /// The target filter.
     pub target: TargetConfig,
-    /// The choice among candidates.
+    /// Which detections count.
     pub select: SelectConfig,
+    /// How the target is chased.
+    pub chase: ChaseConfig,
 }
 
 /// One frame.
@@ -80,7 +83,7 @@ pub struct PlannerInput<'a> {
     pub network: &'a NetworkOutput,
 }
 
-/// Decodes, filters the target, chooses.
+/// Aims, decodes, filters the target, chooses.
 #[derive(Clone, Debug)]
 pub struct Planner {
     config: PlannerConfig,
@@ -101,6 +104,7 @@ impl Planner {
     pub fn new(config: PlannerConfig) -> Result<Self, ConfigError> {
         config.target.validate()?;
         config.select.validate()?;
+        config.chase.validate()?;
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.target);
         Ok(Self { config, decoder, filter, last: None })
@@ -120,26 +124,30 @@ impl Planner {
     }
 
     /// The network's `state` input (eq. 5), camera frame: velocity / (alpha·v_max), acceleration / (alpha²·a_max), unit
-    /// world-up, and for navigation the unit direction to the goal. Tracking uses the first 9; the rest is 0.
-    #[must_use]
+    /// world-up, and the aim / 2r, at most 1 long: the goal, or where the target will be. Without either it is 0.
     pub fn network_state(
-        &self,
+        &mut self,
         odometry: &Odometry,
         acc_world: Vec3,
         speed: f64,
         goal_world: Option<Vec3>,
     ) -> [f32; 12] {
+        self.follow_jumps(odometry);
         let p = &self.config.policy;
         let alpha = self.alpha(speed);
         let cam_from_world = (odometry.world_from_body * self.config.camera.body_from_cam).inverse();
         let vel_cam = cam_from_world * odometry.vel_world / (alpha * p.v_max);
         let acc_cam = cam_from_world * acc_world / (alpha * alpha * p.a_max);
         let up_cam = cam_from_world * Vec3::z();
-        let goal_cam = goal_world
-            .and_then(|goal| (goal - odometry.pos_world).try_normalize(1e-9))
-            .map_or_else(Vec3::zeros, |direction| cam_from_world * direction);
+        let aim_world = match p.task {
+            Task::Navigate => goal_world.map(|goal| goal - odometry.pos_world),
+            Task::Track => self
+                .target(odometry.stamp)
+                .map(|target| self.config.chase.aim(odometry.pos_world, &target, self.decoder.duration(alpha))),
+        };
+        let aim_cam = cam_from_world * within_reach(aim_world.unwrap_or_default(), 2.0 * p.radius);
         let mut state = [0.0; 12];
-        for (i, v) in [vel_cam, acc_cam, up_cam, goal_cam].iter().enumerate() {
+        for (i, v) in [vel_cam, acc_cam, up_cam, aim_cam].iter().enumerate() {
             for (axis, x) in v.iter().enumerate() {
                 state[3 * i + axis] = *x as f32;
             }
@@ -156,9 +164,14 @@ impl Planner {
         let cam_world = odometry.pos_world + odometry.world_from_body * self.config.camera.pos_cam_body;
         let pose = FramePose { start_world: odometry.pos_world, cam_world, world_from_cam };
         let mut candidates = self.decoder.decode(input.network, alpha, &pose);
-        let task = self.config.policy.task;
         let stamp = odometry.stamp;
-        let chosen = select(&self.config.select, task, stamp, cam_world, &mut self.filter, &mut candidates);
+        let chosen = match self.config.policy.task {
+            Task::Navigate => select(true, &[None; ANCHORS], &mut candidates),
+            Task::Track => {
+                let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);
+                select(self.target(stamp).is_some(), &unseen, &mut candidates)
+            }
+        };
         Plan {
             seq: input.seq,
             stamp,
@@ -170,6 +183,11 @@ impl Planner {
             chosen,
             target: self.filter.estimate(),
         }
+    }
+
+    /// The target, if it is worth going after at `now`.
+    fn target(&self, now: Time) -> Option<Expected> {
+        self.filter.expected(now).filter(|target| self.config.chase.pursues(target))
     }
 
     /// Forgets the target.

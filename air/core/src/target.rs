@@ -82,6 +82,17 @@ struct Track {
     confirmed: bool,
 }
 
+/// A believed target at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// Where it should be, m.
+    pub pos_world: Vec3,
+    /// Its last known velocity, m/s.
+    pub vel_world: Vec3,
+    /// For how long it has not been seen, s.
+    pub unseen: f64,
+}
+
 /// How far a target that is out of sight is carried on at its last velocity, s.
 pub const LONGEST_CARRY: f64 = 1.5;
 
@@ -290,13 +301,14 @@ impl TargetFilter {
         }
     }
 
-    /// Where the target, believed now or until it was lost, should be at `now` (m), and for how long it has not been
-    /// seen (s). It is carried on at its last velocity for [`LONGEST_CARRY`].
+    /// Where the target, believed now or until it was lost, should be at `now`. It is carried on at its last velocity
+    /// for [`LONGEST_CARRY`].
     #[must_use]
-    pub fn expected(&self, now: Time) -> Option<(Vec3, f64)> {
+    pub fn expected(&self, now: Time) -> Option<Expected> {
         let track = self.track.filter(|track| track.confirmed).or(self.lost)?;
         let carry = now.since(track.stamp).clamp(0.0, LONGEST_CARRY);
-        Some((track.pos() + track.vel() * carry, now.since(track.last_seen)))
+        let (pos_world, vel_world) = (track.pos() + track.vel() * carry, track.vel());
+        Some(Expected { pos_world, vel_world, unseen: now.since(track.last_seen) })
     }
 
     /// The target is believed.

@@ -100,11 +100,11 @@ pub struct FlatState {
 /// Why a candidate was not chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rejection {
-    /// It holds no target.
+    /// There is no target to chase, and it holds none.
     Objectness,
-    /// Its detection is inconsistent with the target filter.
+    /// There is no target to chase yet: its detection is not confirmed, or inconsistent with the target filter.
     Gate,
-    /// Eligible, another was cheaper.
+    /// Another was cheaper.
     Cost,
     /// The network's values for it are not finite; `end` is the bare anchor, `objectness` 0.
     Invalid,

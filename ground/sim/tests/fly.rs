@@ -20,13 +20,12 @@ fn vehicle() -> Vehicle {
 }
 
 fn contract(task: &str) -> Contract {
-    let (state, channels) =
-        if task == "track" { ("", r#","objectness","du","dv","distance""#) } else { (r#","goal""#, "") };
+    let channels = if task == "track" { r#","objectness","du","dv","distance""# } else { "" };
     let json = format!(
         r#"{{"version":1,"task":"{task}","image":{{"width":160,"height":96,"hfov_rad":1.5707963,"vfov_rad":1.0808390}},
         "depth":{{"min_m":0.2,"max_m":20.0,"fill_passes":2}},"lattice":{{"rows":3,"columns":5,"radius_m":5.0,
         "elevation_offset_rad":0.2618,"azimuth_offset_rad":0.2618}},"v_max_mps":6.0,"a_max_mps2":6.0,
-        "duration_rule":"2r/(alpha*v_max)","target_depth_scale_m":5.0,"state":["velocity","acceleration","up"{state}],
+        "duration_rule":"2r/(alpha*v_max)","target_depth_scale_m":5.0,"state":["velocity","acceleration","up","aim"],
         "channels":["theta","phi","r","vx","vy","vz","ax","ay","az","cost"{channels}],"camera_tilt_rad":0.17,
         "training":{{}}}}"#
     );
@@ -53,9 +52,10 @@ impl Network for Sectors {
         let mut values = [0.0f32; MAX_CHANNELS * ANCHORS];
         values[9 * ANCHORS..10 * ANCHORS].fill(50.0);
         let depth = &rgbd[3 * 96 * 160..];
-        let (up, goal) = (&state[6..9], &state[9..12]);
-        let climb = goal[0] * up[0] + goal[1] * up[1] + goal[2] * up[2];
-        let goal_azimuth = goal[1].atan2(goal[0]);
+        let (up, aim) = (&state[6..9], &state[9..12]);
+        let length = aim.iter().map(|x| x * x).sum::<f32>().sqrt().max(1e-6);
+        let climb = (aim[0] * up[0] + aim[1] * up[1] + aim[2] * up[2]) / length;
+        let aim_azimuth = aim[1].atan2(aim[0]);
         for column in 0..5usize {
             let azimuth = std::f32::consts::FRAC_PI_2 * (0.5 - (column as f32 + 0.5) / 5.0);
             let (left, right) = ((32 * column).saturating_sub(16), (32 * column + 48).min(160));
@@ -64,7 +64,7 @@ impl Network for Sectors {
                 .map(|i| 20.0 * depth[i])
                 .fold(20.0f32, f32::min);
             let free = if self.blind { 20.0 } else { free };
-            // The elevation in the camera that has the goal's climb in the world.
+            // The elevation in the camera that has the aim's climb in the world.
             let mut elevation = 0.0f32;
             for _ in 0..4 {
                 let level = azimuth.cos() * up[0] + azimuth.sin() * up[1];
@@ -77,7 +77,7 @@ impl Network for Sectors {
             values[2 * ANCHORS + index] = ((reach - 5.0) / 5.0).atanh();
             values[3 * ANCHORS + index] = (0.1 * reach * elevation.cos()).atanh();
             values[5 * ANCHORS + index] = (0.1 * reach * elevation.sin()).atanh();
-            values[9 * ANCHORS + index] = (azimuth - goal_azimuth).abs() + 3.0 * (4.0 - free).max(0.0);
+            values[9 * ANCHORS + index] = (azimuth - aim_azimuth).abs() + 3.0 * (4.0 - free).max(0.0);
         }
         Ok(NetworkOutput { values })
     }

@@ -27,16 +27,16 @@ struct Straight(Contract);
 
 impl Straight {
     fn new(task: Task) -> Self {
-        let (task, state, channels) = match task {
-            Task::Track => ("track", "", r#","objectness","du","dv","distance""#),
-            Task::Navigate => ("navigate", r#","goal""#, ""),
+        let (task, channels) = match task {
+            Task::Track => ("track", r#","objectness","du","dv","distance""#),
+            Task::Navigate => ("navigate", ""),
         };
         let json = format!(
             r#"{{"version":1,"task":"{task}","image":{{"width":160,"height":96,"hfov_rad":1.5707963,
             "vfov_rad":1.0808390}},"depth":{{"min_m":0.2,"max_m":20.0,"fill_passes":2}},"lattice":{{"rows":3,
             "columns":5,"radius_m":5.0,"elevation_offset_rad":0.2618,"azimuth_offset_rad":0.2618}},"v_max_mps":6.0,
             "a_max_mps2":6.0,"duration_rule":"2r/(alpha*v_max)","target_depth_scale_m":5.0,
-            "state":["velocity","acceleration","up"{state}],"channels":["theta","phi","r","vx","vy","vz","ax","ay",
+            "state":["velocity","acceleration","up","aim"],"channels":["theta","phi","r","vx","vy","vz","ax","ay",
             "az","cost"{channels}],"camera_tilt_rad":0.17,"training":{{}}}}"#
         );
         Self(Contract::from_json(&json).unwrap())
@@ -52,7 +52,7 @@ impl Network for Straight {
         let mut values = [-9.0f32; MAX_CHANNELS * ANCHORS];
         values[..9 * ANCHORS].fill(0.0);
         values[9 * ANCHORS..10 * ANCHORS].fill(50.0);
-        let azimuth = state.get(9..11).map_or(0.0, |goal| goal[1].atan2(goal[0]));
+        let azimuth = state[10].atan2(state[9]);
         for column in 0..5 {
             let of_column = std::f32::consts::FRAC_PI_2 * (0.5 - (column as f32 + 0.5) / 5.0);
             values[9 * ANCHORS + 5 + column] = (of_column - azimuth).abs();

@@ -92,15 +92,8 @@ class CostConfig:
     ground_distance_m: float
     ground_scale_m: float
     feasibility: float
-    height: float
-    height_above_target_m: float
-    height_min_m: float
-    height_max_m: float
-    tracking: float
-    guidance: float
-    across: float
-    standoff_m: float
-    lambda_other: float
+    goal: float
+    trajectory_loss: float
     lambda_negative: float
     cost_loss: float
     target_loss: float
@@ -129,8 +122,14 @@ class SamplingConfig:
     velocity_std: tuple[float, float]
     acceleration_std: tuple[float, float, float]
     norm_max: float
-    goal_yaw_std_rad: float
-    goal_pitch_std_rad: float
+    aim_far: float
+    aim_yaw_std_rad: float
+    aim_height_m: tuple[float, float]
+    aim_height_std: float
+    chase: float
+    chase_spread_m: float
+    chase_standoff_m: float
+    chase_height_m: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +189,12 @@ class Config:
     @property
     def state_names(self) -> list[str]:
         """The vectors of the network's state input, in order, three numbers each."""
-        return ["velocity", "acceleration", "up"] + (["goal"] if self.task == "navigate" else [])
+        return ["velocity", "acceleration", "up", "aim"]
+
+    @property
+    def reach_m(self) -> float:
+        """No trajectory ends farther away; the length of an aim of 1."""
+        return 2 * self.lattice.radius_m
 
     @property
     def channel_names(self) -> list[str]:

@@ -23,12 +23,8 @@ class Situation:
 
     pos_world_B3: Tensor
     scene_B: Tensor
-    height_world_B: Tensor
-    """World z to hold, m."""
-    goal_rel_B3: Tensor
-    """Goal point relative to the camera's position, world axes, m (tracking) or unit direction (navigation)."""
-    goal_weight_BN: Tensor
-    """0 where there is no goal."""
+    aim_rel_B3: Tensor
+    """Where the trajectory should end, relative to the camera's position, world axes, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,27 +36,20 @@ class CostTerms:
     clearance_BN: Tensor
     feasibility_BN: Tensor
     ground_BN: Tensor
-    height_BN: Tensor
     goal_BN: Tensor
     min_distance_BN: Tensor
     pos_rel_BNK3: Tensor
 
     def trajectory_BN(self) -> Tensor:
-        """What the trajectory itself is optimised for."""
+        """What the trajectory is optimised for; also the label of its predicted cost."""
         return (
             self.smoothness_BN
             + self.safety_BN
             + self.clearance_BN
             + self.feasibility_BN
             + self.ground_BN
-            + self.height_BN
             + self.goal_BN
         )
-
-    def label_BN(self, *, with_goal: bool) -> Tensor:
-        """The label of the predicted cost: no goal and no height in tracking, where the target may not exist."""
-        label = self.smoothness_BN + self.safety_BN + self.clearance_BN + self.feasibility_BN + self.ground_BN
-        return label + self.goal_BN if with_goal else label
 
 
 class CostModel:
@@ -100,31 +89,21 @@ class CostModel:
         ground = F.softplus((costs.ground_distance_m - above) / costs.ground_scale_m)
         fast = F.relu(_norm(vel).amax(-1) / motion.v_max_mps - 1)
         hard = F.relu(_norm(acc).amax(-1) / motion.a_max_mps2 - 1)
-        off = world[..., 2] - situation.height_world_B[:, None, None]
         return CostTerms(
             smoothness_BN=self.smoothness(d_BN63),
             safety_BN=safety,
             clearance_BN=costs.clearance * short.square(),
             feasibility_BN=costs.feasibility * (fast.square() + hard.square()),
             ground_BN=costs.ground * self.step_s * ground.sum(-1),
-            height_BN=costs.height * self.step_s * off.square().sum(-1),
-            goal_BN=situation.goal_weight_BN * self.goal(d_BN63[:, :, 3], situation.goal_rel_B3),
+            goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3),
             min_distance_BN=min_distance,
             pos_rel_BNK3=pos,
         )
 
-    def goal(self, end_rel_BN3: Tensor, goal_rel_B3: Tensor) -> Tensor:
-        """Jg: squared distance to the goal point; in navigation, smooth-L1 along the goal's ray and across it."""
-        goal = goal_rel_B3[:, None]
-        if self.config.task == "track":
-            return (end_rel_BN3 - goal).square().sum(-1)
-        along = (end_rel_BN3 * goal).sum(-1)
-        across = _norm(end_rel_BN3 - along[..., None] * goal)
-        missing = 2 * self.config.lattice.radius_m - along
-        zero = torch.zeros_like(missing)
-        return F.smooth_l1_loss(missing, zero, reduction="none") + self.config.costs.across * F.smooth_l1_loss(
-            across, zero, reduction="none"
-        )
+    def miss(self, end_rel_BN3: Tensor, aim_rel_B3: Tensor) -> Tensor:
+        """Jg: smooth-L1 distance of the end from the aim; its slope stays 1 however far the aim is."""
+        distance = _norm(end_rel_BN3 - aim_rel_B3[:, None])
+        return F.smooth_l1_loss(distance, torch.zeros_like(distance), reduction="none")
 
 
 def _norm(v: Tensor) -> Tensor:

@@ -52,9 +52,7 @@ class Batch:
     """Improper for mirrored samples."""
     target_net_B3: Tensor
     visible_B: Tensor
-    has_goal_B: Tensor
     situation: Situation
-    """Its goal weights are for the loss to set."""
 
 
 def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.float16], F64]:
@@ -146,52 +144,31 @@ def make_batch(
 
     velocity = to_net(sampling.sample_velocity(rng, count, config.sampling), net_from_level)
     acceleration = to_net(sampling.sample_acceleration(rng, count, config.sampling), net_from_level)
-    state = [velocity, acceleration, world_from_net[:, 2]]
     pos = labels.pos_world_F3[index_B]
-    visible = np.where(labels.has_target_F[index_B], labels.visible_F[index_B], 0.0)
-    target_rel = labels.target_world_F3[index_B] - pos
-    if config.task == "navigate":
-        goal_net = to_net(sampling.sample_goal(rng, count, config.sampling), net_from_level)
-        state.append(goal_net)
-        goal_rel, has_goal = to_net(goal_net, world_from_net), np.ones(count, dtype=bool)
-        visible = np.zeros(count)
-    else:
-        goal_rel, has_goal = chase_goal(target_rel, config), visible > 0
-    above = np.clip(pos[:, 2] - labels.ground_F[index_B], config.costs.height_min_m, config.costs.height_max_m)
-    hold = labels.ground_F[index_B] + above
-    follow = labels.target_world_F3[index_B, 2] + config.costs.height_above_target_m
+    net_from_world = np.swapaxes(world_from_net, 1, 2)
+    aim = sampling.sample_aim(rng, pos[:, 2] - labels.ground_F[index_B], config.reach_m, config.sampling)
+    aim = to_net(aim, net_from_level)
+    has_target = labels.has_target_F[index_B] & (config.task == "track")
+    visible = np.where(has_target, labels.visible_F[index_B], 0.0)
+    target_rel = np.where(has_target[:, None], labels.target_world_F3[index_B] - pos, 0.0)
+    chases = has_target & (rng.uniform(size=count) < config.sampling.chase)
+    chase = to_net(sampling.chase_aim(rng, target_rel, config.sampling), net_from_world)
+    aim = sampling.within_reach(np.where(chases[:, None], chase, aim), config.reach_m)
 
     def tensor(value: Any) -> Tensor:
         return torch.as_tensor(np.ascontiguousarray(value, dtype=np.float32))
 
     return Batch(
         rgbd_B4HW=rgbd.permute(0, 3, 1, 2),
-        state_BS=tensor(np.concatenate(state, axis=1)),
+        state_BS=tensor(np.concatenate([velocity, acceleration, world_from_net[:, 2], aim / config.reach_m], axis=1)),
         velocity_net_B3=tensor(velocity * config.motion.v_max_mps),
         acceleration_net_B3=tensor(acceleration * config.motion.a_max_mps2),
         world_from_net_B33=tensor(world_from_net),
-        target_net_B3=tensor(to_net(target_rel, np.swapaxes(world_from_net, 1, 2))),
+        target_net_B3=tensor(to_net(target_rel, net_from_world)),
         visible_B=tensor(visible),
-        has_goal_B=torch.from_numpy(has_goal),
         situation=Situation(
             pos_world_B3=tensor(pos),
             scene_B=torch.from_numpy(labels.scene_F[index_B]),
-            height_world_B=tensor(np.where(visible > 0, follow, hold)),
-            goal_rel_B3=tensor(goal_rel),
-            goal_weight_BN=torch.zeros(count, config.lattice.anchors),
+            aim_rel_B3=tensor(to_net(aim, world_from_net)),
         ),
     )
-
-
-def chase_goal(target_rel_B3: F64, config: Config) -> F64:
-    """Where a tracking trajectory should end, from the target's position relative to the camera (world axes, m).
-
-    `standoff_m` short of the target horizontally (never behind the camera), `height_above_target_m` above its
-    centre, at most 2 r away: no trajectory ends farther.
-    """
-    flat = np.linalg.norm(target_rel_B3[:, :2], axis=1, keepdims=True)
-    goal = target_rel_B3.copy()
-    goal[:, :2] *= np.maximum(flat - config.costs.standoff_m, 0) / np.maximum(flat, 1e-6)
-    goal[:, 2] += config.costs.height_above_target_m
-    length = np.linalg.norm(goal, axis=1, keepdims=True)
-    return goal * np.minimum(1, 2 * config.lattice.radius_m / np.maximum(length, 1e-6))

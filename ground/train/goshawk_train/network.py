@@ -13,6 +13,9 @@ from torch import Tensor, nn
 from goshawk_train import geometry
 from goshawk_train.config import Config
 
+TRAJECTORY_CHANNELS = 10
+"""Of the outputs, the first: end state and cost. The rest is detection."""
+
 
 def _conv(inputs: int, outputs: int, size: int, stride: int) -> nn.Conv2d:
     conv = nn.Conv2d(inputs, outputs, size, stride=stride, padding=size // 2, bias=False)
@@ -86,7 +89,17 @@ class Policy(nn.Module):
         return self.blocks(self.stem(rgbd_B4HW))
 
     def head(self, features: Tensor, state_BS: Tensor) -> Tensor:
-        """The 1x1 head; weights are shared by all cells."""
+        """The 1x1 head; weights are shared by all cells. What detects the target does not get the aim, the last vector
+        of the state."""
+        trajectories = self._head(features, state_BS)
+        if trajectories.shape[1] == TRAJECTORY_CHANNELS:
+            return trajectories
+        # Where the target is said to be must not tell where it is seen.
+        unaimed = torch.cat([state_BS[:, :-3], torch.zeros_like(state_BS[:, -3:])], dim=1)
+        detections = self._head(features, unaimed)
+        return torch.cat([trajectories[:, :TRAJECTORY_CHANNELS], detections[:, TRAJECTORY_CHANNELS:]], dim=1)
+
+    def _head(self, features: Tensor, state_BS: Tensor) -> Tensor:
         rotated = F.linear(state_BS, self.cell_state).unflatten(1, (-1, *self.lattice))
         x = torch.cat([features, rotated], dim=1)
         x = F.relu(self.head1(x))

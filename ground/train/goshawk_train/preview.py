@@ -84,10 +84,8 @@ def _candidates(axes: Axes, outcome: Outcome, batch: data.Batch, maps: data.Scen
         colour = "tab:green" if positive else "tab:blue" if anchor == best else "tab:red"
         path = np.vstack([np.zeros(3), outcome.terms.pos_rel_BNK3[row, anchor].numpy()])
         axes.plot(*flat(path), color=colour, linewidth=2 if positive else 0.9)
-    if bool(batch.has_goal_B[row]):
+    if float(batch.visible_B[row]) > 0:
         target = (batch.world_from_net_B33[row] @ batch.target_net_B3[row]).numpy()
         axes.plot(*flat(target), "m*", markersize=12)
-        axes.plot(*flat(situation.goal_rel_B3[row].numpy()), "c+", markersize=12)
-    if axis == 2:
-        axes.axhline(float(situation.height_world_B[row] - situation.pos_world_B3[row, 2]), color="c", linewidth=0.5)
+    axes.plot(*flat(situation.aim_rel_B3[row].numpy()), "c+", markersize=12)
     axes.set_aspect("equal")

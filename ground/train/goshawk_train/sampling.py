@@ -38,11 +38,32 @@ def sample_acceleration(rng: np.random.Generator, count: int, config: SamplingCo
     )
 
 
-def sample_goal(rng: np.random.Generator, count: int, config: SamplingConfig) -> F64:
-    """Level-frame unit directions to a goal [count, 3]."""
-    yaw = rng.normal(0.0, config.goal_yaw_std_rad, count)
-    pitch = rng.normal(0.0, config.goal_pitch_std_rad, count)
-    return np.column_stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+def sample_aim(rng: np.random.Generator, height_B: F64, reach_m: float, config: SamplingConfig) -> F64:
+    """Aims [B, 3] in the level frame, m, for cameras `height_B` above the ground: at any distance within reach, a share
+    of `aim_far` at the end of it, at heights above the ground in `aim_height_m`, less sure the farther away."""
+    count = len(height_B)
+    distance = reach_m * np.where(rng.uniform(size=count) < config.aim_far, 1.0, rng.uniform(size=count))
+    yaw = rng.normal(0.0, config.aim_yaw_std_rad, count)
+    up = rng.uniform(*config.aim_height_m, count) - height_B + rng.normal(0.0, config.aim_height_std, count) * distance
+    return np.column_stack([distance * np.cos(yaw), distance * np.sin(yaw), up])
+
+
+def chase_aim(rng: np.random.Generator, target_rel_B3: F64, config: SamplingConfig) -> F64:
+    """Aims [B, 3] after targets, both relative to the camera in world axes, m: some way off the target, where it may be
+    by the trajectory's end; from there `chase_standoff_m` back towards the camera (never behind it) and
+    `chase_height_m` up."""
+    ahead = target_rel_B3.copy()
+    ahead[:, :2] += rng.normal(0.0, config.chase_spread_m, (len(ahead), 2))
+    flat = np.linalg.norm(ahead[:, :2], axis=1, keepdims=True)
+    ahead[:, :2] *= np.maximum(flat - config.chase_standoff_m, 0) / np.maximum(flat, 1e-6)
+    ahead[:, 2] += config.chase_height_m
+    return ahead
+
+
+def within_reach(aim_B3: F64, reach_m: float) -> F64:
+    """Aims shortened to `reach_m` where they are longer."""
+    length = np.linalg.norm(aim_B3, axis=1, keepdims=True)
+    return aim_B3 * np.minimum(1, reach_m / np.maximum(length, 1e-6))
 
 
 def _rejection(draw, keep, count: int) -> F64:

@@ -70,36 +70,36 @@ def batch_metrics(outcome: Outcome, batch: data.Batch, config: Config) -> dict[s
     """Raw values to be pooled over batches; each a flat array of one entry per frame, anchor or detection."""
     terms, decoded = outcome.terms, outcome.decoded
     tracking = config.task == "track"
-    positive = outcome.assignment.positive_BN.numpy() if tracking else np.ones(terms.safety_BN.shape, dtype=bool)
     hit: NDArray[np.bool_] = (terms.min_distance_BN < COLLISION_M).numpy()
     label, predicted = _array(outcome.label_BN), _array(decoded.cost_BN)
     frame = np.arange(len(label))
     end = _array(terms.pos_rel_BNK3[:, :, -1])
-    world_z = _array(terms.pos_rel_BNK3[..., 2]) + _array(batch.situation.pos_world_B3)[:, 2][:, None, None]
-    off = np.abs(world_z - _array(batch.situation.height_world_B)[:, None, None])
-    has_goal = batch.has_goal_B.numpy()
+    aim = _array(batch.situation.aim_rel_B3)
+    cheapest = predicted.argmin(1)
+    missed = np.linalg.norm(end[frame, cheapest] - aim, axis=1)
     rank = [rank_correlation(label[b], predicted[b]) for b in frame]
     out = {
         "loss": np.full(len(label), float(outcome.loss)),
-        "collide_positive": hit[positive].astype(float),
         "collide_all": hit.ravel().astype(float),
-        "collide_cheapest": hit[frame, predicted.argmin(1)].astype(float),
+        "collide_cheapest": hit[frame, cheapest].astype(float),
+        "label_cheapest": label[frame, cheapest],
+        "label_best": label.min(1),
+        "aim_missed": missed,
+        "aim_missed_height": np.abs(end[frame, cheapest, 2] - aim[:, 2]),
         "cost_rank": np.array(rank),
         "cost_error": np.abs(label - predicted).ravel(),
         "cost_label_hit": label[hit],
         "cost_label_clear": label[~hit],
         "cost_hit": predicted[hit],
         "cost_clear": predicted[~hit],
-        "height_error_end": off[..., -1][positive & has_goal[:, None]],
-        "height_error_mean": off.mean(-1)[positive & has_goal[:, None]],
         **{
-            f"term_{name}": _array(getattr(terms, f"{name}_BN"))[positive]
-            for name in ("smoothness", "safety", "clearance", "feasibility", "ground", "height", "goal")
+            f"term_{name}": _array(getattr(terms, f"{name}_BN"))[frame, cheapest]
+            for name in ("smoothness", "safety", "clearance", "feasibility", "ground", "goal")
         },
     }
     if not tracking or decoded.objectness_logit_BN is None or decoded.target_cam_BN3 is None:
         return out
-    goal = _array(batch.situation.goal_rel_B3)
+    positive = outcome.assignment.positive_BN.numpy()
     seen = positive.any(1)
     score_BN = torch.sigmoid(decoded.objectness_logit_BN)
     score = _array(score_BN)
@@ -110,16 +110,12 @@ def batch_metrics(outcome: Outcome, batch: data.Batch, config: Config) -> dict[s
     ray = target / np.maximum(np.linalg.norm(target, axis=1, keepdims=True), 1e-6)
     along = (error * ray).sum(1)
     negative = outcome.assignment.negative_BN.numpy()
-    missing = np.linalg.norm(end[frame, best] - goal, axis=1)
-    needed = np.linalg.norm(goal, axis=1)
     return out | {
         "recall": np.asarray((found & positive).any(1))[seen].astype(float),
         "false_alarm_empty": np.asarray(found.any(1))[_array(batch.visible_B) == 0].astype(float),
         "false_alarm_cell": found[negative].astype(float),
         "distance_error": along[seen],
         "lateral_error": np.linalg.norm(error - along[:, None] * ray, axis=1)[seen],
-        "goal_missed": missing[seen],
-        "goal_progress": 1 - missing[seen] / np.maximum(needed[seen], 0.5),
     }
 
 
@@ -129,11 +125,9 @@ def summary(pooled: dict[str, NDArray[np.float64]]) -> dict[str, float]:
     for name, values in pooled.items():
         if not len(values):
             continue
-        if name in ("distance_error", "lateral_error", "cost_error", "height_error_end"):
+        if name in ("distance_error", "lateral_error", "cost_error", "aim_missed", "aim_missed_height"):
             out[f"{name}_p50"] = float(np.median(np.abs(values)))
             out[f"{name}_p95"] = float(np.percentile(np.abs(values), 95))
-        elif name == "goal_progress":
-            out[f"{name}_p50"] = float(np.median(values))
         else:
             out[name] = float(values.mean())
     return out

@@ -49,9 +49,7 @@ def situation() -> Situation:
     return Situation(
         pos_world_B3=torch.tensor([[0.1, 0.2, 1.0], [0.3, -0.4, 1.2]], dtype=F64),
         scene_B=torch.tensor([0, 1]),
-        height_world_B=torch.tensor([1.2, 0.9], dtype=F64),
-        goal_rel_B3=torch.tensor([[4.0, 1.0, 0.2], [3.0, -2.0, 0.1]], dtype=F64),
-        goal_weight_BN=torch.ones(2, 15, dtype=F64),
+        aim_rel_B3=torch.tensor([[4.0, 1.0, 0.2], [3.0, -2.0, 0.1]], dtype=F64),
     )
 
 
@@ -116,10 +114,15 @@ def test_trilinear_slope_is_the_finite_difference(maps: SceneMaps) -> None:
         torch.testing.assert_close(slope[:, axis], numeric, rtol=1e-6, atol=1e-6)
 
 
-def test_goal_gradient_is_twice_the_miss(config: Config, maps: SceneMaps, d: torch.Tensor) -> None:
+def test_goal_gradient_pulls_toward_the_aim_with_a_slope_of_one_at_most(
+    config: Config, maps: SceneMaps, d: torch.Tensor
+) -> None:
     where = situation()
     gradient = final_gradient(CostModel(config, maps, dtype=F64)(d, where).goal_BN, d)
-    torch.testing.assert_close(gradient[:, :, 0], 2 * (d[:, :, 3] - where.goal_rel_B3[:, None]).detach())
+    miss = (d[:, :, 3] - where.aim_rel_B3[:, None]).detach()
+    length = miss.norm(dim=-1, keepdim=True)
+    assert (length > 1).any()
+    torch.testing.assert_close(gradient[:, :, 0], config.costs.goal * miss / length.clamp_min(1), rtol=1e-6, atol=0)
     assert gradient[:, :, 1:].abs().max() == 0
 
 
@@ -175,12 +178,10 @@ def test_trajectory_through_an_obstacle_costs_decidedly_more(config: Config) -> 
         situation(),
         pos_world_B3=torch.tensor([[0.0, 0.0, 1.5]]),
         scene_B=torch.tensor([0]),
-        height_world_B=torch.tensor([1.5]),
-        goal_rel_B3=torch.zeros(1, 3),
-        goal_weight_BN=torch.zeros(1, 2),
+        aim_rel_B3=torch.tensor([[6.0, 0.0, 0.0]]),
     )
     through = model(d, where)
     beside = model(d, dataclasses.replace(where, pos_world_B3=torch.tensor([[0.0, 1.5, 1.5]])))
     assert float(through.min_distance_BN[0, 0]) < 0 < float(beside.min_distance_BN[0, 0])
-    difference = through.label_BN(with_goal=False)[0, 0] - beside.label_BN(with_goal=False)[0, 0]
+    difference = through.trajectory_BN()[0, 0] - beside.trajectory_BN()[0, 0]
     assert float(difference) > 5.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -66,11 +67,11 @@ def test_levelling_takes_out_the_heading_only(q: list[float]) -> None:
 
 
 def test_network_rotates_the_state_into_every_cell(config: Config) -> None:
-    state = np.random.default_rng(0).normal(size=9)
-    rotated = (cell_state_matrix(config) @ state).reshape(9, 15)
+    state = np.random.default_rng(0).normal(size=12)
+    rotated = (cell_state_matrix(config) @ state).reshape(12, 15)
     cells = geometry.cam_from_cell(config.camera, config.lattice)
     for anchor in range(15):
-        for vector in range(3):
+        for vector in range(4):
             expected = cells[anchor].T @ state[3 * vector : 3 * vector + 3]
             np.testing.assert_allclose(rotated[3 * vector : 3 * vector + 3, anchor], expected, atol=1e-12)
 
@@ -133,11 +134,33 @@ def test_sampled_states_have_the_configured_distribution(config: Config) -> None
     assert abs(acceleration.mean()) < 0.02
 
 
-def test_chase_goal_stands_off_and_never_backs_away(config: Config) -> None:
-    goal = data.chase_goal(np.array([[3.0, 4.0, 0.5], [1.0, 0.0, -0.2], [30.0, 0.0, 0.0]]), config)
-    np.testing.assert_allclose(goal[0], [1.8, 2.4, 0.8])
-    np.testing.assert_allclose(goal[1], [0.0, 0.0, 0.1], atol=1e-12)
-    assert np.linalg.norm(goal[2]) == pytest.approx(10.0)
+def test_chase_aim_stands_off_and_never_backs_away(config: Config) -> None:
+    still = dataclasses.replace(config.sampling, chase_spread_m=0.0)
+    targets = np.array([[3.0, 4.0, 0.5], [1.0, 0.0, -0.2], [30.0, 0.0, 0.0]])
+    aim = sampling.chase_aim(np.random.default_rng(0), targets, still)
+    np.testing.assert_allclose(aim[0], [1.8, 2.4, 0.8])
+    np.testing.assert_allclose(aim[1], [0.0, 0.0, 0.1], atol=1e-12)
+    assert np.linalg.norm(sampling.within_reach(aim, 10.0)[2]) == pytest.approx(10.0)
+
+
+def test_aims_lie_ahead_at_flying_height_and_often_at_the_end_of_the_reach(config: Config) -> None:
+    aim = sampling.sample_aim(np.random.default_rng(0), np.full(20000, 1.4), 10.0, config.sampling)
+    distance, height = np.linalg.norm(aim[:, :2], axis=1), aim[:, 2] + 1.4
+    assert (distance > 9.99).mean() == pytest.approx(config.sampling.aim_far, abs=0.02)
+    assert (distance < 2).mean() > 0.1 and (aim[:, 0] > 0).mean() > 0.99
+    assert height.mean() == pytest.approx(np.mean(config.sampling.aim_height_m), abs=0.05)
+
+
+def test_detection_does_not_depend_on_the_aim_and_trajectories_do(config: Config) -> None:
+    torch.manual_seed(0)
+    network = Policy(config).eval()
+    state = torch.randn(1, 12)
+    image = torch.rand(1, 4, 96, 160)
+    other = torch.cat([state[:, :9], torch.randn(1, 3)], dim=1)
+    with torch.no_grad():
+        a, b = network(image, state), network(image, other)
+    assert torch.equal(a[:, 10:], b[:, 10:])
+    assert (a[:, :10] != b[:, :10]).any(dim=0).any(dim=0).all()
 
 
 def test_colour_matrices_turn_hue_and_keep_grey_grey(config: Config) -> None:

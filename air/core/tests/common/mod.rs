@@ -87,13 +87,8 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             max_distance: 20.0,
             reacquire_margin: 1.0,
         },
-        select: SelectConfig {
-            min_objectness: 0.5,
-            keep_objectness: 0.2,
-            pursue_after: 0.2,
-            pursue_until: 2.5,
-            pursue_weight: 0.12,
-        },
+        select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
+        chase: ChaseConfig { standoff: 2.5, height: 0.3, pursue_until: 2.5 },
     }
 }
 

@@ -15,7 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 MODELS_DIR = Path(__file__).resolve().parent
 TRACK_CHANNELS = ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost", "objectness", "du", "dv", "distance"]
-TRACK_STATE = ["velocity", "acceleration", "up"]
+STATE = ["velocity", "acceleration", "up", "aim"]
 
 
 def contract(task: str) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def contract(task: str) -> dict[str, Any]:
         "a_max_mps2": 6.0,
         "duration_rule": "2r/(alpha*v_max)",
         "target_depth_scale_m": 5.0,
-        "state": [*TRACK_STATE, "goal"] if navigate else TRACK_STATE,
+        "state": STATE,
         "channels": TRACK_CHANNELS[:10] if navigate else TRACK_CHANNELS,
         "camera_tilt_rad": 0.0,
         "training": {"data": "none", "commit": "none", "seed": 0, "samples": 0, "hours": 0.0},
@@ -75,7 +75,7 @@ def good(task: str, *, swapped: bool = False) -> onnx.ModelProto:
 def constant(
     agreed: dict[str, Any] | None,
     *,
-    state: tuple[str, int] = ("state", 9),
+    state: tuple[str, int] = ("state", 12),
     output: tuple[int, ...] = (1, 14, 3, 5),
     dtype: int = TensorProto.FLOAT,
 ) -> onnx.ModelProto:
@@ -123,7 +123,7 @@ def main() -> None:
         "wrong_output_shape": constant(track, output=(1, 10, 3, 5)),
         "wrong_output_type": constant(track, dtype=TensorProto.DOUBLE),
         "wrong_state_length": constant(track, state=("state", 6)),
-        "wrong_input_name": constant(track, state=("motion", 9)),
+        "wrong_input_name": constant(track, state=("motion", 12)),
     }
     for name, made in models.items():
         (MODELS_DIR / f"{name}.onnx").write_bytes(made.SerializeToString(deterministic=True))

@@ -1,0 +1,92 @@
+//! Where the trajectories should end: navigation's goal, or where the target will be by then (beyond the paper). The
+//! network gets it as the last vector of its state and is trained to end there.
+
+use crate::error::{ConfigError, not_negative};
+use crate::target::{Expected, LONGEST_CARRY};
+use crate::types::Vec3;
+
+/// How a target is chased.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChaseConfig {
+    /// Horizontal distance to keep, m (2.5).
+    pub standoff: f64,
+    /// Above the target's centre, m (0.3).
+    pub height: f64,
+    /// A target unseen for longer than this is not pursued any more, s (2.5).
+    pub pursue_until: f64,
+}
+
+impl ChaseConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        not_negative("chase.standoff", self.standoff)?;
+        not_negative("chase.height", self.height)?;
+        not_negative("chase.pursue_until", self.pursue_until)
+    }
+
+    /// The target is worth going after.
+    #[must_use]
+    pub fn pursues(&self, target: &Expected) -> bool {
+        target.unseen <= self.pursue_until
+    }
+
+    /// Where a trajectory of `duration` s from `pos_world` should end, relative to there, m: short of where the target
+    /// will be, as far ahead as its last velocity is still believed, and never behind the vehicle.
+    #[must_use]
+    pub fn aim(&self, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
+        let lead = duration.min((LONGEST_CARRY - target.unseen).max(0.0));
+        let line = target.pos_world + Vec3::new(target.vel_world.x, target.vel_world.y, 0.0) * lead - pos_world;
+        let flat = line.xy().norm();
+        let kept = (flat - self.standoff).max(0.0) / flat.max(1e-6);
+        Vec3::new(line.x * kept, line.y * kept, line.z + self.height)
+    }
+}
+
+/// An aim as a share of the `reach` (m) of a trajectory, at most 1 long. Not finite: none, which is zero.
+#[must_use]
+pub fn within_reach(aim: Vec3, reach: f64) -> Vec3 {
+    let share = aim / reach.max(aim.norm());
+    if share.iter().all(|x| x.is_finite()) { share } else { Vec3::zeros() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CHASE: ChaseConfig = ChaseConfig { standoff: 2.5, height: 0.3, pursue_until: 2.5 };
+
+    fn target(unseen: f64) -> Expected {
+        Expected { pos_world: Vec3::new(6.0, 0.0, 1.0), vel_world: Vec3::new(2.0, 0.0, 0.4), unseen }
+    }
+
+    #[test]
+    fn it_lies_short_of_where_the_target_will_be_and_a_little_higher() {
+        let aim = CHASE.aim(Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
+        assert!((aim - Vec3::new(4.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
+    }
+
+    #[test]
+    fn a_hidden_target_is_led_less_and_less() {
+        let ahead = |unseen| CHASE.aim(Vec3::zeros(), &target(unseen), 1.0).x;
+        assert_eq!([ahead(0.0), ahead(1.0), ahead(2.0)], [5.5, 4.5, 3.5]);
+        assert!(CHASE.pursues(&target(2.5)) && !CHASE.pursues(&target(2.6)));
+    }
+
+    #[test]
+    fn nobody_backs_off_from_a_target_that_is_near() {
+        let aim = CHASE.aim(Vec3::new(7.0, 0.0, 1.3), &target(0.0), 0.0);
+        assert!(aim.norm() < 1e-12, "{aim}");
+    }
+
+    #[test]
+    fn a_far_aim_is_one_long_and_a_mad_one_is_none() {
+        assert_eq!(within_reach(Vec3::new(0.0, 5.0, 0.0), 10.0), Vec3::new(0.0, 0.5, 0.0));
+        assert!((within_reach(Vec3::new(30.0, 40.0, 0.0), 10.0).norm() - 1.0).abs() < 1e-12);
+        for bad in [f64::NAN, f64::INFINITY] {
+            assert_eq!(within_reach(Vec3::new(bad, 1.0, 0.0), 10.0), Vec3::zeros());
+        }
+    }
+}
