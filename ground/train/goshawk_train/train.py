@@ -79,9 +79,10 @@ class Trainer:
     def restore(self, saved: Checkpoint) -> None:
         """Go on from a checkpoint; raises `TrainingError` if it belongs to another run.
 
-        The length of the run may differ: the schedule then continues towards the new end.
+        The length of the run and the threads may differ: the schedule then continues towards the new end.
         """
-        if replace_training(saved.config, samples=self.config.training.samples) != self.config:
+        training = self.config.training
+        if replace_training(saved.config, samples=training.samples, threads=training.threads) != self.config:
             raise TrainingError("the checkpoint was made with another configuration; use that one or another --out")
         self.network.load_state_dict(saved.network)
         self.ema.load(saved.ema)
