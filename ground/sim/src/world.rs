@@ -52,6 +52,8 @@ pub enum Kind {
     Building,
     /// A voxel of a scanned point cloud.
     Scan,
+    /// A moving obstacle (see [`crate::moving`]); no world holds one.
+    Moving,
 }
 
 /// One solid part of the world.
