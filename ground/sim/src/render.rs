@@ -84,6 +84,20 @@ const ID_NONE: u32 = 0;
 const ID_GROUND: u32 = 0x4000_0000;
 const ID_PERSON: u32 = 0x8000_0000;
 
+/// What an id stands for: the world's parts, then the moving ones.
+#[derive(Clone, Copy)]
+struct Solids<'a> {
+    world: &'a World,
+    moving: &'a [Part],
+}
+
+impl Solids<'_> {
+    fn part(&self, index: usize) -> &Part {
+        let fixed = self.world.parts();
+        fixed.get(index).unwrap_or_else(|| &self.moving[index - fixed.len()])
+    }
+}
+
 /// Draws frames of one camera; owns the scratch memory, so that drawing allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Renderer {
@@ -152,7 +166,7 @@ impl Renderer {
         }
         ground::draw(world.ground(), pose, &mut canvas);
         frame.person_pixels_visible = count_person(canvas.ids);
-        shade::shade(world, moving, body.as_ref(), pose, &self.rays, &self.ids, &mut self.linear, frame);
+        shade::shade(Solids { world, moving }, body.as_ref(), pose, &self.rays, &self.ids, &mut self.linear, frame);
     }
 }
 

@@ -3,9 +3,9 @@
 use super::camera::{CameraPose, Rays};
 use super::ground::Field;
 use super::texture::{floor, hash, signed, smooth};
-use super::{Class, Frame, ID_GROUND, ID_NONE, ID_PERSON};
+use super::{Class, Frame, ID_GROUND, ID_NONE, ID_PERSON, Solids};
 use crate::person::{BODY_PARTS, BodyPart};
-use crate::world::{Kind, Look, Part, RoundCone, Shape, World};
+use crate::world::{Kind, Look, RoundCone, Shape};
 use goshawk_core::types::Vec3;
 use nalgebra::Vector3;
 
@@ -13,8 +13,7 @@ type V3 = Vector3<f32>;
 
 /// Colours every pixel of `frame` from its id and depth; `linear` is scratch of the size of `frame.rgb`.
 pub(super) fn shade(
-    world: &World,
-    moving: &[Part],
+    solids: Solids<'_>,
     body: Option<&[BodyPart; BODY_PARTS]>,
     pose: &CameraPose,
     rays: &Rays,
@@ -22,10 +21,10 @@ pub(super) fn shade(
     linear: &mut [f32],
     frame: &mut Frame,
 ) {
+    let world = solids.world;
     let painter = Painter {
         look: world.look(),
-        world,
-        moving,
+        solids,
         sun: V3::from(world.look().sun_dir_world),
         field: Field::new(world.ground()),
         field_min: world.ground().min_xy().map(|c| c as f32),
@@ -61,8 +60,7 @@ pub(super) fn shade(
 
 struct Painter<'a> {
     look: &'a Look,
-    world: &'a World,
-    moving: &'a [Part],
+    solids: Solids<'a>,
     sun: V3,
     field: Field<'a>,
     field_min: [f32; 2],
@@ -87,8 +85,7 @@ impl Painter<'_> {
     }
 
     fn part(&self, index: u32, point: &V3, depth: f32) -> (Class, V3) {
-        let fixed = self.world.parts();
-        let part = fixed.get(index as usize).unwrap_or_else(|| &self.moving[index as usize - fixed.len()]);
+        let part = self.solids.part(index as usize);
         let (mut normal, salt) = (surface_normal(&part.shape, point), index as i32);
         let near = 1.0 / (1.0 + 0.02 * depth * depth);
         let tint = V3::from(part.tint);
