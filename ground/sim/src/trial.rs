@@ -265,6 +265,7 @@ impl Truth<'_> {
             target_path_m: evader.map_or(0.0, |e| e.path_m),
             target_arrived: evader.is_some_and(|e| e.arrived),
             target_visible: self.visible,
+            moving: self.moving.iter().map(|part| part.shape.around().to_proto()).collect(),
         }
     }
 }
