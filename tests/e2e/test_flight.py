@@ -68,7 +68,8 @@ def test_the_ground_sees_the_simulators_buildings_and_what_moves_between_them(ri
         assert len(snap.world.radius_m_K) == 0
         assert len(snap.truth.moving) == 3
         # Nobody runs yet, so nothing moves yet.
-        later = link.wait_for(lambda s: s.truth is not None and s.truth.stamp_ns > snap.truth.stamp_ns + 10**9, 10.0)
+        later_ns = snap.truth.stamp_ns + 10**9
+        later = link.wait_for(lambda s: s.truth is not None and s.truth.stamp_ns > later_ns, 10.0)
         assert later is not None
         assert later.truth is not None
         assert (later.truth.moving.centre_world_B3 == snap.truth.moving.centre_world_B3).all()

@@ -232,7 +232,7 @@ fn the_wire_gets_every_wall_as_it_stands_and_lamp_posts_as_boxes() {
 fn of_a_large_scan_the_wire_gets_the_largest_boxes_in_less_than_a_megabyte() {
     let cube = |index: usize| {
         let (x, y) = ((index % 200) as f64, (index / 200) as f64);
-        let half = Vec3::repeat(if index % 4 == 0 { 0.1 } else { 0.3 });
+        let half = Vec3::repeat(if index.is_multiple_of(4) { 0.1 } else { 0.3 });
         let shape = Shape::Cuboid(Cuboid { centre: Vec3::new(x, y, 1.0), half, yaw_rad: 0.1 });
         Part { shape, kind: Kind::Scan, tint: [0.2; 3] }
     };
