@@ -7,7 +7,7 @@ a length is not what it must be. An enum value that this version does not know i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from goshawk_dashboards import snapshot as view
 
 MAX_CANDIDATES = 256
 """More than any lattice has: a bound on what one message may make us draw."""
+MAX_BOXES = 20_000
+"""What a simulator sends at most."""
 
 
 class MalformedError(ValueError):
@@ -177,6 +179,16 @@ def event(m: pb.Event) -> view.EventView:
     return view.EventView(stamp_ns=m.stamp_ns, severity=_name(pb.Severity, m.severity), kind=m.kind, text=m.text)
 
 
+def _boxes(what: str, boxes: Sequence[pb.SimBox]) -> view.BoxesView:
+    if len(boxes) > MAX_BOXES:
+        raise MalformedError(f"{len(boxes)} boxes {what}, at most {MAX_BOXES} are read")
+    return view.BoxesView(
+        centre_world_B3=_vecs(f"centre of a box {what}", (b.centre_world for b in boxes)),
+        size_m_B3=_vecs(f"size of a box {what}", (b.size_m for b in boxes)),
+        yaw_rad_B=_array(f"yaw of a box {what}", [b.yaw_rad for b in boxes], (-1,)),
+    )
+
+
 def truth(m: pb.SimTruth) -> view.TruthView:
     """The simulator's truth."""
     return view.TruthView(
@@ -191,16 +203,18 @@ def truth(m: pb.SimTruth) -> view.TruthView:
         target_path_m=_number("target path", m.target_path_m),
         target_arrived=m.target_arrived,
         target_visible=m.target_visible,
+        moving=_boxes("that moves", m.moving),
     )
 
 
 def world(m: pb.SimWorld) -> view.WorldView:
-    """The simulator's trees."""
+    """What stands still in the simulator's world."""
     return view.WorldView(
         base_world_K3=_vecs("tree base", (t.base_world for t in m.trees)),
         top_world_K3=_vecs("tree top", (t.top_world for t in m.trees)),
         radius_m_K=_array("tree radius", [t.radius_m for t in m.trees], (-1,)),
         foliage_radius_m_K=_array("foliage radius", [t.foliage_radius_m for t in m.trees], (-1,)),
+        boxes=_boxes("of the world", m.boxes),
         seed=m.seed,
         spacing_m=_number("spacing", m.spacing_m),
     )

@@ -59,7 +59,7 @@ class LivePanels:
             self._rejected = gui.add_checkbox("Rejected candidates", True)
             self._trails = gui.add_checkbox("Trails", True)
             self._frustum = gui.add_checkbox("Camera frustum", True)
-            self._trees = gui.add_checkbox("Trees (simulator)", True)
+            self._world = gui.add_checkbox("World (simulator)", True)
             self._truth = gui.add_checkbox("True target (simulator)", True)
             gui.add_button("Clear trails").on_click(lambda _: on_clear())
         gui.main_panel.dock_right()
@@ -78,7 +78,7 @@ class LivePanels:
         """What the viewer asked to see."""
         return ViewOptions(
             rejected=self._rejected.value,
-            trees=self._trees.value,
+            world=self._world.value,
             trails=self._trails.value,
             truth=self._truth.value,
             frustum=self._frustum.value,

@@ -13,7 +13,8 @@ import viser
 from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards import curves, shapes, theme
-from goshawk_dashboards.snapshot import ELIGIBLE, ControlView, PlanView, PreviewView, Snapshot, TargetView, WorldView
+from goshawk_dashboards.snapshot import ELIGIBLE, ControlView, PlanView, PreviewView, Snapshot, TargetView
+from goshawk_dashboards.world_scene import WorldScene
 
 SAMPLES = 24
 """Points along a drawn trajectory."""
@@ -29,7 +30,7 @@ class ViewOptions:
     """What the viewer asked to see."""
 
     rejected: bool = True
-    trees: bool = True
+    world: bool = True
     trails: bool = True
     truth: bool = True
     frustum: bool = True
@@ -59,7 +60,7 @@ class LiveScene:
         )
         self._plan_seq: int | None = None
         self._preview_seq: int | None = None
-        self._world: WorldView | None = None
+        self.world = WorldScene(server)
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
         self._target_trail = shapes.Trail(spacing_m=0.3)
         self._make_vehicle()
@@ -152,21 +153,16 @@ class LiveScene:
 
     def update(self, snap: Snapshot, options: ViewOptions) -> None:
         """Shows one snapshot."""
-        if snap.world is not self._world:
-            self._draw_world(snap.world)
         if snap.control is not None:
             self._draw_vehicle(snap.control, snap.fresh("control", CONTROL_STALE_S), options)
         self._draw_plan(snap.plan, snap.fresh("plan", PLAN_STALE_S), options)
         self._draw_camera(snap, options)
         self._draw_target(snap, options)
-        truth = snap.truth if options.truth and snap.fresh("sim_truth", CONTROL_STALE_S) else None
-        self._truth.visible = truth is not None
+        truth = snap.truth if snap.fresh("sim_truth", CONTROL_STALE_S) else None
+        self._truth.visible = options.truth and truth is not None
         if truth is not None:
             self._truth.position = truth.target_pos_world_3
-        for name in ("/world/trunks", "/world/foliage"):
-            node = self._server.scene.get_handle_by_name(name)
-            if node is not None:
-                node.visible = options.trees
+        self.world.update(snap.world, truth.moving if truth is not None else None, shown=options.world)
 
     def clear_trails(self) -> None:
         """Forgets where vehicle and target have been."""
@@ -264,45 +260,6 @@ class LiveScene:
             self._covariance.wxyz = wxyz
         if target.confirmed and self._target_trail.add(target.pos_world_3):
             self._target_line.points = self._target_trail.segments_M23().astype(np.float32)
-
-    def _draw_world(self, world: WorldView | None) -> None:
-        self._world = world
-        scene = self._server.scene
-        for name in ("/world/trunks", "/world/foliage"):
-            scene.remove_by_name(name)
-        if world is None or len(world.radius_m_K) == 0:
-            return
-        axis_K3 = world.top_world_K3 - world.base_world_K3
-        height_K = np.linalg.norm(axis_K3, axis=1)
-        wxyz_K4 = shapes.wxyz_from_up_K4(axis_K3)
-        trunk = shapes.trunk()
-        scene.add_batched_meshes_simple(
-            "/world/trunks",
-            trunk.vertices,
-            trunk.faces,
-            wxyz_K4,
-            world.base_world_K3,
-            batched_scales=np.stack([world.radius_m_K, world.radius_m_K, height_K], axis=1),
-            batched_colors=theme.TRUNK,
-            lod="off",
-            cast_shadow=False,
-        )
-        leafy_K = world.foliage_radius_m_K > 0.0
-        if leafy_K.any():
-            ball = shapes.foliage()
-            scene.add_batched_meshes_simple(
-                "/world/foliage",
-                ball.vertices,
-                ball.faces,
-                wxyz_K4[leafy_K],
-                world.top_world_K3[leafy_K],
-                batched_scales=world.foliage_radius_m_K[leafy_K],
-                batched_colors=theme.FOLIAGE,
-                opacity=0.4,
-                flat_shading=True,
-                lod="off",
-                cast_shadow=False,
-            )
 
 
 def _target_text(target: TargetView) -> str:

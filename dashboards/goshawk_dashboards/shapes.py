@@ -75,6 +75,17 @@ def foliage() -> trimesh.Trimesh:
     return trimesh.creation.icosphere(subdivisions=1, radius=1.0)
 
 
+def box() -> trimesh.Trimesh:
+    """A unit cube about the origin."""
+    return trimesh.creation.box(extents=(1.0, 1.0, 1.0))
+
+
+def wxyz_from_yaw_B4(yaw_rad_B: Array) -> Array:
+    """Rotations about the vertical."""
+    zero_B = np.zeros(len(yaw_rad_B))
+    return np.stack([np.cos(0.5 * yaw_rad_B), zero_B, zero_B, np.sin(0.5 * yaw_rad_B)], axis=1)
+
+
 def wxyz_from_up_K4(direction_K3: Array) -> Array:
     """Rotations that turn z to each direction; the identity where a direction has no length."""
     length_K1 = np.linalg.norm(direction_K3, axis=1, keepdims=True)

@@ -1,7 +1,7 @@
 """Everything a dashboard can show at one instant, as plain immutable values.
 
 Frames: ``*_world`` is ENU, body and camera are FLU; SI and radians; quaternions are (w, x, y, z), unit length.
-Shape suffixes: N candidates, K trees, 3 a vector, 4 a quaternion. Arrays are float64 (unless said) and read-only.
+Shape suffixes: N candidates, K trees, B boxes, 3 a vector, 4 a quaternion. Arrays are float64 (unless said), read-only.
 Absence is ``None``. An ``age_s`` is seconds since the sample arrived on the ground, by the ground's clock.
 """
 
@@ -148,6 +148,20 @@ class EventView:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class BoxesView:
+    """B upright boxes of the simulated world."""
+
+    centre_world_B3: Array
+    size_m_B3: Array
+    """Edges along each box's own axes."""
+    yaw_rad_B: Array
+    """From east to north, to a box's own x axis."""
+
+    def __len__(self) -> int:
+        return len(self.yaw_rad_B)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TruthView:
     """The simulator's truth; absent in real flight."""
 
@@ -162,16 +176,20 @@ class TruthView:
     target_path_m: float
     target_arrived: bool
     target_visible: bool
+    moving: BoxesView
+    """Boxes around the moving obstacles, now."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorldView:
-    """The simulator's trees."""
+    """What stands still in the simulator's world."""
 
     base_world_K3: Array
     top_world_K3: Array
     radius_m_K: Array
     foliage_radius_m_K: Array
+    boxes: BoxesView
+    """Walls, furniture, a scan's merged voxels."""
     seed: int
     spacing_m: float
 

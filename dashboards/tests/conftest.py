@@ -107,7 +107,7 @@ def snap() -> Callable[..., view.Snapshot]:
     """A snapshot of a flight, each channel ``age_s`` old; fields may be replaced."""
 
     def make(age_s: float = 0.02, **changes: Any) -> view.Snapshot:
-        names = ("plan", "control", "target", "health", "preview", "event")
+        names = ("plan", "control", "target", "health", "preview", "event", "sim_truth")
         whole = view.Snapshot(
             now_s=100.0,
             vehicle="goshawk",

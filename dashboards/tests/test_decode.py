@@ -72,6 +72,8 @@ def _with(message: Any, **fields: Any) -> Any:
         (decode.health, pb.Health(rates=[pb.Rate(name="planner", hz=math.inf)]), "rate planner"),
         (decode.preview, pb.Preview(seq=1), "no picture"),
         (decode.truth, pb.SimTruth(clearance_m=math.nan), "clearance"),
+        (decode.truth, pb.SimTruth(moving=[pb.SimBox(yaw_rad=math.inf)]), "yaw of a box that moves is not finite"),
+        (decode.world, pb.SimWorld(boxes=[pb.SimBox()] * 20_001), "20001 boxes of the world, at most 20000"),
     ],
 )
 def test_a_message_that_makes_no_sense_is_refused_with_its_reason(
@@ -79,6 +81,17 @@ def test_a_message_that_makes_no_sense_is_refused_with_its_reason(
 ) -> None:
     with pytest.raises(decode.MalformedError, match=words):
         read(message)
+
+
+def test_boxes_keep_their_places_sizes_and_headings_in_order() -> None:
+    box = pb.SimBox(centre_world=pb.Vec3f(x=1, y=2, z=3), size_m=pb.Vec3f(x=4, y=5, z=6), yaw_rad=0.5)
+    seen = decode.world(pb.SimWorld(boxes=[box, pb.SimBox()])).boxes
+    assert len(seen) == 2
+    np.testing.assert_array_equal(seen.centre_world_B3, [[1, 2, 3], [0, 0, 0]])
+    np.testing.assert_array_equal(seen.size_m_B3, [[4, 5, 6], [0, 0, 0]])
+    np.testing.assert_array_equal(seen.yaw_rad_B, [0.5, 0])
+    assert len(decode.truth(pb.SimTruth(moving=[box])).moving) == 1
+    assert len(decode.truth(pb.SimTruth()).moving) == 0
 
 
 def test_an_enum_value_from_the_future_is_shown_by_its_number() -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from goshawk_dashboards import theme
 from goshawk_dashboards.live import LiveDashboard, PortBusyError
-from goshawk_dashboards.snapshot import CommandView, Snapshot, WorldView
+from goshawk_dashboards.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
+from viser import BatchedMeshHandle
 
 Make = Callable[..., Snapshot]
 
@@ -23,6 +24,32 @@ def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+def boxes(count: int, x_m: float = 0.0) -> BoxesView:
+    """Cubes of 1 m at x_m."""
+    return BoxesView(
+        centre_world_B3=np.tile([x_m, 0.0, 0.5], (count, 1)), size_m_B3=np.ones((count, 3)), yaw_rad_B=np.zeros(count)
+    )
+
+
+def truth(moving: BoxesView) -> TruthView:
+    """The simulator's truth with obstacles that move."""
+    zero_3 = np.zeros(3)
+    return TruthView(
+        stamp_ns=1,
+        pos_world_3=zero_3,
+        vel_world_3=zero_3,
+        target_pos_world_3=zero_3,
+        target_vel_world_3=zero_3,
+        clearance_m=1.0,
+        collisions=0,
+        target_distance_m=5.0,
+        target_path_m=0.0,
+        target_arrived=False,
+        target_visible=True,
+        moving=moving,
+    )
 
 
 @pytest.fixture
@@ -95,6 +122,7 @@ def test_trees_appear_and_go_with_the_simulator(live: LiveDashboard, snap: Make)
         top_world_K3=np.tile([0.3, 0.0, 6.0], (3, 1)),
         radius_m_K=np.full(3, 0.2),
         foliage_radius_m_K=np.array([0.0, 1.0, 1.2]),
+        boxes=boxes(0),
         seed=1,
         spacing_m=4.0,
     )
@@ -104,6 +132,32 @@ def test_trees_appear_and_go_with_the_simulator(live: LiveDashboard, snap: Make)
     assert scene.get_handle_by_name("/world/foliage") is not None
     live.tick(snap())
     assert scene.get_handle_by_name("/world/trunks") is None
+
+
+def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: LiveDashboard, snap: Make) -> None:
+    none_K3, none_K = np.zeros((0, 3)), np.zeros(0)
+    world = WorldView(
+        base_world_K3=none_K3,
+        top_world_K3=none_K3,
+        radius_m_K=none_K,
+        foliage_radius_m_K=none_K,
+        boxes=boxes(300),
+        seed=1,
+        spacing_m=0.0,
+    )
+    scene = live.server.scene
+    live.tick(snap(world=world, truth=truth(boxes(2, x_m=5.0))))
+    walls = scene.get_handle_by_name("/world/boxes")
+    assert isinstance(walls, BatchedMeshHandle)
+    assert len(walls.batched_positions) == 300
+    assert scene.get_handle_by_name("/world/trunks") is None
+    moving = live.scene.world.moving
+    assert moving is not None
+    live.tick(snap(world=world, truth=truth(boxes(2, x_m=6.5))))
+    assert live.scene.world.moving is moving
+    np.testing.assert_allclose(moving.batched_positions[:, 0], 6.5)
+    live.tick(snap(world=world, truth=truth(boxes(2, x_m=6.5)), age_s=5.0))
+    assert scene.get_handle_by_name("/truth/moving") is None
 
 
 def test_a_broken_picture_changes_nothing(live: LiveDashboard, snap: Make) -> None:

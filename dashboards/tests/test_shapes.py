@@ -25,6 +25,13 @@ def test_trunks_lean_where_their_tops_are(direction: np.ndarray) -> None:
         np.testing.assert_allclose(turned, wanted / size if size > 1e-6 else turned, atol=1e-6)
 
 
+def test_a_box_turns_about_the_vertical_from_east_to_north() -> None:
+    yaw = np.array([0.0, 0.5, -2.0, 3.1])
+    for wxyz, angle in zip(shapes.wxyz_from_yaw_B4(yaw), yaw, strict=True):
+        turned = tf.SO3(wxyz).as_matrix() @ [1, 0, 0]
+        np.testing.assert_allclose(turned, [np.cos(angle), np.sin(angle), 0], atol=1e-12)
+
+
 def test_the_ellipsoid_is_two_sigmas_along_the_covariances_own_axes() -> None:
     turn = tf.SO3.from_z_radians(0.4).as_matrix()
     semi, wxyz = shapes.ellipsoid(turn @ np.diag([0.04, 0.25, 0.01]) @ turn.T)

@@ -166,7 +166,12 @@ fn sim_truth() -> SimTruth {
         target_path_m: 10.5,
         target_arrived: true,
         target_visible: true,
+        moving: vec![sim_box()],
     }
+}
+
+fn sim_box() -> SimBox {
+    SimBox { centre_world: vec3f(), size_m: vec3f(), yaw_rad: 3.5 }
 }
 
 fn tree() -> SimTree {
@@ -249,7 +254,8 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         ),
         entry("SimTruth", sim_truth()),
         entry("SimTree", tree()),
-        entry("SimWorld", SimWorld { trees: vec![tree()], seed: 2000, spacing_m: 3.5 }),
+        entry("SimBox", sim_box()),
+        entry("SimWorld", SimWorld { trees: vec![tree()], seed: 2000, spacing_m: 3.5, boxes: vec![sim_box()] }),
     ])
 }
 

@@ -73,6 +73,25 @@ def test_the_demo_flies_and_its_log_opens_in_the_stock_reader(tmp_path: Path) ->
     assert rate_hz([m.stamp_ns for m in topics["tel/control"]]) >= 190.0  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def test_the_ground_sees_the_simulators_buildings_and_what_moves_between_them(rig: Rig) -> None:
+    rig.air()
+    rig.sim("--world", "buildings", "--seed", "2", "--moving", "3")
+    with rig.link() as link:
+        snap = link.wait_for(lambda s: s.world is not None and s.truth is not None, 40.0)
+        assert snap is not None, rig.output("air") + rig.output("sim")
+        assert snap.world is not None
+        assert snap.truth is not None
+        assert len(snap.world.boxes) > 50
+        assert len(snap.world.radius_m_K) == 0
+        assert len(snap.truth.moving) == 3
+        # Nobody runs yet, so nothing moves yet.
+        later_ns = snap.truth.stamp_ns + 10**9
+        later = link.wait_for(lambda s: s.truth is not None and s.truth.stamp_ns > later_ns, 10.0)
+        assert later is not None
+        assert later.truth is not None
+        assert (later.truth.moving.centre_world_B3 == snap.truth.moving.centre_world_B3).all()
+
+
 def airborne_and(modes: set[str]):
     def condition(snap: Snapshot) -> bool:
         return snap.mode in modes and snap.truth is not None and snap.truth.pos_world_3[2] > 0.8

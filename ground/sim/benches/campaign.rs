@@ -57,6 +57,7 @@ fn main() -> color_eyre::Result<()> {
             wind_mps: 0.0,
             sensors: Sensors::default(),
             spread: 0.0,
+            moving: 0,
             seed,
         };
         let begun = core_seconds();

@@ -2,11 +2,13 @@
 
 use crate::dataset::{DatasetConfig, generate};
 use crate::fly::args::FlyArgs;
+use crate::moving::{MovingArgs, Site};
 use crate::serve::ServeArgs;
-use crate::trial::WorldSource;
+use crate::trial::{TrialError, WorldSource};
 use crate::world_preview::preview;
 use clap::{Args, Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
+use goshawk_core::types::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::process::Command as Process;
@@ -36,7 +38,7 @@ pub enum Command {
 /// `goshawk-sim world`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim world --seed 4 --spacing 5 -o forest.png\n  \
-                  goshawk-sim world --world buildings --seed 2\n  goshawk-sim world --world scan.ply")]
+                  goshawk-sim world --world buildings --seed 2 --moving 8\n  goshawk-sim world --world scan.ply")]
 pub struct WorldArgs {
     /// The world: forest, buildings, or a point cloud (.ply, .pcd).
     #[arg(long, value_name = "WORLD", default_value = "forest")]
@@ -47,6 +49,8 @@ pub struct WorldArgs {
     /// Mean spacing of the trees, m.
     #[arg(long, value_name = "M", default_value_t = 4.0)]
     spacing: f64,
+    #[command(flatten)]
+    moving: MovingArgs,
     /// The picture.
     #[arg(short, long, value_name = "PNG", default_value = "world.png")]
     output: PathBuf,
@@ -87,19 +91,28 @@ impl Cli {
     }
 }
 
+/// A world's moving obstacles are near the way to a goal so far ahead of the start, m.
+const AHEAD_M: f64 = 40.0;
+
 impl WorldArgs {
     fn run(self) -> Result<()> {
-        let world = WorldSource::parse(&self.world, self.spacing)?.draw(self.seed, 40.0)?;
+        let world = WorldSource::parse(&self.world, self.spacing)?.draw(self.seed, AHEAD_M)?;
+        let heading = world.start_heading_rad();
+        let goal_world = world.start_world() + Vec3::new(heading.cos(), heading.sin(), 0.0) * AHEAD_M;
+        let site = Site { world: &world, goal_world, runner: None };
+        let moving = self.moving.moving;
+        let movers = site.draw(moving, self.seed).ok_or(TrialError::NoRoomToMove(moving))?;
         let shown = self.output.display();
-        preview(&world).save(&self.output).wrap_err_with(|| format!("cannot write {shown}"))?;
+        preview(&world, &movers).save(&self.output).wrap_err_with(|| format!("cannot write {shown}"))?;
         let size = world.max_world() - world.min_world();
         println!(
-            "{shown}: {}, {:.0} x {:.0} m, {} trees, {} obstacles in all",
+            "{shown}: {}, {:.0} x {:.0} m, {} trees, {} obstacles in all{}",
             self.world,
             size.x,
             size.y,
             world.trees().len(),
-            world.parts().len()
+            world.parts().len(),
+            if moving > 0 { format!(", {moving} that move") } else { String::new() }
         );
         Ok(())
     }

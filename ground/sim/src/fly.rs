@@ -59,6 +59,8 @@ pub struct Campaign {
     pub sensors: Sensors,
     /// How far each airframe is from the vehicle file: relative standard deviation of its parameters.
     pub spread: f64,
+    /// Moving obstacles in each flight.
+    pub moving: usize,
     /// Flights at once.
     pub threads: usize,
     /// Fly these only, each exactly as in the whole campaign.
@@ -223,6 +225,7 @@ impl Campaign {
             speed_mps,
             world: world.clone(),
             wind_mps: self.wind_mps,
+            moving: self.moving,
         };
         self.worlds.iter().flat_map(|w| self.speeds_mps.iter().map(move |v| cell(*v, w))).collect()
     }
@@ -246,6 +249,7 @@ impl Campaign {
             wind_mps: cell.wind_mps,
             sensors: self.sensors,
             spread: self.spread,
+            moving: cell.moving,
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };

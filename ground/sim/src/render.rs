@@ -14,7 +14,7 @@ mod texture;
 pub use camera::{Camera, CameraPose};
 
 use crate::person::Person;
-use crate::world::{Shape, World};
+use crate::world::{Part, Shape, World};
 use camera::Rays;
 use raster::{Canvas, ViewCone, ViewCuboid, ViewSpheroid};
 
@@ -44,6 +44,8 @@ pub enum Class {
     Building = 6,
     /// A scanned surface.
     Scan = 7,
+    /// A moving obstacle.
+    Moving = 8,
 }
 
 /// One ideal image: row-major from the top left, no sensor effects.
@@ -76,10 +78,25 @@ impl Frame {
     }
 }
 
-/// Ids in the pixel buffer: nothing, the ground, a body part (flag + index), a world part (index + 1).
+/// Ids in the pixel buffer: nothing, the ground, a body part (flag + index), a world part (index + 1), and after the
+/// world's parts the moving ones.
 const ID_NONE: u32 = 0;
 const ID_GROUND: u32 = 0x4000_0000;
 const ID_PERSON: u32 = 0x8000_0000;
+
+/// What an id stands for: the world's parts, then the moving ones.
+#[derive(Clone, Copy)]
+struct Solids<'a> {
+    world: &'a World,
+    moving: &'a [Part],
+}
+
+impl Solids<'_> {
+    fn part(&self, index: usize) -> &Part {
+        let fixed = self.world.parts();
+        fixed.get(index).unwrap_or_else(|| &self.moving[index - fixed.len()])
+    }
+}
 
 /// Draws frames of one camera; owns the scratch memory, so that drawing allocates nothing.
 #[derive(Clone, Debug)]
@@ -106,6 +123,18 @@ impl Renderer {
 
     /// Draws what `pose` sees into `frame`, whose buffers are sized on first use.
     pub fn render(&mut self, world: &World, person: Option<&Person>, pose: &CameraPose, frame: &mut Frame) {
+        self.render_with(world, &[], person, pose, frame);
+    }
+
+    /// As [`Renderer::render`], with parts that are no part of the world: they move.
+    pub fn render_with(
+        &mut self,
+        world: &World,
+        moving: &[Part],
+        person: Option<&Person>,
+        pose: &CameraPose,
+        frame: &mut Frame,
+    ) {
         let pixels = self.camera.width * self.camera.height;
         (frame.width, frame.height) = (self.camera.width, self.camera.height);
         frame.rgb.resize(pixels * 3, 0);
@@ -121,8 +150,10 @@ impl Renderer {
             canvas.cone(&ViewCone::new(&part.cone, pose), ID_PERSON | index as u32, true);
         }
         frame.person_pixels = count_person(canvas.ids);
-        for (index, (part, (centre, radius))) in world.parts().iter().zip(world.bounding_spheres()).enumerate() {
-            if !self.rays.may_see(&pose.to_cam(centre), *radius as f32, RANGE_M) {
+        let fixed = world.parts().iter().zip(world.bounding_spheres().iter().copied());
+        let moving_parts = moving.iter().map(|part| (part, part.shape.bounding_sphere()));
+        for (index, (part, (centre, radius))) in fixed.chain(moving_parts).enumerate() {
+            if !self.rays.may_see(&pose.to_cam(&centre), radius as f32, RANGE_M) {
                 continue;
             }
             let id = index as u32 + 1;
@@ -135,7 +166,7 @@ impl Renderer {
         }
         ground::draw(world.ground(), pose, &mut canvas);
         frame.person_pixels_visible = count_person(canvas.ids);
-        shade::shade(world, body.as_ref(), pose, &self.rays, &self.ids, &mut self.linear, frame);
+        shade::shade(Solids { world, moving }, body.as_ref(), pose, &self.rays, &self.ids, &mut self.linear, frame);
     }
 }
 

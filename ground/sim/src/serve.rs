@@ -20,6 +20,7 @@ use goshawk_core::types::{NormalisedThrust, Rot, Time, Vec3};
 
 use crate::evader::Course;
 use crate::imu::Imu;
+use crate::moving::MovingArgs;
 use crate::px4::{Px4Config, Px4Udp, VehicleState};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::sensor::mix;
@@ -29,7 +30,7 @@ use crate::trial::estimator::Estimator;
 use crate::trial::{Scene, SceneConfig, WorldSource};
 use camera::{Camera, Exposure};
 use session::Session;
-use watch::Watch;
+use watch::{Surroundings, Watch};
 
 /// One physics step.
 const STEP_NS: u64 = 1_000_000;
@@ -50,6 +51,7 @@ const AIRBORNE_S: f64 = 2.0;
 /// A world in real time: camera over Zenoh, autopilot over MAVLink.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim serve --seed 3 --spacing 5 --speed 3\n  \
+                  goshawk-sim serve --world buildings --moving 8\n  \
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541")]
 pub struct ServeArgs {
     /// Seed of the world, the runner and the noise.
@@ -86,6 +88,8 @@ pub struct ServeArgs {
     #[arg(long, value_name = "MPS", default_value_t = 0.0)]
     wind: f64,
     #[command(flatten)]
+    moving: MovingArgs,
+    #[command(flatten)]
     sensors: SensorArgs,
     /// End by itself after so long, s.
     #[arg(long, value_name = "S")]
@@ -120,6 +124,7 @@ impl ServeArgs {
             world: WorldSource::parse(&self.world, self.spacing)?,
             distance_m: self.distance,
             evader: Some((Course::parse(&self.course)?, self.speed)),
+            moving: self.moving.moving,
         })?);
         let mut session = Session::dial(&vehicle.name, &self.connect, &scene)?;
         let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, Arc::clone(&stop))?;
@@ -251,7 +256,8 @@ impl<'a> Simulation<'a> {
         }
         if self.step.is_multiple_of(WATCH_STEPS) {
             let evader = self.scene.evader_at(since);
-            self.watch.look(self.now, world, self.quad.state(), evader, self.runs.is_some(), camera.sees_target());
+            let surroundings = Surroundings { world, moving: self.scene.moving_at(since), evader };
+            self.watch.look(self.now, surroundings, self.quad.state(), self.runs.is_some(), camera.sees_target());
             if self.step.is_multiple_of(TRUTH_STEPS) {
                 session.truth(&self.watch.truth(self.now, self.quad.state()));
             }

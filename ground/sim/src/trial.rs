@@ -22,7 +22,7 @@ use crate::evader::{Course, EvaderError, EvaderState};
 use crate::quadrotor::QuadrotorState;
 use crate::sensor::RgbdImage;
 use crate::sensors::Sensors;
-use crate::world::WorldError;
+use crate::world::{Part, WorldError};
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
 pub use scene::{Scene, SceneConfig, WorldSource};
@@ -36,6 +36,11 @@ pub enum TrialError {
     /// There is no free place to start from, or no way to any goal.
     #[error("no room in this world to fly from a start to a goal: give a larger world, or another --seed")]
     NoRoom,
+    /// Too many things are to move in too small a world.
+    #[error(
+        "no room in this world for {0} moving obstacles: give a lower --moving, a wider --spacing, or another --seed"
+    )]
+    NoRoomToMove(usize),
     /// Nobody can run in it.
     #[error(transparent)]
     Evader(#[from] EvaderError),
@@ -114,6 +119,8 @@ pub struct TrialConfig {
     pub sensors: Sensors,
     /// How far the airframe is from the vehicle file: relative standard deviation of its parameters.
     pub spread: f64,
+    /// Moving obstacles.
+    pub moving: usize,
     /// Everything random is drawn from it.
     pub seed: u64,
 }
@@ -125,7 +132,8 @@ impl TrialConfig {
     /// As [`Scene::new`].
     pub fn scene(&self) -> Result<Scene, TrialError> {
         let (world, course) = (self.world.clone(), self.course.clone());
-        Scene::new(&SceneConfig::of_task(self.task, self.speed_mps, world, course, self.seed))
+        let config = SceneConfig::of_task(self.task, self.speed_mps, world, course, self.seed);
+        Scene::new(&SceneConfig { moving: self.moving, ..config })
     }
 }
 
@@ -170,6 +178,8 @@ pub struct Truth<'a> {
     pub vehicle: &'a QuadrotorState,
     /// The runner.
     pub evader: Option<EvaderState>,
+    /// The moving obstacles.
+    pub moving: &'a [Part],
     /// From the vehicle's sphere to the nearest obstacle, m.
     pub clearance_m: f64,
     /// The last frame showed the target.
@@ -210,7 +220,20 @@ pub fn fly_trial(
     network: Option<&mut dyn Network>,
     witness: &mut dyn Witness,
 ) -> Result<Flight, TrialError> {
-    let scene = config.scene()?;
+    fly_in(&config.scene()?, config, vehicle, network, witness)
+}
+
+/// As [`fly_trial`], in a scene that is there already.
+///
+/// # Errors
+/// If it cannot be flown at all; see [`TrialError`].
+pub fn fly_in(
+    scene: &Scene,
+    config: &TrialConfig,
+    vehicle: &Vehicle,
+    network: Option<&mut dyn Network>,
+    witness: &mut dyn Witness,
+) -> Result<Flight, TrialError> {
     let mount = airframe::Mount::of(vehicle);
     let pilot: Box<dyn Pilot> = match (config.pilot, network) {
         (PilotKind::Policy, Some(network)) => Box::new(Onboard::new(vehicle, &mount, network)?),
@@ -220,7 +243,7 @@ pub fn fly_trial(
         (PilotKind::Classical, Some(network)) => Box::new(Classical::new(vehicle, &mount, Some(network))?),
         (_, None) => return Err(TrialError::NoPolicy),
     };
-    lockstep::Lockstep::new(config, vehicle, &scene, pilot).fly(witness)
+    lockstep::Lockstep::new(config, vehicle, scene, pilot).fly(witness)
 }
 
 impl Truth<'_> {
@@ -242,6 +265,7 @@ impl Truth<'_> {
             target_path_m: evader.map_or(0.0, |e| e.path_m),
             target_arrived: evader.is_some_and(|e| e.arrived),
             target_visible: self.visible,
+            moving: self.moving.iter().map(|part| part.shape.around().to_proto()).collect(),
         }
     }
 }

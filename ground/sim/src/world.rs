@@ -9,14 +9,15 @@ mod grid;
 mod ground;
 mod look;
 mod shape;
+mod wire;
 
 pub use cast::{Hit, Surface};
 pub use ground::Ground;
 pub use look::Look;
 pub use shape::{Cuboid, RoundCone, Shape, Spheroid};
+pub use wire::MOST_BOXES;
 
 use goshawk_core::types::Vec3;
-use goshawk_proto::v1;
 use grid::Grid;
 use thiserror::Error;
 
@@ -52,6 +53,8 @@ pub enum Kind {
     Building,
     /// A voxel of a scanned point cloud.
     Scan,
+    /// A moving obstacle (see [`crate::moving`]); no world holds one.
+    Moving,
 }
 
 /// One solid part of the world.
@@ -249,18 +252,5 @@ impl World {
         let along = to_world - from_world;
         let length = along.norm();
         length > 1e-9 && self.ray_cast(from_world, &(along / length), length).is_some()
-    }
-
-    /// The trees as the wire has them.
-    #[must_use]
-    pub fn to_proto(&self) -> v1::SimWorld {
-        let vec3f = |v: &Vec3| v1::Vec3f { x: v.x as f32, y: v.y as f32, z: v.z as f32 };
-        let trees = self.trees().iter().map(|t| v1::SimTree {
-            base_world: Some(vec3f(&t.base_world)),
-            top_world: Some(vec3f(&t.top_world)),
-            radius_m: t.radius_m as f32,
-            foliage_radius_m: t.foliage_radius_m as f32,
-        });
-        v1::SimWorld { trees: trees.collect(), seed: self.seed(), spacing_m: self.spacing_m() }
     }
 }

@@ -1,10 +1,11 @@
 //! A picture of a world: the map from above, and what a camera at the start sees.
 
+use crate::moving::Mover;
 use crate::person::{Person, PersonLook, PersonPose};
 use crate::render::{Camera, CameraPose, Frame, Renderer};
 use crate::sensor::{Motion, RgbdImage, Sensor};
 use crate::sensors::Sensors;
-use crate::world::{Kind, Shape, World};
+use crate::world::{Kind, Part, Shape, World};
 use goshawk_core::types::{Rot, Vec3};
 use image::{Rgb, RgbImage};
 use rand::SeedableRng;
@@ -13,10 +14,12 @@ use rand_chacha::ChaCha8Rng;
 /// Pixels a metre on the map.
 const MAP_SCALE: f64 = 12.0;
 
-/// The map above, below it a large view and, enlarged, the policy's own RGB and depth (holes black).
+/// The map above, below it a large view and, enlarged, the policy's own RGB and depth (holes black). Moving obstacles
+/// stand at the beginning of their ways.
 #[must_use]
-pub fn preview(world: &World) -> RgbImage {
-    let map = map(world);
+pub fn preview(world: &World, movers: &[Mover]) -> RgbImage {
+    let moving: Vec<Part> = movers.iter().map(|mover| mover.part(world, 0.0)).collect();
+    let map = map(world, movers);
     let start = world.start_world();
     let camera = CameraPose {
         pos_world: start + Vec3::new(0.0, 0.0, 1.5),
@@ -26,11 +29,11 @@ pub fn preview(world: &World) -> RgbImage {
     let person = ahead(world, start.x + beside.x, start.y + beside.y);
     let wide = Camera { width: 640, height: 384, ..Camera::default() };
     let mut frame = Frame::default();
-    Renderer::new(wide).render(world, Some(&person), &camera, &mut frame);
+    Renderer::new(wide).render_with(world, &moving, Some(&person), &camera, &mut frame);
     let large = rgb_image(frame.width, frame.height, &frame.rgb);
 
     let mut image = RgbdImage::default();
-    Renderer::new(Camera::default()).render(world, Some(&person), &camera, &mut frame);
+    Renderer::new(Camera::default()).render_with(world, &moving, Some(&person), &camera, &mut frame);
     Sensor::new(&Sensors::default(), &Camera::default(), world.seed()).capture(
         &frame,
         &Motion::still(),
@@ -79,8 +82,9 @@ pub fn depth_image(image: &RgbdImage) -> RgbImage {
     })
 }
 
-/// North up: ground height in brown, low foliage, trunks and branches as seen from above up to 4 m.
-fn map(world: &World) -> RgbImage {
+/// North up: ground height in brown, low foliage, trunks and branches as seen from above up to 4 m, the ways of moving
+/// obstacles and where they begin.
+fn map(world: &World, movers: &[Mover]) -> RgbImage {
     let (min, max) = (world.min_world(), world.max_world());
     let (low, high) = world.ground().range();
     let size = ((max.x - min.x) * MAP_SCALE, (max.y - min.y) * MAP_SCALE);
@@ -128,6 +132,15 @@ fn map(world: &World) -> RgbImage {
                 }
             }
         }
+    }
+    for mover in movers {
+        let [first, last] = mover.ends();
+        for share in 0..=100 {
+            let at = first.lerp(&last, f64::from(share) / 100.0);
+            stamp(at.x, at.y, 0.1, [240, 200, 40], &|dx, dy| dx.hypot(dy) <= 0.1);
+        }
+        let radius = mover.radius_m();
+        stamp(first.x, first.y, radius, [200, 90, 20], &|dx, dy| dx.hypot(dy) <= radius);
     }
     let start = world.start_world();
     stamp(start.x, start.y, 0.3, [230, 60, 40], &|dx, dy| dx.hypot(dy) <= 0.3);

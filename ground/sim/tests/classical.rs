@@ -21,6 +21,7 @@ fn fly(task: Task) -> Result<Flight, TrialError> {
         wind_mps: 1.0,
         sensors: Sensors::default(),
         spread: 0.0,
+        moving: 0,
         seed: 2,
     };
     fly_trial(&config, &Vehicle::load(&file).unwrap(), None, &mut Unwatched)

@@ -8,9 +8,10 @@ use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::cloud::{self, Point};
 use goshawk_sim::evader::Course;
 use goshawk_sim::fly::{Campaign, MakeNetwork};
+use goshawk_sim::moving::{Body, Flat, Mover};
 use goshawk_sim::sensors::Sensors;
 use goshawk_sim::trial::{
-    Contact, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial,
+    Contact, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_in, fly_trial,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -108,6 +109,7 @@ fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialConfig 
         wind_mps: 0.0,
         sensors: Sensors::default(),
         spread: 0.0,
+        moving: 0,
         seed,
     }
 }
@@ -198,8 +200,42 @@ fn wind_and_speed_do_not_change_the_forest() {
 }
 
 #[test]
+fn moving_obstacles_change_nothing_but_what_they_are_met_by() {
+    let plain = config(Task::Navigate, 3.0, 7.0, 2);
+    let crowded = TrialConfig { moving: 6, ..plain.clone() };
+    let mut scene = crowded.scene().unwrap();
+    assert_eq!(scene.movers.len(), 6);
+    scene.movers.clear();
+    let cleared = fly_in(&scene, &crowded, &vehicle(), Some(&mut sectors(false)), &mut Unwatched).unwrap();
+    assert_eq!(cleared, fly(&plain, &mut sectors(false)));
+}
+
+#[test]
+fn a_vehicle_that_hovers_in_a_movers_way_is_hit() {
+    let config = config(Task::Navigate, 4.0, 5.0, 1);
+    let mut scene = config.scene().unwrap();
+    let start = scene.world.start_world().xy();
+    let mover = Mover {
+        middle: start,
+        reach: Flat::new(0.0, 2.0),
+        speed_mps: 1.0,
+        body: Body::Post { radius_m: 0.15 },
+        height_m: 2.4,
+        tint: [0.5; 3],
+    };
+    scene.movers.push(mover);
+    let mut hover = Constant(contract("navigate"), f32::NAN);
+    let flight = fly_in(&scene, &config, &vehicle(), Some(&mut hover), &mut Unwatched).unwrap();
+    assert_eq!((flight.outcome, flight.contact), (Outcome::Collision, Some(Contact::Moving)), "{flight:?}");
+    // A quarter of its swing, less what the two are wide: it stood until the vehicle was up.
+    let quarter_s = std::f64::consts::FRAC_PI_2 * 2.0;
+    assert!((quarter_s - 1.0..quarter_s).contains(&flight.metrics.task_s), "{flight:?}");
+    assert!(flight.metrics.clearance_m.unwrap() < 0.01);
+}
+
+#[test]
 fn a_campaign_is_the_same_for_any_number_of_threads() {
-    let run = |threads| {
+    let run = |threads, moving| {
         let campaign = Campaign {
             pilot: PilotKind::Policy,
             task: Task::Navigate,
@@ -213,6 +249,7 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             height_m: 1.5,
             sensors: Sensors::default(),
             spread: 0.0,
+            moving,
             threads,
             only: None,
             traced: false,
@@ -222,7 +259,10 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
         let report = campaign.run(&vehicle(), make, &|_| {}).unwrap();
         serde_json::to_string(&report.cells).unwrap()
     };
-    let alone = run(1);
-    assert_eq!(alone, run(3));
+    let alone = run(1, 0);
+    assert_eq!(alone, run(3, 0));
+    let crowded = run(1, 12);
+    assert_eq!(crowded, run(2, 12));
+    assert!(crowded != alone && crowded.contains(r#""moving":12"#));
     assert!(alone.contains(r#""pilot":"policy""#) && alone.contains(r#""trials":2"#));
 }

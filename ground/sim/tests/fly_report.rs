@@ -12,7 +12,7 @@ use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::evader::Course;
 use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::report::Report;
-use goshawk_sim::fly::{Campaign, CampaignError, Pick, page, pick};
+use goshawk_sim::fly::{Campaign, CampaignError, Pick, page, pick, table};
 use goshawk_sim::sensors::Sensors;
 use goshawk_sim::trial::{Network, Outcome, PilotKind, WorldSource};
 
@@ -70,6 +70,7 @@ fn campaign(task: Task) -> Campaign {
         course: Course::Goal,
         sensors: Sensors::default(),
         spread: 0.0,
+        moving: 0,
         trials: 2,
         seed: 5,
         wind_mps: 0.0,
@@ -198,6 +199,16 @@ fn a_navigation_has_paths_and_obstacles_but_no_runner() {
             Outcome::Timeout => "end-timeout",
         }));
     }
+}
+
+#[test]
+fn a_map_shows_each_moving_obstacles_way_and_the_words_say_how_many() {
+    let report = fly(&Campaign { moving: 3, ..campaign(Task::Navigate) }).unwrap();
+    let folder = written(&report);
+    let map = fs::read_to_string(folder.path().join("flight-0-0.svg")).unwrap();
+    assert_eq!(map.matches("class=\"moving\"").count(), 3);
+    assert!(fs::read_to_string(folder.path().join("index.html")).unwrap().contains("3 moving obstacles"));
+    assert!(table(&report).contains("7 m, 3 moving"));
 }
 
 #[test]

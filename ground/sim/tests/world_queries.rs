@@ -4,7 +4,10 @@
 use goshawk_core::types::Vec3;
 use goshawk_sim::buildings::{BuildingsConfig, buildings};
 use goshawk_sim::forest::{ForestConfig, START_CLEAR_HEIGHT_M, forest};
-use goshawk_sim::world::{CLEARANCE_CAP_M, Surface, World, WorldError};
+use goshawk_sim::world::{
+    CLEARANCE_CAP_M, Cuboid, Ground, Kind, MOST_BOXES, Part, Shape, Surface, World, WorldError, WorldParts,
+};
+use prost::Message;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -206,4 +209,49 @@ fn the_wire_gets_every_tree() {
     assert_eq!(sent.top_world.unwrap().z, tree.top_world.z as f32);
     assert_eq!(sent.radius_m, tree.radius_m as f32);
     assert_eq!((wire.seed, wire.spacing_m), (7, 4.0));
+}
+
+#[test]
+fn the_wire_gets_every_wall_as_it_stands_and_lamp_posts_as_boxes() {
+    let world = buildings(&BuildingsConfig::default(), 2).unwrap();
+    let wire = world.to_proto();
+    assert_eq!((wire.boxes.len(), wire.trees.len()), (world.parts().len(), 0));
+    for (sent, part) in wire.boxes.iter().zip(world.parts()) {
+        let (centre, size) = (sent.centre_world.unwrap(), sent.size_m.unwrap());
+        let (low, high) = part.shape.aabb();
+        assert!((f64::from(centre.x) - 0.5 * (low.x + high.x)).abs() < 1e-5);
+        assert!((f64::from(size.z) - (high.z - low.z)).abs() < 1e-5);
+        if let Shape::Cuboid(cuboid) = part.shape {
+            assert_eq!((sent.yaw_rad, size.x), (cuboid.yaw_rad as f32, 2.0 * cuboid.half.x as f32));
+        }
+    }
+    assert!(forest(&ForestConfig::default(), 7).unwrap().to_proto().boxes.is_empty());
+}
+
+#[test]
+fn of_a_large_scan_the_wire_gets_the_largest_boxes_in_less_than_a_megabyte() {
+    let cube = |index: usize| {
+        let (x, y) = ((index % 200) as f64, (index / 200) as f64);
+        let half = Vec3::repeat(if index.is_multiple_of(4) { 0.1 } else { 0.3 });
+        let shape = Shape::Cuboid(Cuboid { centre: Vec3::new(x, y, 1.0), half, yaw_rad: 0.1 });
+        Part { shape, kind: Kind::Scan, tint: [0.2; 3] }
+    };
+    let small = buildings(&BuildingsConfig::default(), 2).unwrap();
+    let world = World::new(WorldParts {
+        seed: 0,
+        spacing_m: 0.0,
+        min_xy: [0.0; 2],
+        max_xy: [200.0; 2],
+        start_xy: [0.0; 2],
+        start_heading_rad: 0.0,
+        ground: Ground::from_fn([0.0; 2], [200.0; 2], 0.5, |_, _| 0.0),
+        parts: (0..26_000).map(cube).collect(),
+        trees: Vec::new(),
+        look: *small.look(),
+    });
+    let wire = world.to_proto();
+    assert_eq!(wire.boxes.len(), MOST_BOXES);
+    // 19 500 are large.
+    assert_eq!(wire.boxes.iter().filter(|b| b.size_m.unwrap().x > 0.5).count(), 19_500);
+    assert!(wire.encoded_len() < 1_000_000, "{} bytes", wire.encoded_len());
 }

@@ -91,6 +91,7 @@ fn every_pixels_depth_and_class_are_the_ray_casts() {
                                 Kind::Foliage => Class::Foliage,
                                 Kind::Building => Class::Building,
                                 Kind::Scan => Class::Scan,
+                                Kind::Moving => Class::Moving,
                             },
                         };
                         parts_seen += usize::from(kind != Class::Ground);

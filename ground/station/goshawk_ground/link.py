@@ -188,7 +188,7 @@ class GroundLink:
             self._alive = sample.kind == zenoh.SampleKind.PUT
 
     def _watch_world(self) -> None:
-        """Asks a simulator for its trees, once per run of it; a real vehicle is never asked."""
+        """Asks a simulator for its world, once per run of it; a real vehicle is never asked."""
         asked_stamp_ns: int | None = None
         while not self._closing.wait(0.5):
             with self._lock:

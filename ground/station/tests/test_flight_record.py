@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from goshawk_dashboards.snapshot import TruthView
+from goshawk_dashboards.snapshot import BoxesView, TruthView
 from goshawk_ground.flight_record import FlightRecord, Summary
 
 ZERO_3 = np.zeros(3)
@@ -34,6 +34,7 @@ def truth(
         target_path_m=path_m,
         target_arrived=arrived,
         target_visible=visible,
+        moving=BoxesView(centre_world_B3=np.zeros((0, 3)), size_m_B3=np.zeros((0, 3)), yaw_rad_B=np.zeros(0)),
     )
 
 

@@ -424,7 +424,7 @@ class CommandRecord(_message.Message):
     def __init__(self, stamp_ns: _Optional[int] = ..., verb: _Optional[str] = ..., profile: _Optional[str] = ..., reply: _Optional[_Union[CommandReply, _Mapping]] = ...) -> None: ...
 
 class SimTruth(_message.Message):
-    __slots__ = ("stamp_ns", "pos_world", "world_from_body", "vel_world", "target_pos_world", "target_vel_world", "clearance_m", "collisions", "target_distance_m", "target_path_m", "target_arrived", "target_visible")
+    __slots__ = ("stamp_ns", "pos_world", "world_from_body", "vel_world", "target_pos_world", "target_vel_world", "clearance_m", "collisions", "target_distance_m", "target_path_m", "target_arrived", "target_visible", "moving")
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     WORLD_FROM_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -437,6 +437,7 @@ class SimTruth(_message.Message):
     TARGET_PATH_M_FIELD_NUMBER: _ClassVar[int]
     TARGET_ARRIVED_FIELD_NUMBER: _ClassVar[int]
     TARGET_VISIBLE_FIELD_NUMBER: _ClassVar[int]
+    MOVING_FIELD_NUMBER: _ClassVar[int]
     stamp_ns: int
     pos_world: Vec3
     world_from_body: Quat
@@ -449,7 +450,8 @@ class SimTruth(_message.Message):
     target_path_m: float
     target_arrived: bool
     target_visible: bool
-    def __init__(self, stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., target_distance_m: _Optional[float] = ..., target_path_m: _Optional[float] = ..., target_arrived: _Optional[bool] = ..., target_visible: _Optional[bool] = ...) -> None: ...
+    moving: _containers.RepeatedCompositeFieldContainer[SimBox]
+    def __init__(self, stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., target_distance_m: _Optional[float] = ..., target_path_m: _Optional[float] = ..., target_arrived: _Optional[bool] = ..., target_visible: _Optional[bool] = ..., moving: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ...) -> None: ...
 
 class SimTree(_message.Message):
     __slots__ = ("base_world", "top_world", "radius_m", "foliage_radius_m")
@@ -463,12 +465,24 @@ class SimTree(_message.Message):
     foliage_radius_m: float
     def __init__(self, base_world: _Optional[_Union[Vec3f, _Mapping]] = ..., top_world: _Optional[_Union[Vec3f, _Mapping]] = ..., radius_m: _Optional[float] = ..., foliage_radius_m: _Optional[float] = ...) -> None: ...
 
+class SimBox(_message.Message):
+    __slots__ = ("centre_world", "size_m", "yaw_rad")
+    CENTRE_WORLD_FIELD_NUMBER: _ClassVar[int]
+    SIZE_M_FIELD_NUMBER: _ClassVar[int]
+    YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    centre_world: Vec3f
+    size_m: Vec3f
+    yaw_rad: float
+    def __init__(self, centre_world: _Optional[_Union[Vec3f, _Mapping]] = ..., size_m: _Optional[_Union[Vec3f, _Mapping]] = ..., yaw_rad: _Optional[float] = ...) -> None: ...
+
 class SimWorld(_message.Message):
-    __slots__ = ("trees", "seed", "spacing_m")
+    __slots__ = ("trees", "seed", "spacing_m", "boxes")
     TREES_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     SPACING_M_FIELD_NUMBER: _ClassVar[int]
+    BOXES_FIELD_NUMBER: _ClassVar[int]
     trees: _containers.RepeatedCompositeFieldContainer[SimTree]
     seed: int
     spacing_m: float
-    def __init__(self, trees: _Optional[_Iterable[_Union[SimTree, _Mapping]]] = ..., seed: _Optional[int] = ..., spacing_m: _Optional[float] = ...) -> None: ...
+    boxes: _containers.RepeatedCompositeFieldContainer[SimBox]
+    def __init__(self, trees: _Optional[_Iterable[_Union[SimTree, _Mapping]]] = ..., seed: _Optional[int] = ..., spacing_m: _Optional[float] = ..., boxes: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ...) -> None: ...

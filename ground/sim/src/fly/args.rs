@@ -18,6 +18,7 @@ use super::files::Files;
 use super::log::header;
 use super::{Campaign, Logs, Pick, page, pick, table};
 use crate::evader::Course;
+use crate::moving::MovingArgs;
 use crate::sensors::SensorArgs;
 use crate::trial::{Network, Outcome, PilotKind, WorldSource};
 
@@ -45,6 +46,7 @@ pub enum PilotName {
                   goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json\n  \
                   goshawk-sim fly --task navigate --pilot classical --speed 3,5 --spacing 5\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --report report   # then open report/index.html\n  \
+                  goshawk-sim fly --task track --speed 5 --moving 8   # eight posts and boxes cross the way\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --only 1:4 --log logs\n\n\
                   Exit status:\n  0    the campaign was flown, however its flights ended\n  \
                   1    it could not be flown, or what it found not written\n  2    the command line is wrong\n  \
@@ -93,6 +95,8 @@ pub struct FlyArgs {
     /// Let each flight's airframe differ from the vehicle file: relative standard deviation of mass, thrust, drag, …
     #[arg(long, value_name = "FRACTION", default_value_t = 0.0)]
     spread: f64,
+    #[command(flatten)]
+    moving: MovingArgs,
     #[command(flatten)]
     sensors: SensorArgs,
     /// Write the report as JSON.
@@ -192,6 +196,7 @@ impl FlyArgs {
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
             sensors: self.sensors.load()?,
             spread: self.spread,
+            moving: self.moving.moving,
             threads: self.threads,
             only: self.only.clone(),
             traced: self.report.is_some(),

@@ -44,6 +44,8 @@ pub struct Cell {
     pub spacing_m: f64,
     pub world: String,
     pub wind_mps: f64,
+    /// Moving obstacles in each flight.
+    pub moving: usize,
     pub trials: usize,
     pub successes: usize,
     /// 95 % interval of the success rate (Wilson).
@@ -197,6 +199,7 @@ pub fn contact_name(contact: Contact) -> &'static str {
         Contact::Foliage => "foliage",
         Contact::Building => "building",
         Contact::Scan => "scan",
+        Contact::Moving => "moving",
         Contact::Ground => "ground",
         Contact::Person => "person",
     }
@@ -215,6 +218,8 @@ pub struct CellConfig {
     pub world: WorldSource,
     /// m/s.
     pub wind_mps: f64,
+    /// Moving obstacles in each flight.
+    pub moving: usize,
 }
 
 impl CellConfig {
@@ -229,10 +234,11 @@ impl CellConfig {
 }
 
 impl Cell {
-    /// The world in short: `4 m`, `buildings`, `hall.ply`.
+    /// The world in short: `4 m`, `buildings`, `hall.ply`; with moving obstacles `4 m, 8 moving`.
     #[must_use]
     pub fn place(&self) -> String {
-        if self.world == "forest" { format!("{} m", self.spacing_m) } else { self.world.clone() }
+        let world = if self.world == "forest" { format!("{} m", self.spacing_m) } else { self.world.clone() };
+        if self.moving > 0 { format!("{world}, {} moving", self.moving) } else { world }
     }
 
     /// The summary of a cell's flights, in the order of the trials. `cell`: its place in the campaign.
@@ -262,6 +268,7 @@ impl Cell {
             spacing_m: config.world.spacing_m(),
             world: config.world.name().to_owned(),
             wind_mps: config.wind_mps,
+            moving: config.moving,
             trials: flown.len(),
             successes,
             success_interval: wilson(successes, flown.len()),

@@ -16,7 +16,7 @@ pub fn table(report: &Report) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
-        "{:>4} {:<16}{:>6}{:>11}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>14}{:>13}",
+        "{:>4} {:<16}{:>6}{:>15}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>14}{:>13}",
         "cell",
         "task",
         "speed",
@@ -57,7 +57,7 @@ fn row(cell: &Cell) -> String {
     let range =
         |r: Option<super::report::Range>| r.map_or("-".to_owned(), |r| format!("{}..{}", two(r.p5), two(r.p95)));
     format!(
-        "{:>4} {:<16}{:>6}{:>11}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>14}{:>13}",
+        "{:>4} {:<16}{:>6}{:>15}{:>10}{:>11}{:>10}{:>6}{:>9}{:>19}{:>8}{:>12}{:>14}{:>14}{:>14}{:>13}",
         cell.cell,
         if cell.pilot == "policy" { cell.task.to_owned() } else { format!("{}, {}", cell.task, cell.pilot) },
         cell.speed_mps,

@@ -3,9 +3,9 @@
 use super::camera::{CameraPose, Rays};
 use super::ground::Field;
 use super::texture::{floor, hash, signed, smooth};
-use super::{Class, Frame, ID_GROUND, ID_NONE, ID_PERSON};
+use super::{Class, Frame, ID_GROUND, ID_NONE, ID_PERSON, Solids};
 use crate::person::{BODY_PARTS, BodyPart};
-use crate::world::{Kind, Look, RoundCone, Shape, World};
+use crate::world::{Kind, Look, RoundCone, Shape};
 use goshawk_core::types::Vec3;
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ type V3 = Vector3<f32>;
 
 /// Colours every pixel of `frame` from its id and depth; `linear` is scratch of the size of `frame.rgb`.
 pub(super) fn shade(
-    world: &World,
+    solids: Solids<'_>,
     body: Option<&[BodyPart; BODY_PARTS]>,
     pose: &CameraPose,
     rays: &Rays,
@@ -21,9 +21,10 @@ pub(super) fn shade(
     linear: &mut [f32],
     frame: &mut Frame,
 ) {
+    let world = solids.world;
     let painter = Painter {
         look: world.look(),
-        world,
+        solids,
         sun: V3::from(world.look().sun_dir_world),
         field: Field::new(world.ground()),
         field_min: world.ground().min_xy().map(|c| c as f32),
@@ -59,7 +60,7 @@ pub(super) fn shade(
 
 struct Painter<'a> {
     look: &'a Look,
-    world: &'a World,
+    solids: Solids<'a>,
     sun: V3,
     field: Field<'a>,
     field_min: [f32; 2],
@@ -84,7 +85,7 @@ impl Painter<'_> {
     }
 
     fn part(&self, index: u32, point: &V3, depth: f32) -> (Class, V3) {
-        let part = &self.world.parts()[index as usize];
+        let part = self.solids.part(index as usize);
         let (mut normal, salt) = (surface_normal(&part.shape, point), index as i32);
         let near = 1.0 / (1.0 + 0.02 * depth * depth);
         let tint = V3::from(part.tint);
@@ -118,6 +119,11 @@ impl Painter<'_> {
             Kind::Scan => {
                 let grain = hash(floor(point.x * 9.0), floor(point.y * 9.0), floor(point.z * 9.0));
                 (Class::Scan, self.lit(tint, 1.0 + 0.25 * near * signed(grain), &normal, point, depth))
+            }
+            // Painted in bands that do not run along as it moves.
+            Kind::Moving => {
+                let band = if floor(point.z * 2.5) % 2 == 0 { 0.2 } else { -0.2 };
+                (Class::Moving, self.lit(tint, 1.0 + band, &normal, point, depth))
             }
         }
     }

@@ -112,7 +112,8 @@ impl Work {
     fn shoot(&mut self, renderer: &mut Renderer, sensor: &mut Sensor, exposure: &Exposure, seq: u64) {
         let person = self.scene.person_at(exposure.running_for_s);
         let pose = self.mount.pose(&exposure.vehicle);
-        renderer.render(&self.scene.world, person.as_ref(), &pose, &mut self.frame);
+        let moving = self.scene.moving_at(exposure.running_for_s);
+        renderer.render_with(&self.scene.world, &moving, person.as_ref(), &pose, &mut self.frame);
         sensor.capture(
             &self.frame,
             &self.mount.motion(&exposure.vehicle),

@@ -6,17 +6,24 @@ use goshawk_proto::v1;
 use crate::evader::EvaderState;
 use crate::quadrotor::QuadrotorState;
 use crate::trial::Truth;
-use crate::trial::airframe::BODY_RADIUS_M;
-use crate::trial::judge::contact;
-use crate::world::World;
+use crate::trial::judge::{clearance, contact};
+use crate::world::{Part, World};
 
 /// Contacts closer together than this are one collision, s.
 const ONE_COLLISION_S: f64 = 1.0;
+
+/// What is around the vehicle at one instant.
+pub(super) struct Surroundings<'a> {
+    pub(super) world: &'a World,
+    pub(super) moving: Vec<Part>,
+    pub(super) evader: Option<EvaderState>,
+}
 
 /// Gathers as the flight goes on.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
     evader: Option<EvaderState>,
+    moving: Vec<Part>,
     clearance_m: f64,
     least_clearance_m: f64,
     collisions: u32,
@@ -31,6 +38,7 @@ impl Default for Watch {
     fn default() -> Self {
         Self {
             evader: None,
+            moving: Vec::new(),
             clearance_m: f64::INFINITY,
             least_clearance_m: f64::INFINITY,
             collisions: 0,
@@ -48,20 +56,19 @@ impl Watch {
     pub(super) fn look(
         &mut self,
         now: Time,
-        world: &World,
+        around: Surroundings<'_>,
         vehicle: &QuadrotorState,
-        evader: Option<EvaderState>,
         chase: bool,
         visible: bool,
     ) {
-        let at = vehicle.pos_world;
-        self.clearance_m = world.clearance(&at) - BODY_RADIUS_M;
+        let (at, Surroundings { world, moving, evader }) = (vehicle.pos_world, around);
+        self.clearance_m = clearance(world, &moving, &at);
         self.visible = visible;
         if chase {
             self.least_clearance_m = self.least_clearance_m.min(self.clearance_m);
         }
         // Coming down to land is no collision with the ground.
-        if contact(world, &at, evader.as_ref(), false).is_some() {
+        if contact(world, &moving, &at, evader.as_ref(), false).is_some() {
             if self.last_contact.is_none_or(|last| now.since(last) > ONE_COLLISION_S) {
                 self.collisions += 1;
             }
@@ -72,12 +79,12 @@ impl Watch {
             self.looks_in_view += u64::from(visible);
             self.most_distance_m = self.most_distance_m.max((evader.centre_world() - at).norm());
         }
-        self.evader = evader;
+        (self.evader, self.moving) = (evader, moving);
     }
 
     pub(super) fn truth(&self, now: Time, vehicle: &QuadrotorState) -> v1::SimTruth {
-        let truth = Truth { vehicle, evader: self.evader, clearance_m: self.clearance_m, visible: self.visible };
-        truth.to_proto(now, self.collisions)
+        let &Self { evader, ref moving, clearance_m, visible, .. } = self;
+        Truth { vehicle, evader, moving, clearance_m, visible }.to_proto(now, self.collisions)
     }
 
     /// One line for the end.

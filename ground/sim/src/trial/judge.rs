@@ -5,9 +5,10 @@ use goshawk_core::{Plan, TargetEstimate};
 
 use super::airframe::BODY_RADIUS_M;
 use crate::evader::EvaderState;
+use crate::moving;
 use crate::quadrotor::QuadrotorState;
 use crate::render::Frame;
-use crate::world::{Kind, World};
+use crate::world::{Kind, Part, World};
 
 /// What the vehicle hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +23,8 @@ pub enum Contact {
     Building,
     /// A scanned surface.
     Scan,
+    /// A moving obstacle.
+    Moving,
     /// The ground, in flight.
     Ground,
     /// The target itself.
@@ -95,12 +98,24 @@ fn person_distance(at: &Vec3, person: &EvaderState) -> f64 {
     (at - (foot + Vec3::new(0.0, 0.0, height))).norm() - PERSON_RADIUS_M
 }
 
+/// From the vehicle's sphere to the nearest obstacle, `moving` ones among them, m.
+pub fn clearance(world: &World, moving: &[Part], at: &Vec3) -> f64 {
+    world.clearance(at).min(moving::clearance(moving, at)) - BODY_RADIUS_M
+}
+
 /// What the vehicle's sphere touches, the ground only if it is `airborne`.
-pub fn contact(world: &World, at: &Vec3, person: Option<&EvaderState>, airborne: bool) -> Option<Contact> {
-    if world.clearance(at) < BODY_RADIUS_M {
+pub fn contact(
+    world: &World,
+    moving: &[Part],
+    at: &Vec3,
+    person: Option<&EvaderState>,
+    airborne: bool,
+) -> Option<Contact> {
+    if clearance(world, moving, at) < 0.0 {
         let nearest = world
             .parts()
             .iter()
+            .chain(moving)
             .min_by(|a, b| a.shape.signed_distance(at).total_cmp(&b.shape.signed_distance(at)))
             .map(|part| part.kind);
         return Some(match nearest {
@@ -108,6 +123,7 @@ pub fn contact(world: &World, at: &Vec3, person: Option<&EvaderState>, airborne:
             Some(Kind::Foliage) => Contact::Foliage,
             Some(Kind::Building) => Contact::Building,
             Some(Kind::Scan) => Contact::Scan,
+            Some(Kind::Moving) => Contact::Moving,
             Some(Kind::Trunk) | None => Contact::Trunk,
         });
     }
@@ -144,10 +160,9 @@ impl Judge {
     }
 
     /// The clearance now.
-    pub(super) fn clearance(&mut self, world: &World, at: &Vec3) {
-        let clearance = world.clearance(at) - BODY_RADIUS_M;
-        let least = self.metrics.clearance_m.get_or_insert(clearance);
-        *least = least.min(clearance);
+    pub(super) fn clearance(&mut self, clearance_m: f64) {
+        let least = self.metrics.clearance_m.get_or_insert(clearance_m);
+        *least = least.min(clearance_m);
     }
 
     /// A frame was exposed during the task.

@@ -8,12 +8,13 @@ use goshawk_core::{Cause, Command, Mode, Plan, Profile};
 use super::airframe::{Mount, airframe, spread};
 use super::autopilot::Obliging;
 use super::estimator::Estimator;
-use super::judge::{Contact, Exposure, Judge, contact, in_view};
+use super::judge::{Contact, Exposure, Judge, clearance, contact, in_view};
 use super::scene::Scene;
 use super::{FRAME_AT_PLANNER_S, Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::render::{Frame, Renderer};
 use crate::sensor::{RgbdImage, Sensor, mix};
+use crate::world::Part;
 
 const STEPS_PER_S: u64 = 1000;
 const FRAMES_PER_S: u64 = 30;
@@ -53,6 +54,8 @@ pub(super) struct Lockstep<'a> {
     quad: Quadrotor,
     wind: Wind,
     wind_world: Vec3,
+    /// The moving obstacles, now.
+    moving: Vec<Part>,
     estimator: Estimator,
     autopilot: Obliging,
     onboard: Box<dyn Pilot + 'a>,
@@ -86,6 +89,7 @@ impl<'a> Lockstep<'a> {
             quad: Quadrotor::new(parameters, start, scene.world.start_heading_rad()),
             wind: Wind::new(config.wind_mps, mix(config.seed, 12)),
             wind_world: Vec3::zeros(),
+            moving: scene.moving_at(0.0),
             estimator: Estimator::new(config.sensors.odometry, mix(config.seed, 11)),
             autopilot: Obliging::default(),
             onboard,
@@ -110,6 +114,7 @@ impl<'a> Lockstep<'a> {
     pub(super) fn fly(mut self, witness: &mut dyn Witness) -> Result<Flight, TrialError> {
         loop {
             let now = self.now();
+            self.moving = self.scene.moving_at(self.task_for(now));
             self.sense(now);
             self.see(now, witness)?;
             if self.step.is_multiple_of(self.control_steps) {
@@ -141,6 +146,15 @@ impl<'a> Lockstep<'a> {
             Task::Track => self.runs.is_some_and(|runs| now >= runs),
             Task::Navigate => self.up.is_some(),
         }
+    }
+
+    /// Since the task's beginning, s; 0 before it.
+    fn task_for(&self, now: Time) -> f64 {
+        let begun = match self.config.task {
+            Task::Track => self.runs,
+            Task::Navigate => self.up,
+        };
+        begun.map_or(0.0, |begun| now.since(begun).max(0.0))
     }
 
     fn sense(&mut self, now: Time) {
@@ -182,7 +196,7 @@ impl<'a> Lockstep<'a> {
         let since = self.running_for(now);
         let person = self.scene.person_at(since);
         let pose = self.mount.pose(self.quad.state());
-        self.renderer.render(&self.scene.world, person.as_ref(), &pose, &mut self.frame);
+        self.renderer.render_with(&self.scene.world, &self.moving, person.as_ref(), &pose, &mut self.frame);
         let motion = self.mount.motion(self.quad.state());
         self.sensor.capture(&self.frame, &motion, mix(mix(self.config.seed, 13), self.frames), &mut self.image);
         let exposure = Exposure {
@@ -245,7 +259,7 @@ impl<'a> Lockstep<'a> {
         if self.in_task(now) {
             self.judge.physics(STEP_S, self.quad.state());
             if self.step.is_multiple_of(CLEARANCE_STEPS) {
-                self.judge.clearance(world, &self.quad.state().pos_world);
+                self.judge.clearance(clearance(world, &self.moving, &self.quad.state().pos_world));
             }
         }
     }
@@ -265,7 +279,8 @@ impl<'a> Lockstep<'a> {
         Truth {
             vehicle,
             evader: self.scene.evader_at(self.running_for(now)),
-            clearance_m: self.scene.world.clearance(&vehicle.pos_world) - super::airframe::BODY_RADIUS_M,
+            moving: &self.moving,
+            clearance_m: clearance(&self.scene.world, &self.moving, &vehicle.pos_world),
             visible: in_view(&self.frame),
         }
     }
@@ -279,7 +294,7 @@ impl<'a> Lockstep<'a> {
         let at = self.quad.state().pos_world;
         let evader = self.scene.evader_at(self.running_for(now));
         if self.step.is_multiple_of(CLEARANCE_STEPS)
-            && let Some(touched) = contact(&self.scene.world, &at, evader.as_ref(), true)
+            && let Some(touched) = contact(&self.scene.world, &self.moving, &at, evader.as_ref(), true)
         {
             return Some((Outcome::Collision, Some(touched)));
         }

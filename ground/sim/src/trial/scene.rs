@@ -12,10 +12,11 @@ use crate::buildings::{BuildingsConfig, buildings};
 use crate::cloud::{self, CloudError};
 use crate::evader::{Course, Evader, EvaderConfig, EvaderState, reachable};
 use crate::forest::{ForestConfig, forest};
+use crate::moving::{Mover, Site};
 use crate::person::Person;
 use crate::quadrotor::QuadrotorParameters;
 use crate::sensor::mix;
-use crate::world::World;
+use crate::world::{Part, World};
 
 /// What worlds are drawn from.
 #[derive(Clone, Debug)]
@@ -124,14 +125,16 @@ pub struct SceneConfig {
     pub distance_m: f64,
     /// What the evader runs, and its most speed, m/s; none: nobody runs.
     pub evader: Option<(Course, f64)>,
+    /// Moving obstacles, up to [`crate::moving::MOST`].
+    pub moving: usize,
 }
 
 impl SceneConfig {
-    /// The acceptance's scene for a task at a speed: the evader's, or the vehicle's own.
+    /// The acceptance's scene for a task at a speed: the evader's, or the vehicle's own. Nothing moves but the evader.
     #[must_use]
     pub fn of_task(task: Task, speed_mps: f64, world: WorldSource, course: Course, seed: u64) -> Self {
         let evader = (task == Task::Track).then_some((course, speed_mps));
-        Self { seed, world, distance_m: 40.0, evader }
+        Self { seed, world, distance_m: 40.0, evader, moving: 0 }
     }
 }
 
@@ -144,6 +147,8 @@ pub struct Scene {
     pub goal_world: Vec3,
     /// The runner.
     pub evader: Option<Evader>,
+    /// Moving obstacles.
+    pub movers: Vec<Mover>,
 }
 
 /// Worlds in which nobody can run are drawn again, this often at most.
@@ -158,7 +163,7 @@ impl Scene {
     /// Draws a scene.
     ///
     /// # Errors
-    /// If the world cannot be made, or none of it lets the evader run.
+    /// If the world cannot be made, none of it lets the evader run, or there is no room for the moving obstacles.
     pub fn new(config: &SceneConfig) -> Result<Self, TrialError> {
         let mut failure = TrialError::NoRoom;
         let bounded = !matches!(config.world, WorldSource::Forest { .. });
@@ -168,16 +173,27 @@ impl Scene {
             let distance_m = if bounded { shrunk } else { config.distance_m };
             let world = config.world.draw(seed, config.distance_m)?;
             let (start, heading) = (world.start_world(), world.start_heading_rad());
-            let Some((course, speed)) = &config.evader else {
-                match goal(&world, distance_m, bounded, seed) {
-                    Some(goal_world) => return Ok(Self { world, goal_world, evader: None }),
+            let (goal_world, evader) = match &config.evader {
+                None => match goal(&world, distance_m, bounded, seed) {
+                    Some(goal_world) => (goal_world, None),
                     None => continue,
+                },
+                Some((course, speed)) => {
+                    let (course, goal_m) = (course.clone(), distance_m);
+                    let runner = EvaderConfig { course, goal_m, ..EvaderConfig::at_speed(*speed) };
+                    match Evader::plan(&world, &runner, start, heading, mix(seed, 1)) {
+                        Ok(evader) => (start, Some(evader)),
+                        Err(error) => {
+                            failure = error.into();
+                            continue;
+                        }
+                    }
                 }
             };
-            let runner = EvaderConfig { course: course.clone(), goal_m: distance_m, ..EvaderConfig::at_speed(*speed) };
-            match Evader::plan(&world, &runner, start, heading, mix(seed, 1)) {
-                Ok(evader) => return Ok(Self { goal_world: start, world, evader: Some(evader) }),
-                Err(error) => failure = error.into(),
+            let site = Site { world: &world, goal_world, runner: evader.as_ref() };
+            match site.draw(config.moving, mix(seed, 4)) {
+                Some(movers) => return Ok(Self { world, goal_world, evader, movers }),
+                None => failure = TrialError::NoRoomToMove(config.moving),
             }
         }
         Err(failure)
@@ -193,6 +209,12 @@ impl Scene {
     #[must_use]
     pub fn evader_at(&self, since_start_s: f64) -> Option<EvaderState> {
         self.evader.as_ref().map(|e| e.at(&self.world, since_start_s))
+    }
+
+    /// The moving obstacles `since_start_s` after the task's beginning; before it they stand.
+    #[must_use]
+    pub fn moving_at(&self, since_start_s: f64) -> Vec<Part> {
+        self.movers.iter().map(|mover| mover.part(&self.world, since_start_s)).collect()
     }
 
     /// The runner to draw.

@@ -68,8 +68,9 @@ fn what(report: &Report) -> String {
     let speed = listed(|c| c.speed_mps);
     let spacing =
         if first.world == "forest" { format!(", spacing {} m", listed(|c| c.spacing_m)) } else { String::new() };
+    let moving = if first.moving > 0 { format!(", {} moving obstacles", first.moving) } else { String::new() };
     let wind = if first.wind_mps > 0.0 { format!(", gusts to {} m/s", n(first.wind_mps)) } else { String::new() };
-    format!("{} · {} · {speed} m/s{spacing}{wind}", first.task, first.world)
+    format!("{} · {} · {speed} m/s{spacing}{moving}{wind}", first.task, first.world)
 }
 
 fn head(page: &mut String, contents: &Contents<'_>, successes: usize, trials: usize) {

@@ -9,7 +9,7 @@ use super::super::trace::Sample;
 use super::axis::Scale;
 use super::contour::{outlines, simplified};
 use super::svg::{Anchor, Svg, n, polyline};
-use crate::trial::{Outcome, TrialError};
+use crate::trial::{Outcome, Scene, TrialError};
 
 const WIDTH: f64 = 560.0;
 const MARGIN: [f64; 2] = [46.0, 4.0];
@@ -108,6 +108,7 @@ pub(super) fn map(flown: &Flown, label: &str, fastest_mps: f64) -> Result<Svg, T
         solids.push('Z');
     }
     svg.path("solid", &solids);
+    movers(&mut svg, &view, flown, &scene);
     paths(&mut svg, &view, flown, samples, fastest_mps);
     svg.circle("start", view.at([start.x, start.y]), 4.5);
     if let Some(goal) = goal {
@@ -133,6 +134,16 @@ fn frame(svg: &mut Svg, view: &View) {
     }
     svg.text_up("soft", [11.0, 0.5 * (TOP + view.bottom)], "north [m]");
     svg.text("soft", Anchor::End, [view.x.pixels[1], view.bottom + 15.0], "east [m]");
+}
+
+/// The moving obstacles' ways, and where they were at the end.
+fn movers(svg: &mut Svg, view: &View, flown: &Flown, scene: &Scene) {
+    for mover in &scene.movers {
+        let [first, last] = mover.ends().map(|end| view.at(end.into()));
+        svg.line("moving", first, last);
+        let radius = mover.radius_m() * (view.at([1.0, 0.0])[0] - view.at([0.0, 0.0])[0]);
+        svg.circle("solid", view.at(mover.at(flown.flight.metrics.task_s).into()), radius);
+    }
 }
 
 /// The shades of speed.

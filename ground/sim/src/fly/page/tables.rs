@@ -101,6 +101,7 @@ pub(super) fn cells_csv(report: &Report) -> String {
             Some(c.speed_mps),
             Some(c.spacing_m),
             Some(c.wind_mps),
+            Some(c.moving as f64),
             Some(c.trials as f64),
             Some(c.successes as f64),
             Some(c.success_interval[0]),
@@ -128,7 +129,7 @@ pub(super) fn cells_csv(report: &Report) -> String {
         let names = [c.cell.to_string(), c.task.to_owned(), quoted(&c.world)];
         names.into_iter().chain(numbers.map(cell_of)).collect()
     };
-    let head = "cell,task,world,speed_mps,spacing_m,wind_mps,trials,successes,success_low,success_high,collision,lost,\
+    let head = "cell,task,world,speed_mps,spacing_m,wind_mps,moving,trials,successes,success_low,success_high,collision,lost,\
                 timeout,clearance_min_m,clearance_p5_m,clearance_p50_m,in_view_fraction,distance_mean_m,distance_max_m,\
                 lateral_p5_m,lateral_p95_m,longitudinal_p5_m,longitudinal_p95_m,jerk_mean,jerk_p5,jerk_p50,jerk_p95,\
                 flown_mean_mps,flown_max_mps";
