@@ -34,10 +34,10 @@ impl ChaseConfig {
     }
 
     /// Where a trajectory of `duration` s from `pos_world` should end, relative to there, m: short of where the target
-    /// will be, as far ahead as its last velocity is still believed, and never behind the vehicle.
+    /// will be then, never behind the vehicle. The longer it is hidden, the less is its last velocity believed.
     #[must_use]
     pub fn aim(&self, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
-        let lead = duration.min((LONGEST_CARRY - target.unseen).max(0.0));
+        let lead = duration * (1.0 - target.unseen / LONGEST_CARRY).clamp(0.0, 1.0);
         let line = target.pos_world + Vec3::new(target.vel_world.x, target.vel_world.y, 0.0) * lead - pos_world;
         let flat = line.xy().norm();
         let kept = (flat - self.standoff).max(0.0) / flat.max(1e-6);
@@ -71,7 +71,7 @@ mod tests {
     #[test]
     fn a_hidden_target_is_led_less_and_less() {
         let ahead = |unseen| CHASE.aim(Vec3::zeros(), &target(unseen), 1.0).x;
-        assert_eq!([ahead(0.0), ahead(1.0), ahead(2.0)], [5.5, 4.5, 3.5]);
+        assert_eq!([ahead(0.0), ahead(0.75), ahead(2.0)], [5.5, 4.5, 3.5]);
         assert!(CHASE.pursues(&target(2.5)) && !CHASE.pursues(&target(2.6)));
     }
 
