@@ -22,6 +22,7 @@ EXAMPLES = """examples:
   python -m goshawk_train validate --run runs/a --data data/val --json metrics.json
   python -m goshawk_train preview  --run runs/a --data data/val --out preview.png
   python -m goshawk_train export   --run runs/a --data data/val --out air/models/track.onnx
+  python -m goshawk_train export   --run runs/a --task navigate --data data/val --out air/models/navigate.onnx
 """
 
 
@@ -61,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     picture.add_argument("--out", type=Path, required=True, help="PNG file")
     picture.add_argument("--count", type=int, default=4, help="frames to draw (default 4)")
     picture.add_argument("--seed", type=int, default=0, help="which frames (default 0)")
+    ship.add_argument("--task", choices=["navigate"], help="export a tracking run's trajectories for navigation")
     ship.add_argument("--data", type=Path, help="held-out scenes for the model card's figures")
     ship.add_argument("--out", type=Path, required=True, help="ONNX file; the card lies beside it as .md")
     return parser
@@ -110,9 +112,13 @@ def _preview(args: argparse.Namespace) -> int:
 
 
 def _export(args: argparse.Namespace) -> int:
-    from goshawk_train import export, validate
+    from goshawk_train import checkpoint, export, train, validate
 
-    saved, network = _load(args.run)
+    saved = checkpoint.load(args.run / train.CHECKPOINT)
+    if args.task == "navigate":
+        saved = export.for_navigation(saved)
+    network = train.Policy(saved.config)
+    checkpoint.load_weights(network, saved)
     agreed = export.export(saved, args.out, commit=export.current_commit())
     worst = export.verify(network.eval(), args.out, saved.config)
     if args.data:

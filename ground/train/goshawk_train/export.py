@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import tempfile
@@ -15,7 +16,7 @@ import torch
 
 from goshawk_train.checkpoint import Checkpoint, load_weights
 from goshawk_train.config import Config
-from goshawk_train.network import Policy, parameter_count
+from goshawk_train.network import TRAJECTORY_CHANNELS, Policy, parameter_count
 
 CONTRACT_KEY = "goshawk_contract"
 OPSET = 18
@@ -142,6 +143,18 @@ def verify(network: Policy, path: Path, config: Config, *, trials: int = 4) -> f
     return worst
 
 
+def for_navigation(saved: Checkpoint) -> Checkpoint:
+    """The trajectories of a tracking run as a navigation policy: the same network without its detection channels."""
+    if saved.config.task == "navigate":
+        return saved
+
+    def cut(state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        return {k: v[:TRAJECTORY_CHANNELS] if k.startswith("out.") else v for k, v in state.items()}
+
+    config = dataclasses.replace(saved.config, task="navigate")
+    return dataclasses.replace(saved, config=config, network=cut(saved.network), ema=cut(saved.ema))
+
+
 def model_card(saved: Checkpoint, agreed: dict[str, Any], metrics: dict[str, float], *, frames: int, file: Path) -> str:
     """The Markdown that lies beside a shipped policy."""
     config, training = saved.config, agreed["training"]
@@ -171,5 +184,6 @@ from states that no trajectory could save (drawn at random: full speed, half a m
 
 ## Limits
 Trained on synthetic forests with a synthetic person only, at alpha = 1; flight scales by alpha. It sees one frame:
-what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away.
+what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away. A navigation policy is the tracking
+network without its detection, so its trajectories are the same.
 """

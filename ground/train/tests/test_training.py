@@ -139,6 +139,24 @@ def test_exported_policy_carries_the_contract_and_agrees_with_torch(
         export.verify(other, path, small)
 
 
+def test_a_tracking_run_exports_its_trajectories_for_navigation(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+) -> None:
+    run = trainer(small, loaded)
+    run.advance()
+    path = tmp_path / "navigate.onnx"
+    agreed = export.export(export.for_navigation(run.snapshot()), path, commit="abc")
+    assert (agreed["task"], len(agreed["channels"])) == ("navigate", 10)
+    whole = Policy(small).eval()
+    checkpoint.load_weights(whole, run.snapshot())
+    rgbd, state = export.example_inputs(small, 5)
+    got = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"]).run(
+        None, {"rgbd": rgbd.numpy(), "state": state.numpy()}
+    )[0]
+    with torch.no_grad():
+        np.testing.assert_allclose(got, whole(rgbd, state)[:, :10].numpy(), rtol=1e-4, atol=1e-5)
+
+
 def test_validation_measures_detection_collisions_and_cost_ranking(
     small: Config, dataset: Path, loaded: tuple[data.Frames, data.SceneMaps]
 ) -> None:
