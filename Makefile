@@ -64,9 +64,10 @@ test: lint test-rust test-python ## exactly what CI runs
 bench: setup ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
 
-train: $(VENV)/.train build ## data set, training and export of the tracking policy (hours; goes on where it stopped)
+train: $(VENV)/.train build ## data set, training and export of both policies (hours; goes on where it stopped)
 	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1
 	target/release/goshawk-sim dataset --out data/val --scenes 12 --frames 128 --seed 900001
 	$(VENV)/bin/goshawk dataset check data/train --against data/val
 	$(VENV)/bin/python -m goshawk_train train --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/track --resume
 	$(VENV)/bin/python -m goshawk_train export --run runs/track --data data/val --out air/models/track.onnx
+	$(VENV)/bin/python -m goshawk_train export --run runs/track --task navigate --data data/val --out air/models/navigate.onnx
