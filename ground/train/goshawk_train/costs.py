@@ -101,9 +101,11 @@ class CostModel:
         )
 
     def miss(self, end_rel_BN3: Tensor, aim_rel_B3: Tensor) -> Tensor:
-        """Jg: smooth-L1 distance of the end from the aim; its slope stays 1 however far the aim is."""
-        distance = _norm(end_rel_BN3 - aim_rel_B3[:, None])
-        return F.smooth_l1_loss(distance, torch.zeros_like(distance), reduction="none")
+        """Jg: smooth-L1 distance of the end from the aim, horizontal and vertical apart: each has a slope of 1 however
+        far the aim is, so that the way over the trees is no shorter than the one around them."""
+        off = end_rel_BN3 - aim_rel_B3[:, None]
+        parts = torch.stack([_norm(off[..., :2]), off[..., 2]], dim=-1)
+        return F.smooth_l1_loss(parts, torch.zeros_like(parts), reduction="none").sum(-1)
 
 
 def _norm(v: Tensor) -> Tensor:

@@ -120,9 +120,10 @@ def test_goal_gradient_pulls_toward_the_aim_with_a_slope_of_one_at_most(
     where = situation()
     gradient = final_gradient(CostModel(config, maps, dtype=F64)(d, where).goal_BN, d)
     miss = (d[:, :, 3] - where.aim_rel_B3[:, None]).detach()
-    length = miss.norm(dim=-1, keepdim=True)
-    assert (length > 1).any()
-    torch.testing.assert_close(gradient[:, :, 0], config.costs.goal * miss / length.clamp_min(1), rtol=1e-6, atol=0)
+    flat = miss[..., :2].norm(dim=-1, keepdim=True)
+    assert (flat > 1).any() and (miss[..., 2].abs() > 1).any()
+    closed = torch.cat([miss[..., :2] / flat.clamp_min(1), miss[..., 2:].clamp(-1, 1)], dim=-1)
+    torch.testing.assert_close(gradient[:, :, 0], config.costs.goal * closed, rtol=1e-6, atol=0)
     assert gradient[:, :, 1:].abs().max() == 0
 
 
