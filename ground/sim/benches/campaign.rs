@@ -50,7 +50,7 @@ fn main() -> color_eyre::Result<()> {
             pilot: PilotKind::Policy,
             task: Task::Track,
             speed_mps: 3.0,
-            speed_ratio: 2.8,
+            speed_margin_mps: 3.0,
             height_m: 1.5,
             world: WorldSource::Forest { spacing_m: 4.0 },
             course: Course::Goal,

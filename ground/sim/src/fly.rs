@@ -51,8 +51,8 @@ pub struct Campaign {
     pub seed: u64,
     /// m/s.
     pub wind_mps: f64,
-    /// Track: the vehicle's desired speed over the evader's.
-    pub speed_ratio: f64,
+    /// Track: how much faster than the evader the vehicle may fly, m/s.
+    pub speed_margin_mps: f64,
     /// Height of the flight above the start, m.
     pub height_m: f64,
     /// Camera and odometry.
@@ -210,7 +210,7 @@ impl Campaign {
             seed: self.seed,
             vehicle: vehicle.name.clone(),
             policy_sha256: None,
-            speed_ratio: self.speed_ratio,
+            speed_margin_mps: self.speed_margin_mps,
             height_m: self.height_m,
             cells: flown.iter().map(cell).collect(),
             timing,
@@ -242,7 +242,7 @@ impl Campaign {
             pilot: cell.pilot,
             task: cell.task,
             speed_mps: cell.speed_mps,
-            speed_ratio: self.speed_ratio,
+            speed_margin_mps: self.speed_margin_mps,
             height_m: self.height_m,
             world: cell.world.clone(),
             course: self.course.clone(),

@@ -105,8 +105,8 @@ pub struct TrialConfig {
     pub task: Task,
     /// The evader's largest speed (track), or the vehicle's own desired speed (navigate), m/s.
     pub speed_mps: f64,
-    /// Track: the vehicle's desired largest speed over the evader's.
-    pub speed_ratio: f64,
+    /// Track: how much faster than the evader the vehicle may fly, m/s.
+    pub speed_margin_mps: f64,
     /// Height of the flight above the start, m.
     pub height_m: f64,
     /// Where.

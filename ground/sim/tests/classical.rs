@@ -14,7 +14,7 @@ fn fly(task: Task) -> Result<Flight, TrialError> {
         pilot: PilotKind::Classical,
         task,
         speed_mps: 3.0,
-        speed_ratio: 2.8,
+        speed_margin_mps: 3.0,
         height_m: 1.5,
         world: WorldSource::Forest { spacing_m: 6.0 },
         course: Course::Goal,

@@ -74,7 +74,7 @@ fn campaign(task: Task) -> Campaign {
         trials: 2,
         seed: 5,
         wind_mps: 0.0,
-        speed_ratio: 2.5,
+        speed_margin_mps: 3.0,
         height_m: 1.5,
         threads: 2,
         only: None,

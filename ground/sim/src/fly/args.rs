@@ -86,9 +86,9 @@ pub struct FlyArgs {
     /// What gusts reach, m/s.
     #[arg(long, value_name = "MPS", default_value_t = 0.0)]
     wind: f64,
-    /// Track: the vehicle's desired largest speed over the evader's.
-    #[arg(long, value_name = "RATIO", default_value_t = 2.8, value_parser = positive)]
-    speed_ratio: f64,
+    /// Track: how much faster than the evader the vehicle may fly, m/s.
+    #[arg(long, value_name = "MPS", default_value_t = 3.0, value_parser = positive)]
+    speed_margin: f64,
     /// Height of the flight above the start, m; absent: that of the vehicle's default profile.
     #[arg(long, value_name = "M", value_parser = positive)]
     height: Option<f64>,
@@ -192,7 +192,7 @@ impl FlyArgs {
             trials: self.trials,
             seed: self.seed,
             wind_mps: self.wind,
-            speed_ratio: self.speed_ratio,
+            speed_margin_mps: self.speed_margin,
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
             sensors: self.sensors.load()?,
             spread: self.spread,

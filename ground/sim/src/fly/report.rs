@@ -19,8 +19,8 @@ pub struct Report {
     pub vehicle: String,
     /// SHA-256 of the policy's file; none for a stand-in.
     pub policy_sha256: Option<String>,
-    /// Track: the vehicle's desired speed over the evader's.
-    pub speed_ratio: f64,
+    /// Track: how much faster than the evader the vehicle may fly, m/s.
+    pub speed_margin_mps: f64,
     /// Height of the flights above the start, m.
     pub height_m: f64,
     /// One for each speed and spacing of which anything was flown.

@@ -236,7 +236,7 @@ impl<'a> Lockstep<'a> {
         match config.task {
             Task::Track => Profile {
                 task: Task::Track,
-                speed: config.speed_mps * config.speed_ratio,
+                speed: config.speed_mps + config.speed_margin_mps,
                 height: config.height_m,
                 goal: None,
             },

@@ -182,7 +182,7 @@ fn footer(page: &mut String, contents: &Contents<'_>) {
         ("Height", format!("{} m above the start", n(report.height_m))),
     ];
     if report.cells.iter().any(|cell| cell.task == "track") {
-        facts.push(("Desired speed", format!("{} × the runner’s", n(report.speed_ratio))));
+        facts.push(("Desired speed", format!("the runner’s and {} m/s", n(report.speed_margin_mps))));
     }
     page.push_str("<h2>What was flown</h2>\n<div class=\"panel wide\"><dl>\n");
     for (name, value) in facts {
