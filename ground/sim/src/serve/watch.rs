@@ -6,8 +6,7 @@ use goshawk_proto::v1;
 use crate::evader::EvaderState;
 use crate::quadrotor::QuadrotorState;
 use crate::trial::Truth;
-use crate::trial::airframe::BODY_RADIUS_M;
-use crate::trial::judge::contact;
+use crate::trial::judge::{clearance, contact};
 use crate::world::World;
 
 /// Contacts closer together than this are one collision, s.
@@ -55,13 +54,13 @@ impl Watch {
         visible: bool,
     ) {
         let at = vehicle.pos_world;
-        self.clearance_m = world.clearance(&at) - BODY_RADIUS_M;
+        self.clearance_m = clearance(world, &at);
         self.visible = visible;
         if chase {
             self.least_clearance_m = self.least_clearance_m.min(self.clearance_m);
         }
         // Coming down to land is no collision with the ground.
-        if contact(world, &at, evader.as_ref(), false).is_some() {
+        if contact(world, &at, self.clearance_m, evader.as_ref(), false).is_some() {
             if self.last_contact.is_none_or(|last| now.since(last) > ONE_COLLISION_S) {
                 self.collisions += 1;
             }
