@@ -11,6 +11,7 @@ pub mod evader;
 pub mod fly;
 pub mod forest;
 pub mod imu;
+mod lanes;
 pub mod moving;
 pub mod person;
 pub mod px4;

@@ -1,22 +1,26 @@
 //! The RGB-D camera: exact ray casting of a [`World`] and a [`Person`] into colour, depth and class.
 //!
 //! Obstacles are drawn one at a time into a depth buffer: each covers a small rectangle of pixels, in which its
-//! analytic ray intersection is evaluated row by row ([`raster`]). Then come the ground, for what is still open, and
-//! the colours, once a pixel. Rays have unit length along the optical axis, so a ray parameter *is* the depth.
+//! analytic ray intersection is evaluated row by row ([`raster`]). Then come the ground, for what is still open
+//! ([`ground`]), and the colours, once a pixel ([`shade`]). Rays have unit length along the optical axis, so a ray parameter *is* the depth.
 
 mod bounds;
 mod camera;
+mod field;
 mod ground;
 mod raster;
 mod shade;
+mod surface;
 mod texture;
 
 pub use camera::{Camera, CameraPose};
 
 use crate::person::Person;
 use crate::world::{Part, Shape, World};
-use camera::Rays;
+use camera::{Rays, View};
 use raster::{Canvas, ViewCone, ViewCuboid, ViewSpheroid};
+use shade::{Picture, Sorted};
+use surface::Surface;
 
 /// Parts that begin beyond this distance from the camera are not drawn, m.
 pub const RANGE_M: f32 = 30.0;
@@ -46,6 +50,21 @@ pub enum Class {
     Scan = 7,
     /// A moving obstacle.
     Moving = 8,
+}
+
+impl Class {
+    /// In the order of their values.
+    const ALL: [Self; 9] = [
+        Self::Sky,
+        Self::Ground,
+        Self::Trunk,
+        Self::Branch,
+        Self::Foliage,
+        Self::Person,
+        Self::Building,
+        Self::Scan,
+        Self::Moving,
+    ];
 }
 
 /// One ideal image: row-major from the top left, no sensor effects.
@@ -78,25 +97,11 @@ impl Frame {
     }
 }
 
-/// Ids in the pixel buffer: nothing, the ground, a body part (flag + index), a world part (index + 1), and after the
-/// world's parts the moving ones.
-const ID_NONE: u32 = 0;
-const ID_GROUND: u32 = 0x4000_0000;
-const ID_PERSON: u32 = 0x8000_0000;
-
-/// What an id stands for: the world's parts, then the moving ones.
-#[derive(Clone, Copy)]
-struct Solids<'a> {
-    world: &'a World,
-    moving: &'a [Part],
-}
-
-impl Solids<'_> {
-    fn part(&self, index: usize) -> &Part {
-        let fixed = self.world.parts();
-        fixed.get(index).unwrap_or_else(|| &self.moving[index - fixed.len()])
-    }
-}
+/// Ids in the pixel buffer: sky and ground have their class's value; then come the frame's solids, the person's limbs
+/// first.
+const ID_SKY: u32 = Class::Sky as u32;
+const ID_GROUND: u32 = Class::Ground as u32;
+const FIRST_SOLID: u32 = 2;
 
 /// Draws frames of one camera; owns the scratch memory, so that drawing allocates nothing.
 #[derive(Clone, Debug)]
@@ -104,7 +109,10 @@ pub struct Renderer {
     camera: Camera,
     rays: Rays,
     ids: Vec<u32>,
-    linear: Vec<f32>,
+    slopes: [Vec<f32>; 2],
+    row_below: ground::RowBelow,
+    surfaces: Vec<Surface>,
+    sorted: Sorted,
 }
 
 impl Renderer {
@@ -112,7 +120,15 @@ impl Renderer {
     #[must_use]
     pub fn new(camera: Camera) -> Self {
         let pixels = camera.width * camera.height;
-        Self { rays: Rays::new(&camera), ids: vec![ID_NONE; pixels], linear: vec![0.0; 3 * pixels], camera }
+        Self {
+            rays: Rays::new(&camera),
+            ids: vec![ID_SKY; pixels],
+            slopes: [vec![0.0; pixels], vec![0.0; pixels]],
+            row_below: ground::RowBelow::new(camera.width),
+            surfaces: Vec::new(),
+            sorted: Sorted::default(),
+            camera,
+        }
     }
 
     /// The camera that it draws for.
@@ -141,35 +157,46 @@ impl Renderer {
         frame.class.resize(pixels, 0);
         frame.depth_m.clear();
         frame.depth_m.resize(pixels, f32::INFINITY);
-        self.ids.fill(ID_NONE);
+        self.ids.fill(ID_SKY);
+        self.surfaces.clear();
 
-        let body = person.map(Person::body);
+        let view = &View::new(pose);
         let mut canvas = Canvas { rays: &self.rays, depth: &mut frame.depth_m, ids: &mut self.ids };
         // The person comes first, alone, to count the pixels that nothing hides yet.
-        for (index, part) in body.iter().flatten().enumerate() {
-            canvas.cone(&ViewCone::new(&part.cone, pose), ID_PERSON | index as u32, true);
+        for part in person.map(Person::body).iter().flatten() {
+            let id = add(&mut self.surfaces, Surface::of_body(part));
+            canvas.cone(&ViewCone::new(&part.cone, view), id, true);
         }
-        frame.person_pixels = count_person(canvas.ids);
+        let limbs = self.surfaces.len() as u32;
+        frame.person_pixels = count_person(canvas.ids, limbs);
         let fixed = world.parts().iter().zip(world.bounding_spheres().iter().copied());
-        let moving_parts = moving.iter().map(|part| (part, part.shape.bounding_sphere()));
-        for (index, (part, (centre, radius))) in fixed.chain(moving_parts).enumerate() {
-            if !self.rays.may_see(&pose.to_cam(&centre), radius as f32, RANGE_M) {
+        let moving = moving.iter().map(|part| (part, part.shape.bounding_sphere()));
+        for (index, (part, (centre, radius))) in fixed.chain(moving).enumerate() {
+            if !self.rays.may_see(&view.to_cam(&centre), radius as f32, RANGE_M) {
                 continue;
             }
-            let id = index as u32 + 1;
+            let id = add(&mut self.surfaces, Surface::of_part(part, index));
             match &part.shape {
                 // A trunk's lower cap lies in the ground.
-                Shape::Cone(c) => canvas.cone(&ViewCone::new(c, pose), id, part.kind != crate::world::Kind::Trunk),
-                Shape::Spheroid(s) => canvas.spheroid(&ViewSpheroid::new(s, pose), id),
-                Shape::Cuboid(c) => canvas.cuboid(&ViewCuboid::new(c, pose), id),
+                Shape::Cone(c) => canvas.cone(&ViewCone::new(c, view), id, part.kind != crate::world::Kind::Trunk),
+                Shape::Spheroid(s) => canvas.spheroid(&ViewSpheroid::new(s, view), id),
+                Shape::Cuboid(c) => canvas.cuboid(&ViewCuboid::new(c, view), id),
             }
         }
-        ground::draw(world.ground(), pose, &mut canvas);
-        frame.person_pixels_visible = count_person(canvas.ids);
-        shade::shade(Solids { world, moving }, body.as_ref(), pose, &self.rays, &self.ids, &mut self.linear, frame);
+        ground::draw(world.ground(), view, &mut canvas, &mut self.slopes, &mut self.row_below);
+        frame.person_pixels_visible = count_person(canvas.ids, limbs);
+        let picture = Picture { rays: &self.rays, ids: &self.ids, slopes: &self.slopes, surfaces: &self.surfaces };
+        shade::shade(world.look(), view, &picture, &mut self.sorted, frame);
     }
 }
 
-fn count_person(ids: &[u32]) -> u32 {
-    ids.iter().map(|id| id >> 31).sum()
+/// Returns its id.
+fn add(surfaces: &mut Vec<Surface>, surface: Surface) -> u32 {
+    surfaces.push(surface);
+    FIRST_SOLID + surfaces.len() as u32 - 1
+}
+
+/// Pixels of the first `limbs` solids.
+fn count_person(ids: &[u32], limbs: u32) -> u32 {
+    ids.iter().map(|id| u32::from(id.wrapping_sub(FIRST_SOLID) < limbs)).sum()
 }

@@ -97,9 +97,10 @@ impl Rays {
         // Slack of a fiftieth of a pixel for single precision.
         let span = |(low, high): Slopes, n: usize| {
             let half = 0.5 * n as f32;
-            let first = (half - self.focal * high - 0.52).ceil().clamp(0.0, n as f32);
-            let last = (half - self.focal * low - 0.48).floor().clamp(-1.0, n as f32 - 1.0);
-            (first as usize, (last + 1.0) as usize)
+            // Conversion holds what lies outside at the border; ⌈x⌉ is ⌊x⌋ + 1 but for whole numbers.
+            let first = (half - self.focal * high + 0.48) as usize;
+            let last = (half - self.focal * low + 0.52) as usize;
+            (first, last.min(n))
         };
         let ((u0, u1), (v0, v1)) = (span(across, self.width), span(upward, self.height));
         (u0 < u1 && v0 < v1).then_some(Rect { u0, u1, v0, v1 })

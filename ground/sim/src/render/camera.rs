@@ -1,14 +1,15 @@
 //! The pinhole camera, its pose, and its rays.
 
+use crate::lanes::LANES;
 use goshawk_core::types::{Rot, Vec3};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// A pinhole camera with square pixels and the principal point in the middle.
 ///
 /// Pixel centres are at +0.5; u = W/2 − f y/x and v = H/2 − f z/x for a point (x, y, z) of the camera frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Pixels in a row.
+    /// Pixels in a row, at least 8.
     pub width: usize,
     /// Rows.
     pub height: usize,
@@ -61,20 +62,29 @@ pub struct CameraPose {
     pub world_from_cam: Rot,
 }
 
-impl CameraPose {
-    /// A point of the world in the camera frame, single precision.
-    pub(super) fn to_cam(self, p_world: &Vec3) -> Vector3<f32> {
+/// A camera's pose as drawing needs it.
+#[derive(Debug)]
+pub(super) struct View {
+    pub(super) pos_world: Vec3,
+    /// Columns: the camera's axes in the world.
+    pub(super) world_from_cam: Matrix3<f32>,
+    cam_from_world: Matrix3<f32>,
+}
+
+impl View {
+    pub(super) fn new(pose: &CameraPose) -> Self {
+        let world_from_cam = pose.world_from_cam.to_rotation_matrix().into_inner().cast::<f32>();
+        Self { pos_world: pose.pos_world, world_from_cam, cam_from_world: world_from_cam.transpose() }
+    }
+
+    /// A point of the world in the camera frame.
+    pub(super) fn to_cam(&self, p_world: &Vec3) -> Vector3<f32> {
         self.rotate_to_cam(&(p_world - self.pos_world))
     }
 
     /// A vector of the world in the camera frame.
-    pub(super) fn rotate_to_cam(self, v_world: &Vec3) -> Vector3<f32> {
-        self.world_from_cam.inverse_transform_vector(v_world).cast::<f32>()
-    }
-
-    /// Columns: the camera's axes in the world frame.
-    pub(super) fn rotation(&self) -> nalgebra::Matrix3<f32> {
-        self.world_from_cam.to_rotation_matrix().into_inner().cast::<f32>()
+    pub(super) fn rotate_to_cam(&self, v_world: &Vec3) -> Vector3<f32> {
+        self.cam_from_world * v_world.cast::<f32>()
     }
 }
 
@@ -84,7 +94,7 @@ pub(super) struct Rays {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) focal: f32,
-    /// One for each column.
+    /// One for each column, the last repeated up to a multiple of [`LANES`].
     pub(super) dy: Vec<f32>,
     /// One for each row.
     pub(super) dz: Vec<f32>,
@@ -95,7 +105,7 @@ pub(super) struct Rays {
 impl Rays {
     pub(super) fn new(camera: &Camera) -> Self {
         let f = camera.focal_px();
-        let slopes = |n: usize| (0..n).map(|i| ((0.5 * n as f64 - i as f64 - 0.5) / f) as f32).collect();
+        let slope = |n: usize, i: usize| ((0.5 * n as f64 - i.min(n - 1) as f64 - 0.5) / f) as f32;
         let side = |n: usize| {
             let tangent = 0.5 * n as f64 / f;
             (tangent as f32, (1.0 + tangent * tangent).sqrt() as f32)
@@ -104,8 +114,8 @@ impl Rays {
             width: camera.width,
             height: camera.height,
             focal: f as f32,
-            dy: slopes(camera.width),
-            dz: slopes(camera.height),
+            dy: (0..camera.width.next_multiple_of(LANES)).map(|u| slope(camera.width, u)).collect(),
+            dz: (0..camera.height).map(|v| slope(camera.height, v)).collect(),
             side: [side(camera.width), side(camera.height)],
         }
     }

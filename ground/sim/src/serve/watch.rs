@@ -68,7 +68,7 @@ impl Watch {
             self.least_clearance_m = self.least_clearance_m.min(self.clearance_m);
         }
         // Coming down to land is no collision with the ground.
-        if contact(world, &moving, &at, evader.as_ref(), false).is_some() {
+        if contact(world, &moving, &at, self.clearance_m, evader.as_ref(), false).is_some() {
             if self.last_contact.is_none_or(|last| now.since(last) > ONE_COLLISION_S) {
                 self.collisions += 1;
             }

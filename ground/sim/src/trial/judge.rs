@@ -98,20 +98,51 @@ fn person_distance(at: &Vec3, person: &EvaderState) -> f64 {
     (at - (foot + Vec3::new(0.0, 0.0, height))).norm() - PERSON_RADIUS_M
 }
 
-/// From the vehicle's sphere to the nearest obstacle, `moving` ones among them, m.
+/// From the vehicle's sphere to the nearest obstacle (not the ground), `moving` ones among them, m.
 pub fn clearance(world: &World, moving: &[Part], at: &Vec3) -> f64 {
     world.clearance(at).min(moving::clearance(moving, at)) - BODY_RADIUS_M
 }
 
-/// What the vehicle's sphere touches, the ground only if it is `airborne`.
+/// Follows the clearance of a vehicle's sphere in the fixed world, and measures it only where it may have come near.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Follower {
+    at: Vec3,
+    clearance_m: f64,
+}
+
+impl Default for Follower {
+    /// Nothing is known yet.
+    fn default() -> Self {
+        Self { at: Vec3::zeros(), clearance_m: f64::NEG_INFINITY }
+    }
+}
+
+impl Follower {
+    /// The clearance at `at`, m, from the world and from `moving` obstacles. If it is above both 0 and `matters_m` it may
+    /// be understated, but not to below them.
+    pub(super) fn clearance(&mut self, world: &World, moving: &[Part], at: &Vec3, matters_m: f64) -> f64 {
+        // A distance changes by no more than the way; the last digits are rounding's.
+        let at_least = self.clearance_m - (at - self.at).norm() - 1e-9;
+        let fixed_m = if at_least > matters_m.max(0.0) {
+            at_least
+        } else {
+            *self = Self { at: *at, clearance_m: clearance(world, &[], at) };
+            self.clearance_m
+        };
+        fixed_m.min(moving::clearance(moving, at) - BODY_RADIUS_M)
+    }
+}
+
+/// What the vehicle's sphere, `clearance_m` from the nearest obstacle, touches; the ground only if it is `airborne`.
 pub fn contact(
     world: &World,
     moving: &[Part],
     at: &Vec3,
+    clearance_m: f64,
     person: Option<&EvaderState>,
     airborne: bool,
 ) -> Option<Contact> {
-    if clearance(world, moving, at) < 0.0 {
+    if clearance_m < 0.0 {
         let nearest = world
             .parts()
             .iter()
@@ -207,4 +238,28 @@ impl Judge {
 /// Confirmed, and updated by the newest frame.
 fn believed(estimate: &TargetEstimate) -> bool {
     estimate.confirmed && estimate.stamp == estimate.last_seen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::forest::{ForestConfig, forest};
+
+    #[test]
+    fn following_the_clearance_finds_every_contact_and_the_least_distance() {
+        let world = forest(&ForestConfig::default(), 5).unwrap();
+        let (mut follower, mut measured) = (Follower::default(), 0);
+        let (mut least, mut followed) = (f64::INFINITY, f64::INFINITY);
+        for step in 0..20_000 {
+            let way = 0.003 * f64::from(step);
+            let at = Vec3::new(5.0 + way, 8.0 * (0.11 * way).sin(), 1.5);
+            let (truth, before) = (clearance(&world, &[], &at), follower.at);
+            let found = follower.clearance(&world, &[], &at, followed);
+            measured += u32::from(follower.at != before);
+            assert_eq!(found < 0.0, truth < 0.0, "at {way} m");
+            (least, followed) = (least.min(truth), followed.min(found));
+            assert_eq!(least, followed, "at {way} m");
+        }
+        assert!(measured < 2000, "{measured} measurements");
+    }
 }

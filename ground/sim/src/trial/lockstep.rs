@@ -1,6 +1,8 @@
 //! The clockwork of a lockstep flight: physics at 1 kHz, odometry at 100 Hz and 10 ms late, the camera at 30 Hz with
 //! 15 ms from exposure to the planner and the pilot's own time from there to the plan, the controller at its own rate.
 
+mod verdict;
+
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Rot, Task, Time, Vec3};
 use goshawk_core::{Cause, Command, Mode, Plan, Profile};
@@ -8,7 +10,7 @@ use goshawk_core::{Cause, Command, Mode, Plan, Profile};
 use super::airframe::{Mount, airframe, spread};
 use super::autopilot::Obliging;
 use super::estimator::Estimator;
-use super::judge::{Contact, Exposure, Judge, clearance, contact, in_view};
+use super::judge::{Contact, Exposure, Follower, Judge, clearance, in_view};
 use super::scene::Scene;
 use super::{FRAME_AT_PLANNER_S, Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
@@ -27,18 +29,6 @@ const CLEARANCE_STEPS: u64 = 2;
 const HEAD_START_S: f64 = 0.5;
 /// Or, if the vehicle does not find it, this long after the take-off's end, s.
 const RUNS_ANYWAY_S: f64 = 5.0;
-/// Success of a chase: at most this far behind when the evader arrives, and seen this recently.
-const CAUGHT_UP_M: f64 = 12.0;
-const SEEN_WITHIN_S: f64 = 1.0;
-/// A chase is over when the target has not been seen for so long and is so far away.
-const GONE_S: f64 = 8.0;
-const GONE_M: f64 = 25.0;
-/// Success of a navigation.
-const GOAL_RADIUS_M: f64 = 2.0;
-/// The take-off may take this long, a navigation this long beyond its way at a quarter of its speed, s.
-const TAKEOFF_S: f64 = 25.0;
-const NAVIGATION_GRACE_S: f64 = 20.0;
-
 /// A frame on its way through the vehicle.
 struct InFlight {
     stamp: Time,
@@ -67,6 +57,9 @@ pub(super) struct Lockstep<'a> {
     pending: Option<InFlight>,
     plan: Option<Plan>,
     judge: Judge,
+    follower: Follower,
+    /// Of the last `CLEARANCE_STEPS` since the take-off's end; understated where that does not matter.
+    clearance_m: f64,
     step: u64,
     mode: Mode,
     modes: Vec<(f64, Mode, Cause)>,
@@ -101,6 +94,8 @@ impl<'a> Lockstep<'a> {
             pending: None,
             plan: None,
             judge: Judge::default(),
+            follower: Follower::default(),
+            clearance_m: 0.0,
             step: 0,
             mode: Mode::Idle,
             modes: Vec::new(),
@@ -258,8 +253,13 @@ impl<'a> Lockstep<'a> {
         self.quad.step(STEP_S, demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
         if self.in_task(now) {
             self.judge.physics(STEP_S, self.quad.state());
-            if self.step.is_multiple_of(CLEARANCE_STEPS) {
-                self.judge.clearance(clearance(world, &self.moving, &self.quad.state().pos_world));
+        }
+        if self.up.is_some() && self.step.is_multiple_of(CLEARANCE_STEPS) {
+            let in_task = self.in_task(now);
+            let matters_m = if in_task { self.judge.metrics.clearance_m.unwrap_or(f64::INFINITY) } else { 0.0 };
+            self.clearance_m = self.follower.clearance(world, &self.moving, &self.quad.state().pos_world, matters_m);
+            if in_task {
+                self.judge.clearance(self.clearance_m);
             }
         }
     }
@@ -283,45 +283,6 @@ impl<'a> Lockstep<'a> {
             clearance_m: clearance(&self.scene.world, &self.moving, &vehicle.pos_world),
             visible: in_view(&self.frame),
         }
-    }
-
-    fn verdict(&self, now: Time) -> Option<(Outcome, Option<Contact>)> {
-        let since_start = now.since(self.started.unwrap_or(Time::from_secs(1.0)));
-        if self.up.is_none() {
-            let failed = matches!(self.mode, Mode::Fault | Mode::Stopping) || since_start > TAKEOFF_S;
-            return failed.then_some((Outcome::Timeout, None));
-        }
-        let at = self.quad.state().pos_world;
-        let evader = self.scene.evader_at(self.running_for(now));
-        if self.step.is_multiple_of(CLEARANCE_STEPS)
-            && let Some(touched) = contact(&self.scene.world, &self.moving, &at, evader.as_ref(), true)
-        {
-            return Some((Outcome::Collision, Some(touched)));
-        }
-        let given_up = matches!(self.mode, Mode::Stopping | Mode::Landed | Mode::Fault);
-        let outcome = match evader {
-            Some(evader) => {
-                let distance = (evader.centre_world() - at).norm();
-                if evader.arrived {
-                    let behind = distance <= CAUGHT_UP_M && self.judge.seen(now, SEEN_WITHIN_S);
-                    Some(if behind { Outcome::Success } else { Outcome::Lost })
-                } else {
-                    let gone = distance > GONE_M && !self.judge.seen(now, GONE_S) && self.in_task(now);
-                    (gone || given_up).then_some(Outcome::Lost)
-                }
-            }
-            None => {
-                let way = (self.scene.goal_world - self.scene.world.start_world()).norm();
-                let limit = NAVIGATION_GRACE_S + way / (0.25 * self.config.speed_mps);
-                let late = self.up.is_some_and(|up| now.since(up) > limit);
-                if (self.goal_world() - at).norm() <= GOAL_RADIUS_M {
-                    Some(Outcome::Success)
-                } else {
-                    (late || given_up).then_some(Outcome::Timeout)
-                }
-            }
-        };
-        outcome.map(|outcome| (outcome, None))
     }
 
     fn flight(self, now: Time, outcome: Outcome, contact: Option<Contact>) -> Flight {

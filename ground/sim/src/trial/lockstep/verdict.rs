@@ -1,0 +1,63 @@
+//! When a flight is over, and how it ended.
+
+use goshawk_core::Mode;
+use goshawk_core::types::Time;
+
+use super::super::Outcome;
+use super::super::judge::{Contact, contact};
+use super::{CLEARANCE_STEPS, Lockstep};
+
+/// Success of a chase: at most this far behind when the evader arrives, and seen this recently.
+const CAUGHT_UP_M: f64 = 12.0;
+const SEEN_WITHIN_S: f64 = 1.0;
+/// A chase is over when the target has not been seen for so long and is so far away.
+const GONE_S: f64 = 8.0;
+const GONE_M: f64 = 25.0;
+/// Success of a navigation.
+const GOAL_RADIUS_M: f64 = 2.0;
+/// The take-off may take this long, a navigation this long beyond its way at a quarter of its speed, s.
+const TAKEOFF_S: f64 = 25.0;
+const NAVIGATION_GRACE_S: f64 = 20.0;
+
+impl Lockstep<'_> {
+    /// None: it goes on.
+    pub(super) fn verdict(&self, now: Time) -> Option<(Outcome, Option<Contact>)> {
+        let since_start = now.since(self.started.unwrap_or(Time::from_secs(1.0)));
+        if self.up.is_none() {
+            let failed = matches!(self.mode, Mode::Fault | Mode::Stopping) || since_start > TAKEOFF_S;
+            return failed.then_some((Outcome::Timeout, None));
+        }
+        let at = self.quad.state().pos_world;
+        let evader = self.scene.evader_at(self.running_for(now));
+        if self.step.is_multiple_of(CLEARANCE_STEPS)
+            && let Some(touched) =
+                contact(&self.scene.world, &self.moving, &at, self.clearance_m, evader.as_ref(), true)
+        {
+            return Some((Outcome::Collision, Some(touched)));
+        }
+        let given_up = matches!(self.mode, Mode::Stopping | Mode::Landed | Mode::Fault);
+        let outcome = match evader {
+            Some(evader) => {
+                let distance = (evader.centre_world() - at).norm();
+                if evader.arrived {
+                    let behind = distance <= CAUGHT_UP_M && self.judge.seen(now, SEEN_WITHIN_S);
+                    Some(if behind { Outcome::Success } else { Outcome::Lost })
+                } else {
+                    let gone = distance > GONE_M && !self.judge.seen(now, GONE_S) && self.in_task(now);
+                    (gone || given_up).then_some(Outcome::Lost)
+                }
+            }
+            None => {
+                let way = (self.scene.goal_world - self.scene.world.start_world()).norm();
+                let limit = NAVIGATION_GRACE_S + way / (0.25 * self.config.speed_mps);
+                let late = self.up.is_some_and(|up| now.since(up) > limit);
+                if (self.goal_world() - at).norm() <= GOAL_RADIUS_M {
+                    Some(Outcome::Success)
+                } else {
+                    (late || given_up).then_some(Outcome::Timeout)
+                }
+            }
+        };
+        outcome.map(|outcome| (outcome, None))
+    }
+}
