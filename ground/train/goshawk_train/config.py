@@ -93,6 +93,7 @@ class CostConfig:
     ground_scale_m: float
     feasibility: float
     goal: float
+    idle: float
     trajectory_loss: float
     lambda_negative: float
     cost_loss: float

@@ -37,6 +37,7 @@ class CostTerms:
     feasibility_BN: Tensor
     ground_BN: Tensor
     goal_BN: Tensor
+    idle_BN: Tensor
     min_distance_BN: Tensor
     pos_rel_BNK3: Tensor
 
@@ -49,6 +50,7 @@ class CostTerms:
             + self.feasibility_BN
             + self.ground_BN
             + self.goal_BN
+            + self.idle_BN
         )
 
 
@@ -96,6 +98,7 @@ class CostModel:
             feasibility_BN=costs.feasibility * (fast.square() + hard.square()),
             ground_BN=costs.ground * self.step_s * ground.sum(-1),
             goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3),
+            idle_BN=costs.idle * self.idle(d_BN63[:, :, 3], situation.aim_rel_B3),
             min_distance_BN=min_distance,
             pos_rel_BNK3=pos,
         )
@@ -106,6 +109,14 @@ class CostModel:
         off = end_rel_BN3 - aim_rel_B3[:, None]
         parts = torch.stack([_norm(off[..., :2]), off[..., 2]], dim=-1)
         return F.smooth_l1_loss(parts, torch.zeros_like(parts), reduction="none").sum(-1)
+
+    def idle(self, end_rel_BN3: Tensor, aim_rel_B3: Tensor) -> Tensor:
+        """How much shorter the way is than the one to the aim, smooth-L1, in the plane and in whatever direction.
+
+        Before something wide no way leads nearer to the aim; this lets one go aside rather than hover there for ever.
+        """
+        short = F.relu(_norm(aim_rel_B3[:, None, :2]) - _norm(end_rel_BN3[..., :2]))
+        return F.smooth_l1_loss(short, torch.zeros_like(short), reduction="none")
 
 
 def _norm(v: Tensor) -> Tensor:

@@ -94,7 +94,7 @@ def batch_metrics(outcome: Outcome, batch: data.Batch, config: Config) -> dict[s
         "cost_clear": predicted[~hit],
         **{
             f"term_{name}": _array(getattr(terms, f"{name}_BN"))[frame, cheapest]
-            for name in ("smoothness", "safety", "clearance", "feasibility", "ground", "goal")
+            for name in ("smoothness", "safety", "clearance", "feasibility", "ground", "goal", "idle")
         },
     }
     if not tracking or decoded.objectness_logit_BN is None or decoded.target_cam_BN3 is None:

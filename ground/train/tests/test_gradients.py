@@ -127,6 +127,14 @@ def test_goal_gradient_pulls_toward_the_aim_with_a_slope_of_one_at_most(
     assert gradient[:, :, 1:].abs().max() == 0
 
 
+def test_idling_costs_the_missing_way_in_whatever_direction(config: Config, maps: SceneMaps) -> None:
+    model, aim = CostModel(config, maps, dtype=F64), torch.tensor([[8.0, 0.0, 0.5]], dtype=F64)
+    ends = torch.tensor([[[0.0, 0.0, 0.0], [0.0, 5.0, 0.0], [3.0, -4.0, 1.0], [8.0, 1.0, 0.0]]], dtype=F64)
+    torch.testing.assert_close(
+        model.idle(ends, aim)[0], torch.tensor([7.5, 2.5, 2.5, 0.0], dtype=F64), atol=1e-4, rtol=0
+    )
+
+
 def test_chain_rule_through_decoding_is_jacobian_times_tanh_slope(config: Config, maps: SceneMaps) -> None:
     """dJ/dy = dJ/ddP * ddP/d(offset) * d * (1 - tanh^2), written out for every raw output."""
     decoder, model, where = Decoder(config, dtype=F64), CostModel(config, maps, dtype=F64), situation()
