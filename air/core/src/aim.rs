@@ -1,7 +1,8 @@
 //! Where the trajectories should end: navigation's goal, or where the target will be by then (beyond the paper). The
 //! network gets it as the last vector of its state and is trained to end there.
 
-use crate::error::{ConfigError, not_negative};
+use crate::error::{ConfigError, not_negative, positive};
+use crate::quintic::Quintic;
 use crate::target::{Expected, LONGEST_CARRY};
 use crate::types::Vec3;
 
@@ -14,7 +15,14 @@ pub struct ChaseConfig {
     pub height: f64,
     /// A target unseen for longer than this is not pursued any more, s (2.5).
     pub pursue_until: f64,
+    /// Trajectories that come nearer to the target's centre than this cost more, m (1.5).
+    pub keep_off: f64,
 }
+
+/// What it costs to meet the target, on the scale of the network's costs: more than a way around.
+const MEETING: f64 = 30.0;
+/// Looks along a trajectory at so many instants.
+const LOOKS: u32 = 8;
 
 impl ChaseConfig {
     /// Checks every value.
@@ -24,7 +32,8 @@ impl ChaseConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         not_negative("chase.standoff", self.standoff)?;
         not_negative("chase.height", self.height)?;
-        not_negative("chase.pursue_until", self.pursue_until)
+        not_negative("chase.pursue_until", self.pursue_until)?;
+        positive("chase.keep_off", self.keep_off)
     }
 
     /// The target is worth going after.
@@ -43,6 +52,17 @@ impl ChaseConfig {
         let kept = (flat - self.standoff).max(0.0) / flat.max(1e-6);
         Vec3::new(line.x * kept, line.y * kept, line.z + self.height)
     }
+
+    /// What a trajectory costs for coming near to the target, which the network was never taught to spare.
+    #[must_use]
+    pub fn crowding(&self, trajectory: &Quintic, target: &Expected) -> f64 {
+        let nearest = (1..=LOOKS)
+            .map(|k| trajectory.duration() * f64::from(k) / f64::from(LOOKS))
+            .map(|t| (trajectory.at(t).pos - target.pos_world - target.vel_world * t).norm_squared())
+            .fold(f64::INFINITY, f64::min)
+            .sqrt();
+        MEETING * (1.0 - nearest / self.keep_off).max(0.0)
+    }
 }
 
 /// An aim as a share of the `reach` (m) of a trajectory, at most 1 long. Not finite: none, which is zero.
@@ -55,8 +75,9 @@ pub fn within_reach(aim: Vec3, reach: f64) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::types::FlatState;
 
-    const CHASE: ChaseConfig = ChaseConfig { standoff: 2.5, height: 0.3, pursue_until: 2.5 };
+    const CHASE: ChaseConfig = ChaseConfig { standoff: 2.5, height: 0.3, pursue_until: 2.5, keep_off: 1.5 };
 
     fn target(unseen: f64) -> Expected {
         Expected { pos_world: Vec3::new(6.0, 0.0, 1.0), vel_world: Vec3::new(2.0, 0.0, 0.4), unseen }
@@ -79,6 +100,20 @@ mod tests {
     fn nobody_backs_off_from_a_target_that_is_near() {
         let aim = CHASE.aim(Vec3::new(7.0, 0.0, 1.3), &target(0.0), 0.0);
         assert!(aim.norm() < 1e-12, "{aim}");
+    }
+
+    #[test]
+    fn meeting_the_target_costs_and_passing_it_does_not() {
+        let fly = |lateral: f64, far: f64| {
+            let vel = Vec3::new(4.0, 0.0, 0.0);
+            let start = FlatState { pos: Vec3::new(3.0, lateral, 1.0), vel, acc: Vec3::zeros() };
+            Quintic::new(&start, &FlatState { pos: start.pos + Vec3::new(far, 0.0, 0.0), ..start }, 2.0)
+        };
+        let still = Expected { vel_world: Vec3::zeros(), ..target(0.0) };
+        assert!(CHASE.crowding(&fly(0.0, 8.0), &still) > 20.0);
+        assert_eq!(CHASE.crowding(&fly(2.0, 8.0), &still), 0.0);
+        // It runs away at 2 m/s: behind it there is room.
+        assert_eq!(CHASE.crowding(&fly(0.0, 4.0), &target(0.0)), 0.0);
     }
 
     #[test]

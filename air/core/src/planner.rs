@@ -3,6 +3,7 @@
 use crate::aim::{ChaseConfig, within_reach};
 use crate::decode::{Decoder, FramePose};
 use crate::error::ConfigError;
+use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
 use crate::target::{Expected, TargetConfig, TargetFilter};
 use crate::types::{ANCHORS, FlatState, NetworkOutput, Odometry, Plan, Rot, Task, Time, Vec3};
@@ -165,19 +166,28 @@ impl Planner {
         let pose = FramePose { start_world: odometry.pos_world, cam_world, world_from_cam };
         let mut candidates = self.decoder.decode(input.network, alpha, &pose);
         let stamp = odometry.stamp;
+        let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world };
+        let duration = self.decoder.duration(alpha);
         let chosen = match self.config.policy.task {
-            Task::Navigate => select(true, &[None; ANCHORS], &mut candidates),
+            Task::Navigate => {
+                let costs = std::array::from_fn(|index| candidates[index].cost);
+                select(Some(costs), &[None; ANCHORS], &mut candidates)
+            }
             Task::Track => {
                 let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);
-                select(self.target(stamp).is_some(), &unseen, &mut candidates)
+                let costs = self.target(stamp).map(|target| {
+                    candidates
+                        .map(|c| c.cost + self.config.chase.crowding(&Quintic::new(&start, &c.end, duration), &target))
+                });
+                select(costs, &unseen, &mut candidates)
             }
         };
         Plan {
             seq: input.seq,
             stamp,
-            start: FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world },
+            start,
             world_from_cam,
-            duration: self.decoder.duration(alpha),
+            duration,
             alpha,
             candidates,
             chosen,

@@ -51,19 +51,22 @@ pub fn detect(
     })
 }
 
-/// Marks why each candidate is not flown and returns the index of the one that is: with an aim the cheapest valid one
-/// (its predicted cost knows the aim), without one none, for `unseen`'s reasons.
+/// Marks why each candidate is not flown and returns the index of the one that is: with an aim the valid one of least
+/// `costs`, without one (no costs) none, for `unseen`'s reasons.
 pub fn select(
-    aims: bool,
+    costs: Option<[f64; ANCHORS]>,
     unseen: &[Option<Rejection>; ANCHORS],
     candidates: &mut [Candidate; ANCHORS],
 ) -> Option<usize> {
-    let chosen = (0..ANCHORS)
-        .filter(|&index| aims && candidates[index].rejection.is_none())
-        .min_by(|&a, &b| candidates[a].cost.total_cmp(&candidates[b].cost));
+    let chosen = costs.and_then(|costs| {
+        (0..ANCHORS)
+            .filter(|&index| candidates[index].rejection.is_none())
+            .min_by(|&a, &b| costs[a].total_cmp(&costs[b]))
+    });
     for (index, candidate) in candidates.iter_mut().enumerate() {
         if candidate.rejection.is_none() && Some(index) != chosen {
-            candidate.rejection = if aims { Some(Rejection::Cost) } else { unseen[index].or(Some(Rejection::Gate)) };
+            let reason = if costs.is_some() { Some(Rejection::Cost) } else { unseen[index] };
+            candidate.rejection = reason.or(Some(Rejection::Gate));
         }
     }
     chosen

@@ -182,13 +182,14 @@ def run(
     path = out / CHECKPOINT
     if path.exists() and not resume:
         raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
+    begun = checkpoint.load(begin / CHECKPOINT) if begin and not (resume and path.exists()) else None
     print(f"loading {root}", flush=True)
     frames, maps = data.load(root, config)
     trainer = Trainer(config, frames, maps, data_name=describe(root))
     if resume and path.exists():
         trainer.restore(checkpoint.load(path))
-    elif begin:
-        trainer.begin_from(checkpoint.load(begin / CHECKPOINT))
+    elif begun:
+        trainer.begin_from(begun)
     held_out = validate.Validator(config, validation) if validation else None
     print(
         f"{len(frames)} frames, {parameter_count(trainer.network):,} parameters, "
