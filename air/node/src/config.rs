@@ -263,7 +263,12 @@ impl Vehicle {
                 reacquire_margin: p.reacquire_margin_m,
             },
             select: SelectConfig { min_objectness: p.min_objectness, keep_objectness: p.keep_objectness },
-            chase: ChaseConfig { standoff: p.standoff_m, height: p.above_target_m, pursue_until: p.pursue_until_s },
+            chase: ChaseConfig {
+                standoff: p.standoff_m,
+                height: p.above_target_m,
+                pursue_until: p.pursue_until_s,
+                keep_off: p.keep_off_m,
+            },
         }
     }
 
