@@ -9,8 +9,10 @@ use crate::types::Vec3;
 /// How a target is chased.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChaseConfig {
-    /// Horizontal distance to keep, m (2.5).
+    /// Horizontal distance to keep from a target that stands, m (2.5).
     pub standoff: f64,
+    /// What is kept beyond that for each m/s of the target's speed, s (0.4): it may turn.
+    pub headway: f64,
     /// Above the target's centre, m (0.3).
     pub height: f64,
     /// A target unseen for longer than this is not pursued any more, s (2.5).
@@ -31,6 +33,7 @@ impl ChaseConfig {
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         not_negative("chase.standoff", self.standoff)?;
+        not_negative("chase.headway", self.headway)?;
         not_negative("chase.height", self.height)?;
         not_negative("chase.pursue_until", self.pursue_until)?;
         positive("chase.keep_off", self.keep_off)
@@ -47,9 +50,10 @@ impl ChaseConfig {
     #[must_use]
     pub fn aim(&self, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
         let lead = duration * (1.0 - target.unseen / LONGEST_CARRY).clamp(0.0, 1.0);
-        let line = target.pos_world + Vec3::new(target.vel_world.x, target.vel_world.y, 0.0) * lead - pos_world;
+        let vel_world = Vec3::new(target.vel_world.x, target.vel_world.y, 0.0);
+        let line = target.pos_world + vel_world * lead - pos_world;
         let flat = line.xy().norm();
-        let kept = (flat - self.standoff).max(0.0) / flat.max(1e-6);
+        let kept = (flat - self.standoff - self.headway * vel_world.norm()).max(0.0) / flat.max(1e-6);
         Vec3::new(line.x * kept, line.y * kept, line.z + self.height)
     }
 
@@ -77,7 +81,8 @@ mod tests {
     use super::*;
     use crate::types::FlatState;
 
-    const CHASE: ChaseConfig = ChaseConfig { standoff: 2.5, height: 0.3, pursue_until: 2.5, keep_off: 1.5 };
+    const CHASE: ChaseConfig =
+        ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 };
 
     fn target(unseen: f64) -> Expected {
         Expected { pos_world: Vec3::new(6.0, 0.0, 1.0), vel_world: Vec3::new(2.0, 0.0, 0.4), unseen }
@@ -87,6 +92,13 @@ mod tests {
     fn it_lies_short_of_where_the_target_will_be_and_a_little_higher() {
         let aim = CHASE.aim(Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
         assert!((aim - Vec3::new(4.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
+    }
+
+    #[test]
+    fn a_fast_target_is_given_more_room() {
+        let chase = ChaseConfig { headway: 0.5, ..CHASE };
+        let aim = chase.aim(Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
+        assert!((aim - Vec3::new(3.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
     }
 
     #[test]

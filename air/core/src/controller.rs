@@ -55,6 +55,8 @@ pub(crate) struct Flight {
 const FAULT_SHOWN: f64 = 3.0;
 /// A step longer than this is taken as this, s.
 const LONGEST_STEP: f64 = 0.1;
+/// A target counts as seen for this long, s: a few frames and the planner's time.
+const SEEN_NOW: f64 = 0.15;
 /// The climb is over this near the height, m, and below this speed, m/s.
 const HEIGHT_REACHED: (f64, f64) = (0.2, 0.5);
 /// A climb may take twice its time and this much more, s.
@@ -272,18 +274,22 @@ impl Controller {
             Mode::Idle | Mode::Ready | Mode::Landed | Mode::Fault => self.flight = None,
             _ => {}
         }
-        if to == Mode::Search {
-            self.sweep = self.sweep_direction();
-        }
         let ours = matches!(cause, Cause::OdometryLost | Cause::OffboardRefused | Cause::ArmRefused);
         self.handing_back = to == Mode::Fault && ours;
         self.asked_back = None;
         Transition { from, to, cause }
     }
 
-    /// Where the lost target was heading, seen from us; else the side where it was.
+    /// Remembers to which side a target would leave, as long as it is seen.
+    pub(crate) fn watch_side(&mut self, now: Time) {
+        if self.plans.target().is_some_and(|target| now.since(target.last_seen) < SEEN_NOW) {
+            self.sweep = self.sweep_direction();
+        }
+    }
+
+    /// Where the target is heading, seen from us; else the side where it is.
     fn sweep_direction(&self) -> f64 {
-        let (Some(target), Some(odometry)) = (self.plans.target(), self.motion.last()) else { return 1.0 };
+        let (Some(target), Some(odometry)) = (self.plans.target(), self.motion.last()) else { return self.sweep };
         let line = target.pos_world - odometry.pos_world;
         let crossing = line.x * target.vel_world.y - line.y * target.vel_world.x;
         let side = (odometry.world_from_body.inverse() * line).y;

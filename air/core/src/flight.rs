@@ -22,6 +22,9 @@ struct Intent {
 
 /// Above the start, m: off the ground.
 const LIFTED: f64 = 0.15;
+/// A target unseen for longer than this, s, that should be nearer than this, m, has left the image at its side.
+const SLIPPED_AFTER: f64 = 0.3;
+const SLIPPED_WITHIN: f64 = 4.0;
 /// A climb that has not lifted by then needs the observer to find the missing thrust, s.
 const LONGEST_UNAIDED_CLIMB: f64 = 1.0;
 
@@ -44,6 +47,7 @@ impl Controller {
         if !self.lifted(now, &odometry) {
             self.motion.reset_observer();
         }
+        self.watch_side(now);
         let goal = self.yaw_goal(now, &odometry);
         let yaw = self.yaw.step(dt, goal);
         let intent = self.intent(now, &odometry);
@@ -156,6 +160,7 @@ impl Controller {
         };
         match self.mode {
             Mode::Search if now.since(self.entered) > config.search_delay => YawGoal::Sweep(self.sweep),
+            Mode::Track | Mode::Hold if self.slipped_by(now, odometry) => YawGoal::Sweep(self.sweep),
             Mode::Track | Mode::Search => at_target(),
             Mode::Hold if flight.profile.task == Task::Track => at_target(),
             Mode::Navigate => {
@@ -169,6 +174,12 @@ impl Controller {
             }
             _ => YawGoal::Keep,
         }
+    }
+
+    /// The target vanished near by: it is beside us rather than behind something ahead.
+    fn slipped_by(&self, now: Time, odometry: &Odometry) -> bool {
+        let Some((target, at)) = self.plans.target().zip(self.plans.target_at(now)) else { return false };
+        now.since(target.last_seen) > SLIPPED_AFTER && (at.pos - odometry.pos_world).xy().norm() < SLIPPED_WITHIN
     }
 
     /// Odometry is stale: level, slightly below hover thrust.
