@@ -164,12 +164,14 @@ impl Controller {
             Mode::Track | Mode::Search => at_target(),
             Mode::Hold if flight.profile.task == Task::Track => at_target(),
             Mode::Navigate => {
-                // Along the velocity when fast, to the goal when slow, in between by their share.
+                // Along the velocity when fast, to the goal when slow or on the way away from it, in between by their
+                // share: whoever only looks where they go does not find back.
                 let to_goal = flight.goal_world.map_or_else(Vec3::zeros, |goal| goal - odometry.pos_world);
                 let to_goal = Vec3::new(to_goal.x, to_goal.y, 0.0).try_normalize(1e-6).unwrap_or_default();
                 let vel = Vec3::new(odometry.vel_world.x, odometry.vel_world.y, 0.0);
                 let share = (vel.norm() / config.along_velocity_speed - 0.5).clamp(0.0, 1.0);
                 let along = vel.try_normalize(1e-6).unwrap_or_default();
+                let share = share.min((along.dot(&to_goal) + 0.5).max(0.0));
                 toward(along * share + to_goal * (1.0 - share), Vec3::zeros())
             }
             _ => YawGoal::Keep,

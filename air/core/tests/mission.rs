@@ -322,11 +322,35 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
     let left = 0.5 + std::f64::consts::FRAC_PI_2;
     assert!(goshawk_core::yaw::wrap(sim.out().yaw_des - left).abs() < 0.02, "{}", sim.out().yaw_des);
     sim.frames = Frames::Goal;
-    for _ in 0..400 {
-        sim.vel = Vec3::new(4.0, 0.0, 0.0);
-        sim.tick(None);
+    // Sideways it looks along, on the way back to the goal.
+    for (off, looks) in [(0.8_f64, 0.8), (2.6, 0.0)] {
+        for _ in 0..400 {
+            let way = left - off;
+            sim.vel = Vec3::new(4.0 * way.cos(), 4.0 * way.sin(), 0.0);
+            sim.tick(None);
+        }
+        let line = sim.out().planning.unwrap().goal_world.unwrap() - sim.pos;
+        let back = if looks == 0.0 { line.y.atan2(line.x) } else { left - looks };
+        let off_by = goshawk_core::yaw::wrap(back - sim.out().yaw_des);
+        assert!(off_by.abs() < 0.05, "{off}: {off_by}");
     }
-    assert!(sim.out().yaw_des.abs() < 0.05, "{}", sim.out().yaw_des);
+}
+
+#[test]
+fn a_target_that_vanishes_near_by_is_looked_for_at_its_side_at_once() {
+    for side in [-1.0, 1.0] {
+        let mut sim = hovering_in_search();
+        let ahead = Rot::from_axis_angle(&Vec3::z_axis(), sim.out().yaw_des);
+        sim.frames = Frames::Target(sim.pos + ahead * Vec3::new(3.4, 1.5 * side, -0.5));
+        sim.until(1.0, |s| s.mode() == Mode::Track);
+        sim.run(0.3);
+        sim.frames = Frames::Blank;
+        sim.run(0.3);
+        let before = sim.out().yaw_des;
+        sim.run(0.5);
+        assert!(sim.mode() != Mode::Search, "it has not even stopped");
+        assert!(goshawk_core::yaw::wrap(sim.out().yaw_des - before) * side > 0.2, "{side}");
+    }
 }
 
 #[test]
