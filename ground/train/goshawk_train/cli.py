@@ -115,6 +115,7 @@ def _export(args: argparse.Namespace) -> int:
     from goshawk_train import checkpoint, export, train, validate
 
     saved = checkpoint.load(args.run / train.CHECKPOINT)
+    trained_as = saved.config.task
     if args.task == "navigate":
         saved = export.for_navigation(saved)
     network = train.Policy(saved.config)
@@ -123,9 +124,9 @@ def _export(args: argparse.Namespace) -> int:
     worst = export.verify(network.eval(), args.out, saved.config)
     if args.data:
         validator = validate.Validator(saved.config, args.data)
-        card = export.model_card(
-            saved, agreed, validator.evaluate(network), frames=len(validator.index_F), file=args.out
-        )
+        metrics = validator.evaluate(network)
+        frames = len(validator.index_F)
+        card = export.model_card(saved, agreed, metrics, trained_as=trained_as, frames=frames, file=args.out)
         args.out.with_suffix(".md").write_text(card)
     samples = agreed["training"]["samples"]
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, {samples} samples, largest difference {worst:.1e}")

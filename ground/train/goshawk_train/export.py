@@ -155,8 +155,10 @@ def for_navigation(saved: Checkpoint) -> Checkpoint:
     return dataclasses.replace(saved, config=config, network=cut(saved.network), ema=cut(saved.ema))
 
 
-def model_card(saved: Checkpoint, agreed: dict[str, Any], metrics: dict[str, float], *, frames: int, file: Path) -> str:
-    """The Markdown that lies beside a shipped policy."""
+def model_card(
+    saved: Checkpoint, agreed: dict[str, Any], metrics: dict[str, float], *, trained_as: str, frames: int, file: Path
+) -> str:
+    """The Markdown that lies beside a shipped policy; `trained_as` is the task of the run."""
     config, training = saved.config, agreed["training"]
     network = Policy(config)
     figures = "\n".join(f"| {name} | {value:.4g} |" for name, value in metrics.items())
@@ -171,7 +173,7 @@ Task: {config.task}. ResNet-18 with stages of {", ".join(map(str, config.network
 ## Training
 {training["samples"]:,} samples in {training["hours"]:.2f} h on {config.training.threads} shared CPU threads, weight
 average {config.training.ema:g}, seed {training["seed"]}, commit `{training["commit"]}`, configuration
-`ground/train/configs/{config.task}.toml`. Data set: {training["data"]}.
+`ground/train/configs/{trained_as}.toml`. Data set: {training["data"]}.
 
 ## Held-out scenes
 {min(config.training.validate_frames, frames)} frames of scenes never trained on, states drawn like the training's.

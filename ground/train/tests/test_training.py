@@ -150,11 +150,10 @@ def test_a_tracking_run_exports_its_trajectories_for_navigation(
     whole = Policy(small).eval()
     checkpoint.load_weights(whole, run.snapshot())
     rgbd, state = export.example_inputs(small, 5)
-    got = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"]).run(
-        None, {"rgbd": rgbd.numpy(), "state": state.numpy()}
-    )[0]
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    got = session.run(None, {"rgbd": rgbd.numpy(), "state": state.numpy()})[0]
     with torch.no_grad():
-        np.testing.assert_allclose(got, whole(rgbd, state)[:, :10].numpy(), rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(np.asarray(got), whole(rgbd, state)[:, :10].numpy(), rtol=1e-4, atol=1e-5)
 
 
 def test_validation_measures_detection_collisions_and_cost_ranking(
