@@ -5,6 +5,9 @@ use super::super::report::{Cell, Report};
 use super::super::trace::Sample;
 use super::svg::n;
 
+/// Characters of a place's name in a figure.
+const LABEL_PLACE: usize = 9;
+
 /// A cell and its flights.
 #[derive(Clone, Copy)]
 pub(super) struct Pool<'a> {
@@ -18,9 +21,12 @@ pub(super) fn pools(report: &Report) -> Vec<Pool<'_>> {
 }
 
 impl Pool<'_> {
-    /// As in "3 m/s · 5 m".
+    /// As in "3 m/s · 5 m"; of a long file name only its beginning, as figures have no room.
     pub(super) fn label(&self) -> String {
-        format!("{} m/s · {}", n(self.cell.speed_mps), self.cell.place())
+        let place = self.cell.place();
+        let whole = place.chars().count() <= LABEL_PLACE;
+        let short = if whole { place } else { place.chars().take(LABEL_PLACE - 1).chain(['…']).collect() };
+        format!("{} m/s · {short}", n(self.cell.speed_mps))
     }
 
     fn samples(&self) -> impl Iterator<Item = &Sample> {
