@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ELIGIBLE = "none"
-"""The rejection of a candidate that may be chosen."""
+"""The rejection of the candidate that is flown."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +38,7 @@ class PlanView:
     cost_N: Array
     objectness_N: Array
     rejections: tuple[str, ...]
-    """For each candidate "none" (eligible), "objectness", "gate" or "cost"."""
+    """For each candidate "none" (flown), "objectness", "gate", "cost" or "invalid"."""
     target_pos_world_N3: Array | None
     """Each candidate's detection; None in navigation."""
     chosen: int | None

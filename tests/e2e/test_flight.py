@@ -55,8 +55,8 @@ def flown_demo(seed: int, folder: Path) -> tuple[dict[str, object], str]:
 
 
 def test_the_demo_flies_and_its_log_opens_in_the_stock_reader(tmp_path: Path) -> None:
-    # A learned policy loses about one flight in thirty here, which is the campaigns' matter: such a flight, one that
-    # took off, tracked and was judged, gets a second forest. Two in a row are no chance.
+    # What the demo promises is 9 of 10 forests, and how many it is, campaigns tell. So one flight that took off,
+    # tracked and was then lost says nothing, and gets a second forest; two in a row fail.
     facts, printed = flown_demo(3, tmp_path / "first")
     if not facts["succeeded"] and facts["tracked_s"]:
         print(f"the first flight failed, a second one is flown:\n{printed}")
