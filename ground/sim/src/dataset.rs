@@ -3,6 +3,7 @@
 //! The layout (see [`write`]) is what the trainer reads. Every scene depends on the data set's seed and its own
 //! number alone, so neither threads nor a restart change a byte.
 
+mod clutter;
 mod npy;
 mod sample;
 mod voxels;
@@ -133,7 +134,8 @@ pub fn scene_seed(seed: u64, scene: usize) -> u64 {
     mix(seed, scene as u64) >> 11
 }
 
-/// The world of a scene: spacing 3–7 m, one scene in twenty sparse.
+/// The world of a scene: trees at a spacing of 3–7 m, one scene in twenty sparse, one in four with walls, boxes and posts
+/// between wider spaced trees.
 ///
 /// # Errors
 /// Never with the default rectangle.
@@ -141,7 +143,13 @@ pub fn scene_world(seed: u64) -> Result<World, WorldError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x5ce7e);
     let spacing_m = if rng.random_bool(0.05) { 12.0 } else { rng.random_range(3.0..7.0) };
     let hills_m = rng.random_range(0.1..0.45);
-    forest(&ForestConfig { spacing_m, hills_m, ..ForestConfig::default() }, seed)
+    let grow = |spacing_m| forest(&ForestConfig { spacing_m, hills_m, ..ForestConfig::default() }, seed);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xc1077e4);
+    if rng.random_bool(clutter::CLUTTERED) {
+        Ok(clutter::cluttered(grow(spacing_m + clutter::WIDER_M)?, &mut rng))
+    } else {
+        grow(spacing_m)
+    }
 }
 
 /// Poses, images and labels of one scene.

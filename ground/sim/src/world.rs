@@ -174,6 +174,13 @@ impl World {
         self
     }
 
+    /// The same world with more in it.
+    #[must_use]
+    pub fn with_more(mut self, parts: Vec<Part>) -> Self {
+        self.from.parts.extend(parts);
+        Self::new(self.from)
+    }
+
     /// The height field.
     #[must_use]
     pub fn ground(&self) -> &Ground {

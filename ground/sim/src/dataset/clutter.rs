@@ -1,0 +1,88 @@
+//! What people put between trees: walls with and without a doorway, boxes, posts. A share of the scenes has it, so that
+//! a policy also learns what is wide, what is flat, and that not all that stands upright in a bright colour is a person.
+
+use crate::world::{Cuboid, Kind, Part, RoundCone, Shape, World};
+use goshawk_core::types::Vec3;
+use rand::{Rng, RngExt};
+use std::f64::consts::TAU;
+
+/// Share of the scenes with clutter.
+pub(super) const CLUTTERED: f64 = 0.25;
+/// Its trees stand so much wider, m: there must be room for it.
+pub(super) const WIDER_M: f64 = 2.0;
+
+/// Numbers of walls, boxes and posts in a scene, from and to.
+const WALLS: std::ops::RangeInclusive<usize> = 10..=40;
+const BOXES: std::ops::RangeInclusive<usize> = 10..=50;
+const POSTS: std::ops::RangeInclusive<usize> = 0..=40;
+/// Things reach this far below the ground, m, so that none floats on a slope.
+const ROOT_M: f64 = 0.4;
+
+/// The world with walls, boxes and posts in it.
+pub(super) fn cluttered<R: Rng>(world: World, rng: &mut R) -> World {
+    let mut parts = Vec::new();
+    for _ in 0..rng.random_range(WALLS) {
+        wall(&world, &mut parts, rng);
+    }
+    for _ in 0..rng.random_range(BOXES) {
+        let half = [rng.random_range(0.15..0.8), rng.random_range(0.15..0.8)];
+        let (at, yaw_rad, tint) = (place(&world, rng), rng.random_range(0.0..TAU), tint(rng));
+        parts.push(upright(&world, at, half, rng.random_range(0.4..2.6), yaw_rad, tint));
+    }
+    for _ in 0..rng.random_range(POSTS) {
+        let [x, y] = place(&world, rng);
+        let foot = world.ground_height(x, y);
+        let (a, b) = (Vec3::new(x, y, foot - ROOT_M), Vec3::new(x, y, foot + rng.random_range(1.2..3.0)));
+        let radius = rng.random_range(0.05..0.3);
+        let shape = Shape::Cone(RoundCone { a, b, radius_a: radius, radius_b: radius });
+        parts.push(Part { shape, kind: Kind::Building, tint: tint(rng) });
+    }
+    world.with_more(parts)
+}
+
+/// A straight wall; half of them have a doorway with or without a lintel.
+fn wall<R: Rng>(world: &World, parts: &mut Vec<Part>, rng: &mut R) {
+    let (middle, yaw_rad, tint) = (place(world, rng), rng.random_range(0.0..TAU), tint(rng));
+    let (half_m, half_thick_m) = (rng.random_range(1.0..5.0), rng.random_range(0.05..0.2));
+    let height_m = rng.random_range(1.0..4.5);
+    let at = |along: f64| [middle[0] + along * yaw_rad.cos(), middle[1] + along * yaw_rad.sin()];
+    let mut piece = |from: f64, to: f64| {
+        let half = [(to - from) / 2.0, half_thick_m];
+        parts.push(upright(world, at((from + to) / 2.0), half, height_m, yaw_rad, tint));
+    };
+    let door_m = rng.random_range(0.9..2.0);
+    if half_m < 1.5 || rng.random_bool(0.5) {
+        piece(-half_m, half_m);
+        return;
+    }
+    let left = rng.random_range(-half_m + 0.2..half_m - door_m - 0.2);
+    piece(-half_m, left);
+    piece(left + door_m, half_m);
+    if height_m > 2.6 && rng.random_bool(0.7) {
+        let at = at(left + door_m / 2.0);
+        let half_height = (height_m - 2.1) / 2.0;
+        let centre = Vec3::new(at[0], at[1], world.ground_height(at[0], at[1]) + 2.1 + half_height);
+        let cuboid = Cuboid { centre, half: Vec3::new(door_m / 2.0, half_thick_m, half_height), yaw_rad };
+        parts.push(Part { shape: Shape::Cuboid(cuboid), kind: Kind::Building, tint });
+    }
+}
+
+/// A box on the ground; `half` its horizontal half edges, m.
+fn upright(world: &World, at: [f64; 2], half: [f64; 2], height_m: f64, yaw_rad: f64, tint: [f32; 3]) -> Part {
+    let foot = world.ground_height(at[0], at[1]);
+    let half = Vec3::new(half[0], half[1], (height_m + ROOT_M) / 2.0);
+    let centre = Vec3::new(at[0], at[1], foot - ROOT_M + half.z);
+    Part { shape: Shape::Cuboid(Cuboid { centre, half, yaw_rad }), kind: Kind::Building, tint }
+}
+
+fn place<R: Rng>(world: &World, rng: &mut R) -> [f64; 2] {
+    let (min, max) = (world.min_world(), world.max_world());
+    [rng.random_range(min.x..max.x), rng.random_range(min.y..max.y)]
+}
+
+/// Any colour: half of them grey as plaster and concrete are, half as bright as clothes.
+fn tint<R: Rng>(rng: &mut R) -> [f32; 3] {
+    let value: f32 = rng.random_range(0.06..0.7);
+    let vivid: f32 = if rng.random_bool(0.5) { 0.15 } else { 0.95 };
+    std::array::from_fn(|_| value * (1.0 - vivid * rng.random_range(0.0f32..1.0)))
+}
