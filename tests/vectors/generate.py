@@ -28,6 +28,7 @@ Json = dict[str, object]
 GRAVITY = 9.80665
 ROWS, COLUMNS = 3, 5
 ANCHORS = ROWS * COLUMNS
+MAX_ACC = 8.0
 CHANNELS = 14
 
 
@@ -226,6 +227,7 @@ def decode() -> Json:
         raw_CN = raw_CN.astype(np.float32).astype(np.float64)
         cam_from_world = np.linalg.inv(world_from_cam)[:3, :3]
         aim = (goal - pos) / max(2 * policy.radius, float(np.linalg.norm(goal - pos)))
+        agility = min(1.0, MAX_ACC / (alpha**2 * policy.a_max))
         state = [vel / (alpha * policy.v_max), acc / (alpha**2 * policy.a_max), np.array([0, 0, 1.0]), aim]
         cases.append(
             {
@@ -239,7 +241,7 @@ def decode() -> Json:
                 "world_from_body_Q": quaternion(body).tolist(),
                 "raw_CN": raw_CN.tolist(),
                 "duration": 2 * policy.radius / (alpha * policy.v_max),
-                "state": np.concatenate([cam_from_world @ v for v in state]).tolist(),
+                "state": [*np.concatenate([cam_from_world @ v for v in state]).tolist(), agility],
                 "world_from_cam_Q": quaternion(world_from_cam[:3, :3]).tolist(),
                 "candidates_N": [
                     decode_anchor(policy, raw_CN[:, n], n, alpha, pos, world_from_cam) for n in range(ANCHORS)

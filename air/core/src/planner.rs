@@ -2,7 +2,7 @@
 
 use crate::aim::{ChaseConfig, within_reach};
 use crate::decode::{Decoder, FramePose};
-use crate::error::ConfigError;
+use crate::error::{ConfigError, positive};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
 use crate::target::{Expected, TargetConfig, TargetFilter};
@@ -65,6 +65,8 @@ pub struct PlannerConfig {
     pub select: SelectConfig,
     /// How the target is chased.
     pub chase: ChaseConfig,
+    /// The acceleration that trajectories may ask of the vehicle, m/s².
+    pub max_acc: f64,
 }
 
 /// One frame.
@@ -106,6 +108,7 @@ impl Planner {
         config.target.validate()?;
         config.select.validate()?;
         config.chase.validate()?;
+        positive("planner.max_acc", config.max_acc)?;
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.target);
         Ok(Self { config, decoder, filter, last: None })
@@ -125,14 +128,15 @@ impl Planner {
     }
 
     /// The network's `state` input (eq. 5), camera frame: velocity / (alpha·v_max), acceleration / (alpha²·a_max), unit
-    /// world-up, and the aim / 2r, at most 1 long: the goal, or where the target will be. Without either it is 0.
+    /// world-up, the aim / 2r, at most 1 long (the goal, or where the target will be; without either 0), and the
+    /// agility: the share of alpha²·a_max, at most 1, that the vehicle can give.
     pub fn network_state(
         &mut self,
         odometry: &Odometry,
         acc_world: Vec3,
         speed: f64,
         goal_world: Option<Vec3>,
-    ) -> [f32; 12] {
+    ) -> [f32; 13] {
         self.follow_jumps(odometry);
         let p = &self.config.policy;
         let alpha = self.alpha(speed);
@@ -147,12 +151,13 @@ impl Planner {
                 .map(|target| self.config.chase.aim(odometry.pos_world, &target, self.decoder.duration(alpha))),
         };
         let aim_cam = cam_from_world * within_reach(aim_world.unwrap_or_default(), 2.0 * p.radius);
-        let mut state = [0.0; 12];
+        let mut state = [0.0; 13];
         for (i, v) in [vel_cam, acc_cam, up_cam, aim_cam].iter().enumerate() {
             for (axis, x) in v.iter().enumerate() {
                 state[3 * i + axis] = *x as f32;
             }
         }
+        state[12] = (self.config.max_acc / (alpha * alpha * p.a_max)).min(1.0) as f32;
         state
     }
 

@@ -253,10 +253,18 @@ fn the_state_is_seen_from_the_tilted_camera() {
     );
     let (sin, cos) = (0.17_f32.sin(), 0.17_f32.cos());
     // alpha 0.5: velocity 2 / 3, acceleration 1.5 / (0.25 * 6) = 1; a camera looking up sees them below and ahead.
-    let want = [2.0 / 3.0 * cos, 0.0, -2.0 / 3.0 * sin, sin, 0.0, cos, sin, 0.0, cos, 0.0, 0.5, 0.0];
+    let want = [2.0 / 3.0 * cos, 0.0, -2.0 / 3.0 * sin, sin, 0.0, cos, sin, 0.0, cos, 0.0, 0.5, 0.0, 1.0];
     for (got, want) in state.iter().zip(want) {
         assert!((got - want).abs() < 1e-6, "{state:?}");
     }
+}
+
+#[test]
+fn the_faster_it_shall_fly_the_less_agile_it_is() {
+    let agility = |speed| planner(Task::Track).network_state(&odometry(0.0), Vec3::zeros(), speed, None)[12];
+    assert_eq!(agility(6.0), 1.0);
+    // alpha 2: 8 m/s² of 4 * 6.
+    assert!((agility(12.0) - 1.0 / 3.0).abs() < 1e-6, "{}", agility(12.0));
 }
 
 #[test]

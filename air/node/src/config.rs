@@ -93,7 +93,7 @@ section! { /** Where logs go. */ Recorder { directory: PathBuf } }
 section! { /** The control loop. */ Controller { rate_hz: f64 } }
 section! { /** Detection, the chase and the target filter. */ Planner {
     min_objectness: f64, keep_objectness: f64, standoff_m: f64, headway_s: f64, above_target_m: f64,
-    pursue_until_s: f64, keep_off_m: f64, acc_variance_mps2: [f64; 3], measurement_variance_m2: f64,
+    pursue_until_s: f64, keep_off_m: f64, max_acc_mps2: f64, acc_variance_mps2: [f64; 3], measurement_variance_m2: f64,
     variance_distance_m: f64, gate_sigmas: f64, confirm_hits: u32, confirm_of: u32, blind_time_s: f64,
     target_max_speed_mps: f64, target_max_distance_m: f64, reacquire_margin_m: f64,
 } }
@@ -271,6 +271,7 @@ impl Vehicle {
                 pursue_until: p.pursue_until_s,
                 keep_off: p.keep_off_m,
             },
+            max_acc: p.max_acc_mps2,
         }
     }
 

@@ -21,7 +21,9 @@ pub const CELL_PX: usize = 32;
 
 const NAVIGATE_CHANNELS: [&str; 10] = ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost"];
 const TARGET_CHANNELS: [&str; 4] = ["objectness", "du", "dv", "distance"];
-const STATE: [&str; 4] = ["velocity", "acceleration", "up", "aim"];
+const STATE: [&str; 5] = ["velocity", "acceleration", "up", "aim", "agility"];
+/// Numbers of the `state` input: four vectors in the camera frame and a share.
+const STATE_LEN: usize = 13;
 
 /// The whole contract, as the file has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,7 +47,7 @@ pub struct Contract {
     pub duration_rule: String,
     /// Metres for one unit of softplus(y_d).
     pub target_depth_scale_m: f64,
-    /// The vectors of the `state` input in order, three numbers each.
+    /// What the `state` input holds, in order: vectors of three numbers, and the agility, which is one.
     pub state: Vec<String>,
     /// The channels of the output in order.
     pub channels: Vec<String>,
@@ -187,7 +189,7 @@ impl Contract {
     /// Numbers of the `state` input.
     #[must_use]
     pub fn state_len(&self) -> usize {
-        3 * self.state.len()
+        STATE_LEN
     }
 
     /// What the core's planner needs to know of it.
@@ -264,7 +266,7 @@ mod tests {
         assert_eq!((model.radius, model.hfov), (5.0, std::f64::consts::FRAC_PI_2));
         assert_eq!(model.vfov, 2.0 * (48f64 / 80.0).atan());
         assert_eq!((model.v_max, model.a_max, model.target_depth_scale), (6.0, 6.0, 5.0));
-        assert_eq!(contract.state_len(), 12);
+        assert_eq!(contract.state_len(), 13);
     }
 
     #[test]
@@ -273,7 +275,7 @@ mod tests {
         contract["task"] = json!("navigate");
         contract["channels"] = json!(NAVIGATE_CHANNELS);
         let contract = read(&contract).unwrap();
-        assert_eq!((contract.model().task, contract.state_len()), (Task::Navigate, 12));
+        assert_eq!((contract.model().task, contract.state_len()), (Task::Navigate, 13));
     }
 
     #[test]
@@ -327,7 +329,7 @@ mod tests {
             ("/a_max_mps2", json!(-6.0), "a_max_mps2"),
             ("/duration_rule", json!("r/v"), "duration_rule"),
             ("/target_depth_scale_m", json!(0.0), "target_depth_scale_m"),
-            ("/state", json!(["velocity", "up", "acceleration", "aim"]), "state"),
+            ("/state", json!(["velocity", "acceleration", "up", "aim"]), "state"),
             ("/channels", json!(NAVIGATE_CHANNELS), "channels"),
             ("/camera_tilt_rad", json!(1.6), "camera_tilt_rad"),
             ("/task", json!("land"), "unknown variant `land`"),

@@ -189,7 +189,7 @@ impl Policy {
         4 * self.contract.image.height * self.contract.image.width
     }
 
-    /// Numbers of the `state` input: 9 for tracking, 12 for navigation.
+    /// Numbers of the `state` input.
     #[must_use]
     pub fn state_len(&self) -> usize {
         self.contract.state_len()
@@ -197,7 +197,7 @@ impl Policy {
 
     /// Runs the network on one frame; the core decodes and checks the values.
     ///
-    /// `rgbd`: [`crate::Preprocessor`]'s output. `state`: the camera-frame vectors that the contract lists,
+    /// `rgbd`: [`crate::Preprocessor`]'s output. `state`: what the contract lists,
     /// [`Self::state_len`] numbers. The inputs are read in place and the output's tensor is reused.
     ///
     /// # Errors

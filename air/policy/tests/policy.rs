@@ -111,7 +111,7 @@ fn an_input_of_the_wrong_length_is_refused() {
     let error = policy.infer(&rgbd[1..], &state).unwrap_err();
     assert!(matches!(error, PolicyError::Length { input: "rgbd", found: 61439, needed: 61440 }), "{error}");
     let error = policy.infer(&rgbd, &[0.0; 9]).unwrap_err();
-    assert!(matches!(error, PolicyError::Length { input: "state", found: 9, needed: 12 }), "{error}");
+    assert!(matches!(error, PolicyError::Length { input: "state", found: 9, needed: 13 }), "{error}");
 }
 
 #[test]
@@ -173,8 +173,8 @@ fn a_contract_that_cannot_be_honoured_says_what_differs() {
 fn a_model_that_breaks_its_contract_says_what_it_has_and_what_is_needed() {
     let cases = [
         ("wrong_output_shape", "prediction float32[1, 10, 3, 5]", "prediction float32[1, 14, 3, 5]"),
-        ("wrong_state_length", "state float32[1, 6]", "state float32[1, 12]"),
-        ("wrong_input_name", "motion float32[1, 12]", "state float32[1, 12]"),
+        ("wrong_state_length", "state float32[1, 6]", "state float32[1, 13]"),
+        ("wrong_input_name", "motion float32[1, 13]", "state float32[1, 13]"),
         ("wrong_output_type", "f64", "prediction float32[1, 14, 3, 5]"),
     ];
     for (name, found, needed) in cases {

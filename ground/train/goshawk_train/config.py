@@ -18,6 +18,10 @@ class ConfigError(ValueError):
     """A configuration that cannot be used; the message names the field and what to do."""
 
 
+STATE_SIZES = {"velocity": 3, "acceleration": 3, "up": 3, "aim": 3, "agility": 1}
+"""Of the state input: each is a vector in the camera frame, or a number."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
     """The pinhole camera that the policy sees through; `tilt_rad` is its pitch on the vehicle, up positive."""
@@ -86,6 +90,7 @@ class CostConfig:
     collision: float
     potential_distance_m: float
     potential_scale_m: float
+    potential_rest: float
     clearance: float
     clearance_m: float
     ground: float
@@ -124,6 +129,7 @@ class SamplingConfig:
     acceleration_std: tuple[float, float, float]
     norm_max: float
     aim_far: float
+    aim_anywhere: float
     aim_yaw_std_rad: float
     aim_height_m: tuple[float, float]
     aim_height_std: float
@@ -131,6 +137,8 @@ class SamplingConfig:
     chase_spread_m: float
     chase_standoff_m: float
     chase_height_m: float
+    agility_full: float
+    agility_min: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,8 +197,8 @@ class Config:
 
     @property
     def state_names(self) -> list[str]:
-        """The vectors of the network's state input, in order, three numbers each."""
-        return ["velocity", "acceleration", "up", "aim"]
+        """What the network's state input holds, in order; see `STATE_SIZES`."""
+        return list(STATE_SIZES)
 
     @property
     def reach_m(self) -> float:
@@ -220,6 +228,7 @@ class Config:
             "costs.samples": self.costs.samples,
             "costs.potential_scale_m": self.costs.potential_scale_m,
             "costs.ground_scale_m": self.costs.ground_scale_m,
+            "sampling.agility_min": self.sampling.agility_min,
             "training.batch": self.training.batch,
             "training.samples": self.training.samples,
             "training.threads": self.training.threads,

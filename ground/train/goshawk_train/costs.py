@@ -25,6 +25,8 @@ class Situation:
     scene_B: Tensor
     aim_rel_B3: Tensor
     """Where the trajectory should end, relative to the camera's position, world axes, m."""
+    agility_B: Tensor
+    """Share of a_max that the vehicle can give, above 0, at most 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +70,7 @@ class CostModel:
         self.step_s = duration / costs.samples
 
     def smoothness(self, d_BN63: Tensor) -> Tensor:
-        """Js: weighted integrals of squared jerk and acceleration, closed form."""
+        """Js: weighted integrals of squared jerk and acceleration, closed form, for a vehicle that can give a_max."""
         return torch.einsum("ij,bnic,bnjc->bn", self.smooth_66, d_BN63, d_BN63)
 
     def potential(self, distance: Tensor) -> Tensor:
@@ -84,18 +86,21 @@ class CostModel:
         flat = world.reshape(-1, 3)
         scene = situation.scene_B[:, None, None].expand(pos.shape[:3]).reshape(-1)
         distance = self.maps.clearance(flat, scene).view(pos.shape[:3])
-        safety = costs.collision * self.step_s * self.potential(distance).sum(-1)
+        speed = _norm(vel) / motion.v_max_mps
+        exposure = costs.potential_rest + (1 - costs.potential_rest) * speed
+        safety = costs.collision * self.step_s * (self.potential(distance) * exposure).sum(-1)
         min_distance = distance.amin(-1)
         short = F.relu(1 - min_distance / costs.clearance_m)
         above = world[..., 2] - self.maps.ground(flat, scene).view(pos.shape[:3])
         ground = F.softplus((costs.ground_distance_m - above) / costs.ground_scale_m)
-        fast = F.relu(_norm(vel).amax(-1) / motion.v_max_mps - 1)
-        hard = F.relu(_norm(acc).amax(-1) / motion.a_max_mps2 - 1)
+        agility = situation.agility_B[:, None]
+        fast = F.relu(speed.amax(-1) - 1)
+        hard = F.relu(_norm(acc).amax(-1) / (motion.a_max_mps2 * agility) - 1)
         return CostTerms(
-            smoothness_BN=self.smoothness(d_BN63),
+            smoothness_BN=self.smoothness(d_BN63) / agility,
             safety_BN=safety,
             clearance_BN=costs.clearance * short.square(),
-            feasibility_BN=costs.feasibility * (fast.square() + hard.square()),
+            feasibility_BN=costs.feasibility * (_excess(fast) + _excess(hard)),
             ground_BN=costs.ground * self.step_s * ground.sum(-1),
             goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3),
             idle_BN=costs.idle * self.idle(d_BN63[:, :, 3], situation.aim_rel_B3),
@@ -117,6 +122,11 @@ class CostModel:
         """
         short = F.relu(_norm(aim_rel_B3[:, None, :2]) - _norm(end_rel_BN3[..., :2]))
         return F.smooth_l1_loss(short, torch.zeros_like(short), reduction="none")
+
+
+def _excess(e: Tensor) -> Tensor:
+    """e² up to 1, linear beyond: what cannot be flown in any way must not drown the rest."""
+    return 2 * F.smooth_l1_loss(e, torch.zeros_like(e), reduction="none")
 
 
 def _norm(v: Tensor) -> Tensor:

@@ -143,7 +143,8 @@ def make_batch(
         return np.einsum("bij,bj->bi", net_from, vector_B3)
 
     velocity = to_net(sampling.sample_velocity(rng, count, config.sampling), net_from_level)
-    acceleration = to_net(sampling.sample_acceleration(rng, count, config.sampling), net_from_level)
+    agility = sampling.sample_agility(rng, count, config.sampling)[:, None]
+    acceleration = to_net(agility * sampling.sample_acceleration(rng, count, config.sampling), net_from_level)
     pos = labels.pos_world_F3[index_B]
     net_from_world = np.swapaxes(world_from_net, 1, 2)
     aim = sampling.sample_aim(rng, pos[:, 2] - labels.ground_F[index_B], config.reach_m, config.sampling)
@@ -160,7 +161,9 @@ def make_batch(
 
     return Batch(
         rgbd_B4HW=rgbd.permute(0, 3, 1, 2),
-        state_BS=tensor(np.concatenate([velocity, acceleration, world_from_net[:, 2], aim / config.reach_m], axis=1)),
+        state_BS=tensor(
+            np.concatenate([velocity, acceleration, world_from_net[:, 2], aim / config.reach_m, agility], axis=1)
+        ),
         velocity_net_B3=tensor(velocity * config.motion.v_max_mps),
         acceleration_net_B3=tensor(acceleration * config.motion.a_max_mps2),
         world_from_net_B33=tensor(world_from_net),
@@ -170,5 +173,6 @@ def make_batch(
             pos_world_B3=tensor(pos),
             scene_B=torch.from_numpy(labels.scene_F[index_B]),
             aim_rel_B3=tensor(to_net(aim, world_from_net)),
+            agility_B=tensor(agility[:, 0]),
         ),
     )

@@ -15,7 +15,7 @@ import onnxruntime
 import torch
 
 from goshawk_train.checkpoint import Checkpoint, load_weights
-from goshawk_train.config import Config
+from goshawk_train.config import STATE_SIZES, Config
 from goshawk_train.network import TRAJECTORY_CHANNELS, Policy, parameter_count
 
 CONTRACT_KEY = "goshawk_contract"
@@ -83,7 +83,7 @@ def example_inputs(config: Config, seed: int) -> tuple[torch.Tensor, torch.Tenso
     """Random inputs of the exported shapes."""
     generator = torch.Generator().manual_seed(seed)
     rgbd = torch.rand(1, 4, config.camera.height, config.camera.width, generator=generator)
-    return rgbd, torch.randn(1, 3 * len(config.state_names), generator=generator)
+    return rgbd, torch.randn(1, sum(STATE_SIZES.values()), generator=generator)
 
 
 def export(saved: Checkpoint, path: Path, *, commit: str) -> dict[str, Any]:
@@ -166,7 +166,7 @@ def model_card(
 
 Task: {config.task}. ResNet-18 with stages of {", ".join(map(str, config.network.channels))} channels,
 {parameter_count(network):,} parameters, float32, {file.stat().st_size / 1e6:.1f} MB. Input: RGB-D of
-{config.camera.width} x {config.camera.height} and {3 * len(config.state_names)} state values
+{config.camera.width} x {config.camera.height} and {sum(STATE_SIZES.values())} state values
 ({", ".join(config.state_names)}; camera frame). Output: {config.lattice.anchors} anchors of
 {len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.
 

@@ -11,10 +11,13 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from goshawk_train import geometry
-from goshawk_train.config import Config
+from goshawk_train.config import STATE_SIZES, Config
 
 TRAJECTORY_CHANNELS = 10
 """Of the outputs, the first: end state and cost. The rest is detection."""
+
+MOTION_STATES = 9
+"""Of the state, the first: how the camera moves and hangs. The rest is the task."""
 
 
 def _conv(inputs: int, outputs: int, size: int, stride: int) -> nn.Conv2d:
@@ -43,14 +46,17 @@ class Block(nn.Module):
 
 
 def cell_state_matrix(config: Config) -> np.ndarray:
-    """[S * N, S]: the state's vectors, each rotated into every cell's frame, laid out [S, N] row-major."""
+    """[S * N, S]: the state's vectors, each rotated into every cell's frame, and its numbers as they are, laid out
+    [S, N] row-major."""
     cell_from_cam = np.swapaxes(geometry.cam_from_cell(config.camera, config.lattice), 1, 2)
-    vectors = len(config.state_names)
-    anchors = config.lattice.anchors
-    matrix = np.zeros((vectors, 3, anchors, vectors, 3))
-    for vector in range(vectors):
-        matrix[vector, :, :, vector, :] = np.swapaxes(cell_from_cam, 0, 1)
-    return matrix.reshape(vectors * 3 * anchors, vectors * 3)
+    total, anchors = sum(STATE_SIZES.values()), config.lattice.anchors
+    matrix = np.zeros((total, anchors, total))
+    at = 0
+    for size in STATE_SIZES.values():
+        here = slice(at, at + size)
+        matrix[here, :, here] = np.swapaxes(cell_from_cam, 0, 1) if size == 3 else 1
+        at += size
+    return matrix.reshape(total * anchors, total)
 
 
 class Policy(nn.Module):
@@ -70,7 +76,7 @@ class Policy(nn.Module):
             blocks += [Block(inputs, outputs, 1 if stage == 0 else 2), Block(outputs, outputs, 1)]
             inputs = outputs
         self.blocks = nn.Sequential(*blocks)
-        state = 3 * len(config.state_names)
+        state = sum(STATE_SIZES.values())
         hidden = config.network.head_channels
         self.head1 = nn.Conv2d(inputs + state, hidden, 1)
         self.head2 = nn.Conv2d(hidden, hidden, 1)
@@ -89,13 +95,13 @@ class Policy(nn.Module):
         return self.blocks(self.stem(rgbd_B4HW))
 
     def head(self, features: Tensor, state_BS: Tensor) -> Tensor:
-        """The 1x1 head; weights are shared by all cells. What detects the target does not get the aim, the last vector
-        of the state."""
+        """The 1x1 head; weights are shared by all cells. What detects the target does not get the task: the aim and the
+        agility, with which the state ends."""
         trajectories = self._head(features, state_BS)
         if trajectories.shape[1] == TRAJECTORY_CHANNELS:
             return trajectories
         # Where the target is said to be must not tell where it is seen.
-        unaimed = torch.cat([state_BS[:, :-3], torch.zeros_like(state_BS[:, -3:])], dim=1)
+        unaimed = torch.cat([state_BS[:, :MOTION_STATES], torch.zeros_like(state_BS[:, MOTION_STATES:])], dim=1)
         detections = self._head(features, unaimed)
         return torch.cat([trajectories[:, :TRAJECTORY_CHANNELS], detections[:, TRAJECTORY_CHANNELS:]], dim=1)
 

@@ -40,10 +40,12 @@ def sample_acceleration(rng: np.random.Generator, count: int, config: SamplingCo
 
 def sample_aim(rng: np.random.Generator, height_B: F64, reach_m: float, config: SamplingConfig) -> F64:
     """Aims [B, 3] in the level frame, m, for cameras `height_B` above the ground: at any distance within reach, a share
-    of `aim_far` at the end of it, at heights above the ground in `aim_height_m`, less sure the farther away."""
+    of `aim_far` at the end of it, a share of `aim_anywhere` in whatever direction, the others more or less ahead, at
+    heights above the ground in `aim_height_m`, less sure the farther away."""
     count = len(height_B)
     distance = reach_m * np.where(rng.uniform(size=count) < config.aim_far, 1.0, rng.uniform(size=count))
-    yaw = rng.normal(0.0, config.aim_yaw_std_rad, count)
+    ahead, anywhere = rng.normal(0.0, config.aim_yaw_std_rad, count), rng.uniform(-math.pi, math.pi, count)
+    yaw = np.where(rng.uniform(size=count) < config.aim_anywhere, anywhere, ahead)
     up = rng.uniform(*config.aim_height_m, count) - height_B + rng.normal(0.0, config.aim_height_std, count) * distance
     return np.column_stack([distance * np.cos(yaw), distance * np.sin(yaw), up])
 
@@ -58,6 +60,13 @@ def chase_aim(rng: np.random.Generator, target_rel_B3: F64, config: SamplingConf
     ahead[:, :2] *= np.maximum(flat - config.chase_standoff_m, 0) / np.maximum(flat, 1e-6)
     ahead[:, 2] += config.chase_height_m
     return ahead
+
+
+def sample_agility(rng: np.random.Generator, count: int, config: SamplingConfig) -> F64:
+    """Shares of a_max that vehicles can give [count]: all of it for a share of `agility_full`, the others down to
+    `agility_min`, uniform in the logarithm."""
+    less = np.exp(rng.uniform(math.log(config.agility_min), 0.0, count))
+    return np.where(rng.uniform(size=count) < config.agility_full, 1.0, less)
 
 
 def within_reach(aim_B3: F64, reach_m: float) -> F64:

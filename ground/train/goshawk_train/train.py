@@ -16,6 +16,7 @@ from types import FrameType
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from torch.utils.tensorboard import SummaryWriter
 
 from goshawk_train import checkpoint, data, validate
@@ -91,10 +92,14 @@ class Trainer:
 
     def begin_from(self, other: Checkpoint) -> None:
         """Start at step 0 with another run's averaged weights. Of another task's run, whose head sees and says other
-        things, only the backbone is taken. Raises `TrainingError` if not even that fits.
+        things, only the backbone is taken; inputs of the head that the other run did not have begin without weight.
+        Raises `TrainingError` if not even that fits.
         """
         own = self.network.state_dict()
         theirs = {**other.network, **other.ema}
+        missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
+        if missing > 0:
+            theirs["head1.weight"] = F.pad(theirs["head1.weight"], (0, 0, 0, 0, 0, missing))
         fitting = {name: value for name, value in theirs.items() if name in own and value.shape == own[name].shape}
         if not all(name in fitting for name in own if name.startswith(("stem.", "blocks."))):
             raise TrainingError("the run to begin from has another backbone; use the same widths")

@@ -50,6 +50,7 @@ def situation() -> Situation:
         pos_world_B3=torch.tensor([[0.1, 0.2, 1.0], [0.3, -0.4, 1.2]], dtype=F64),
         scene_B=torch.tensor([0, 1]),
         aim_rel_B3=torch.tensor([[4.0, 1.0, 0.2], [3.0, -2.0, 0.1]], dtype=F64),
+        agility_B=torch.tensor([1.0, 0.5], dtype=F64),
     )
 
 
@@ -81,6 +82,7 @@ def test_smoothness_is_the_integral_of_squared_jerk_and_acceleration(config: Con
 def test_safety_gradient_is_the_sum_of_potential_slopes_times_lp(
     config: Config, maps: SceneMaps, d: torch.Tensor
 ) -> None:
+    config = dataclasses.replace(config, costs=dataclasses.replace(config.costs, potential_rest=1.0))
     model, where = CostModel(config, maps, dtype=F64), situation()
     duration, samples = config.duration_s, config.costs.samples
     lp = quintic.hermite(duration)[:, 3:]
@@ -133,6 +135,23 @@ def test_idling_costs_the_missing_way_in_whatever_direction(config: Config, maps
     torch.testing.assert_close(
         model.idle(ends, aim)[0], torch.tensor([7.5, 2.5, 2.5, 0.0], dtype=F64), atol=1e-4, rtol=0
     )
+
+
+def test_a_less_agile_vehicle_is_given_less_acceleration(config: Config, maps: SceneMaps, d: torch.Tensor) -> None:
+    model, agile = CostModel(config, maps, dtype=F64), situation()
+    sluggish = dataclasses.replace(agile, agility_B=agile.agility_B / 2)
+    a, b = model(d, agile), model(d, sluggish)
+    torch.testing.assert_close(b.smoothness_BN, 2 * a.smoothness_BN)
+    assert (b.feasibility_BN > a.feasibility_BN).any() and (b.feasibility_BN >= a.feasibility_BN).all()
+    torch.testing.assert_close(b.safety_BN, a.safety_BN)
+
+
+def test_rest_costs_less_near_obstacles_than_speed(config: Config, maps: SceneMaps) -> None:
+    model, where = CostModel(config, maps, dtype=F64), situation()
+    at_rest = torch.zeros(2, 1, 6, 3, dtype=F64)
+    always = dataclasses.replace(config, costs=dataclasses.replace(config.costs, potential_rest=1.0))
+    share = model(at_rest, where).safety_BN / CostModel(always, maps, dtype=F64)(at_rest, where).safety_BN
+    torch.testing.assert_close(share, torch.full_like(share, config.costs.potential_rest), rtol=1e-3, atol=0)
 
 
 def test_chain_rule_through_decoding_is_jacobian_times_tanh_slope(config: Config, maps: SceneMaps) -> None:
@@ -188,6 +207,7 @@ def test_trajectory_through_an_obstacle_costs_decidedly_more(config: Config) -> 
         pos_world_B3=torch.tensor([[0.0, 0.0, 1.5]]),
         scene_B=torch.tensor([0]),
         aim_rel_B3=torch.tensor([[6.0, 0.0, 0.0]]),
+        agility_B=torch.tensor([1.0]),
     )
     through = model(d, where)
     beside = model(d, dataclasses.replace(where, pos_world_B3=torch.tensor([[0.0, 1.5, 1.5]])))

@@ -67,8 +67,9 @@ def test_levelling_takes_out_the_heading_only(q: list[float]) -> None:
 
 
 def test_network_rotates_the_state_into_every_cell(config: Config) -> None:
-    state = np.random.default_rng(0).normal(size=12)
-    rotated = (cell_state_matrix(config) @ state).reshape(12, 15)
+    state = np.random.default_rng(0).normal(size=13)
+    rotated = (cell_state_matrix(config) @ state).reshape(13, 15)
+    assert (rotated[12] == state[12]).all()
     cells = geometry.cam_from_cell(config.camera, config.lattice)
     for anchor in range(15):
         for vector in range(4):
@@ -79,7 +80,7 @@ def test_network_rotates_the_state_into_every_cell(config: Config) -> None:
 @pytest.mark.parametrize("task", ["track", "navigate"])
 def test_network_output_has_a_channel_for_each_name(task: str) -> None:
     config = load_config(ROOT / "configs" / f"{task}.toml")
-    state = torch.zeros(2, 3 * len(config.state_names))
+    state = torch.zeros(2, 13)
     assert Policy(config)(torch.zeros(2, 4, 96, 160), state).shape == (2, len(config.channel_names), 3, 5)
 
 
@@ -147,16 +148,22 @@ def test_aims_lie_ahead_at_flying_height_and_often_at_the_end_of_the_reach(confi
     aim = sampling.sample_aim(np.random.default_rng(0), np.full(20000, 1.4), 10.0, config.sampling)
     distance, height = np.linalg.norm(aim[:, :2], axis=1), aim[:, 2] + 1.4
     assert (distance > 9.99).mean() == pytest.approx(config.sampling.aim_far, abs=0.02)
-    assert (distance < 2).mean() > 0.1 and (aim[:, 0] > 0).mean() > 0.99
+    assert (distance < 2).mean() > 0.1 and (aim[:, 0] < 0).mean() == pytest.approx(config.sampling.aim_anywhere / 2, abs=0.02)
     assert height.mean() == pytest.approx(np.mean(config.sampling.aim_height_m), abs=0.05)
 
 
-def test_detection_does_not_depend_on_the_aim_and_trajectories_do(config: Config) -> None:
+def test_agility_is_full_or_less_down_to_the_least(config: Config) -> None:
+    agility = sampling.sample_agility(np.random.default_rng(0), 20000, config.sampling)
+    assert (agility == 1).mean() == pytest.approx(config.sampling.agility_full, abs=0.02)
+    assert config.sampling.agility_min <= agility.min() < 1.05 * config.sampling.agility_min
+
+
+def test_detection_does_not_depend_on_the_task_and_trajectories_do(config: Config) -> None:
     torch.manual_seed(0)
     network = Policy(config).eval()
-    state = torch.randn(1, 12)
+    state = torch.randn(1, 13)
     image = torch.rand(1, 4, 96, 160)
-    other = torch.cat([state[:, :9], torch.randn(1, 3)], dim=1)
+    other = torch.cat([state[:, :9], torch.randn(1, 4)], dim=1)
     with torch.no_grad():
         a, b = network(image, state), network(image, other)
     assert torch.equal(a[:, 10:], b[:, 10:])

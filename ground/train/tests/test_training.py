@@ -126,11 +126,11 @@ def test_exported_policy_carries_the_contract_and_agrees_with_torch(
     assert [p.key for p in model.metadata_props] == [export.CONTRACT_KEY]
     agreed = json.loads(model.metadata_props[0].value)
     assert agreed["version"] == 1 and agreed["task"] == "track"
-    assert agreed["state"] == ["velocity", "acceleration", "up", "aim"]
+    assert agreed["state"] == ["velocity", "acceleration", "up", "aim", "agility"]
     assert agreed["channels"][9:] == ["cost", "objectness", "du", "dv", "distance"]
     assert agreed["training"] == {**agreed["training"], "data": "synthetic", "commit": "abc", "seed": 1, "samples": 24}
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    assert [(i.name, i.shape) for i in session.get_inputs()] == [("rgbd", [1, 4, 96, 160]), ("state", [1, 12])]
+    assert [(i.name, i.shape) for i in session.get_inputs()] == [("rgbd", [1, 4, 96, 160]), ("state", [1, 13])]
     assert [(o.name, o.shape) for o in session.get_outputs()] == [("prediction", [1, 14, 3, 5])]
     assert str(Path.home()) not in path.read_bytes().decode("latin-1")
 

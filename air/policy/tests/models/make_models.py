@@ -15,7 +15,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 MODELS_DIR = Path(__file__).resolve().parent
 TRACK_CHANNELS = ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost", "objectness", "du", "dv", "distance"]
-STATE = ["velocity", "acceleration", "up", "aim"]
+STATE = ["velocity", "acceleration", "up", "aim", "agility"]
+STATE_NUMBERS = 13
 
 
 def contract(task: str) -> dict[str, Any]:
@@ -53,7 +54,7 @@ def weights(inputs: int, outputs: int) -> np.ndarray[Any, np.dtype[np.float32]]:
 def good(task: str, *, swapped: bool = False) -> onnx.ModelProto:
     """A model that does what `contract(task)` says."""
     agreed = contract(task)
-    channels, numbers = len(agreed["channels"]), 3 * len(agreed["state"])
+    channels, numbers = len(agreed["channels"]), STATE_NUMBERS
     outputs = channels * 15
     bias = (np.arange(outputs) / 100).astype(np.float32)
     nodes = [
@@ -75,7 +76,7 @@ def good(task: str, *, swapped: bool = False) -> onnx.ModelProto:
 def constant(
     agreed: dict[str, Any] | None,
     *,
-    state: tuple[str, int] = ("state", 12),
+    state: tuple[str, int] = ("state", STATE_NUMBERS),
     output: tuple[int, ...] = (1, 14, 3, 5),
     dtype: int = TensorProto.FLOAT,
 ) -> onnx.ModelProto:
