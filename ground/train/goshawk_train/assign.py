@@ -26,7 +26,7 @@ def assign(target_cam_B3: Tensor, visible_B: Tensor, config: Config) -> Assignme
     projection is positive. Nothing is positive of a target seen less than `visible_min`: what would be is ignored.
     """
     camera, lattice, rule = config.camera, config.lattice, config.assign
-    anchor = torch.arange(lattice.anchors)
+    anchor = torch.arange(lattice.anchors, device=target_cam_B3.device)
     cell_px = camera.width / lattice.columns
     left_px = (anchor % lattice.columns) * cell_px
     top_px = torch.div(anchor, lattice.columns, rounding_mode="floor") * cell_px

@@ -1,4 +1,4 @@
-"""The command line: dataset, train, validate, preview, export. What needs torch imports it where it runs."""
+"""The command line: dataset, train, score, validate, preview, export. What needs torch imports it where it runs."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ EXAMPLES = """examples:
   python -m goshawk_train dataset  check data/train --against data/val
   python -m goshawk_train train    --config configs/track.toml --data data/train --validation data/val --out runs/a
   python -m goshawk_train train    --config configs/track.toml --data data/train --out runs/a --resume
+  torchrun --nproc-per-node 8 -m goshawk_train train --config configs/track.toml --data data/train --out runs/a
+  python -m goshawk_train score    --run runs/a
+  python -m goshawk_train flights  --trials 100
   python -m goshawk_train validate --run runs/a --data data/val --json metrics.json
   python -m goshawk_train preview  --run runs/a --data data/val --out preview.png
   python -m goshawk_train export   --run runs/a --data data/val --out air/models/track.onnx
@@ -50,10 +53,23 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--from", dest="begin", type=Path, metavar="RUN", help="begin with the weights of another run")
     run.add_argument("--samples", type=int, help="length of the run, instead of the configuration's")
     run.add_argument("--threads", type=int, help="CPU threads, instead of the configuration's")
+    run.add_argument("--simulator", type=Path, help="goshawk-sim: score the run by small campaigns as well")
+    run.add_argument("--score-minutes", type=float, default=30.0, help="time between two scores (default 30)")
+    fly = add("score", "Fly small campaigns with a run's averaged weights.")
+    fly.add_argument("--simulator", type=Path, default=Path("target/release/goshawk-sim"), help="goshawk-sim")
+    fly.add_argument("--trials", type=int, default=20, help="flights in each cell (default 20)")
+    fly.add_argument("--json", type=Path, help="write the shares there as well")
+    table = add("flights", "Fly the flight table of RESULTS.md; goes on where it stopped.")
+    table.add_argument("--table", type=Path, default=Path("ground/train/configs/flights.toml"), help="its rows")
+    table.add_argument("--models", type=Path, default=Path("air/models"), help="folder of track.onnx and navigate.onnx")
+    table.add_argument("--simulator", type=Path, default=Path("target/release/goshawk-sim"), help="goshawk-sim")
+    table.add_argument("--trials", type=int, help="flights in each cell, instead of the table's")
+    table.add_argument("--out", type=Path, default=Path("ground/train/results"), help="folder of the rows' JSON")
+    table.add_argument("--markdown", type=Path, default=Path("ground/train/RESULTS.md"), help="where the table stands")
     measure = add("validate", "Measure a run's averaged weights on held-out scenes.")
     picture = add("preview", "Draw candidates of some frames on the true map.")
     ship = add("export", "Write the ONNX policy with its contract, and its model card if --data is given.")
-    for command in (measure, picture, ship):
+    for command in (fly, measure, picture, ship):
         command.add_argument("--run", type=Path, required=True, help="folder of the run")
     for command in (measure, picture):
         command.add_argument("--data", type=Path, required=True, help="data set of held-out scenes")
@@ -74,8 +90,14 @@ def _train(args: argparse.Namespace) -> int:
     changes = {k: v for k, v in (("samples", args.samples), ("threads", args.threads)) if v is not None}
     config = replace_training(load_config(args.config), **changes)
     config.validate()
-    final = train.run(config, args.data, args.out, validation=args.validation, resume=args.resume, begin=args.begin)
-    return 0 if final.step * config.training.batch >= config.training.samples else 130
+    options = train.RunOptions(
+        validation=args.validation,
+        resume=args.resume,
+        begin=args.begin,
+        simulator=args.simulator,
+        score_minutes=args.score_minutes,
+    )
+    return 0 if train.run(config, args.data, args.out, options) else 130
 
 
 def _load(folder: Path) -> tuple[Checkpoint, Policy]:
@@ -99,6 +121,32 @@ def _validate(args: argparse.Namespace) -> int:
     print(validate.table(metrics))
     if args.json:
         args.json.write_text(json.dumps(metrics, indent=1) + "\n")
+    return 0
+
+
+def _score(args: argparse.Namespace) -> int:
+    from goshawk_train import checkpoint, train, validate
+    from goshawk_train.score import score
+
+    flown = score(checkpoint.load(args.run / train.CHECKPOINT), args.simulator, trials=args.trials)
+    print(validate.table(flown))
+    if args.json:
+        args.json.write_text(json.dumps(flown, indent=1) + "\n")
+    return 0
+
+
+def _flights(args: argparse.Namespace) -> int:
+    from goshawk_train import flights
+
+    trials, seed, rows = flights.load(args.table)
+    args.out.mkdir(parents=True, exist_ok=True)
+    flown = []
+    for row in rows:
+        count = args.trials or trials
+        report = flights.fly(row, args.out, args.simulator, args.models, trials=count, seed=seed)
+        flown.append((row, report))
+        flights.put(args.markdown, flights.markdown(flown))
+    print(args.markdown)
     return 0
 
 
@@ -136,12 +184,21 @@ def _export(args: argparse.Namespace) -> int:
 def _run(args: argparse.Namespace) -> int:
     from goshawk_train.checkpoint import CheckpointError
     from goshawk_train.export import ExportError
+    from goshawk_train.flights import FlightsError
+    from goshawk_train.score import ScoreError
     from goshawk_train.train import TrainingError
 
-    commands = {"train": _train, "validate": _validate, "preview": _preview, "export": _export}
+    commands = {
+        "train": _train,
+        "score": _score,
+        "flights": _flights,
+        "validate": _validate,
+        "preview": _preview,
+        "export": _export,
+    }
     try:
         return commands[args.command](args)
-    except (ConfigError, DataError, ExportError, TrainingError, CheckpointError) as error:
+    except (ConfigError, DataError, ExportError, FlightsError, ScoreError, TrainingError, CheckpointError) as error:
         print(f"goshawk_train {args.command}: {error}", file=sys.stderr)
         return 2
 

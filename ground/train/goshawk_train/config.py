@@ -98,6 +98,7 @@ class CostConfig:
     ground_scale_m: float
     feasibility: float
     goal: float
+    progress: float
     idle: float
     trajectory_loss: float
     lambda_negative: float
@@ -159,6 +160,7 @@ class TrainingConfig:
     """The optimiser's schedule and the run's housekeeping."""
 
     batch: int
+    states: int
     samples: int
     learning_rate: float
     warm_up_epochs: float
@@ -230,6 +232,7 @@ class Config:
             "costs.ground_scale_m": self.costs.ground_scale_m,
             "sampling.agility_min": self.sampling.agility_min,
             "training.batch": self.training.batch,
+            "training.states": self.training.states,
             "training.samples": self.training.samples,
             "training.threads": self.training.threads,
         }

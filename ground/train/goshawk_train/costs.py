@@ -28,6 +28,10 @@ class Situation:
     agility_B: Tensor
     """Share of a_max that the vehicle can give, above 0, at most 1."""
 
+    def to(self, device: torch.device) -> Situation:
+        """The same situations on another device."""
+        return Situation(**{name: value.to(device) for name, value in vars(self).items()})
+
 
 @dataclass(frozen=True, kw_only=True)
 class CostTerms:
@@ -39,6 +43,7 @@ class CostTerms:
     feasibility_BN: Tensor
     ground_BN: Tensor
     goal_BN: Tensor
+    progress_BN: Tensor
     idle_BN: Tensor
     min_distance_BN: Tensor
     pos_rel_BNK3: Tensor
@@ -52,6 +57,7 @@ class CostTerms:
             + self.feasibility_BN
             + self.ground_BN
             + self.goal_BN
+            + self.progress_BN
             + self.idle_BN
         )
 
@@ -102,16 +108,21 @@ class CostModel:
             clearance_BN=costs.clearance * short.square(),
             feasibility_BN=costs.feasibility * (_excess(fast) + _excess(hard)),
             ground_BN=costs.ground * self.step_s * ground.sum(-1),
-            goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3),
+            goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3[:, None]),
+            progress_BN=costs.progress * self.miss(pos, situation.aim_rel_B3[:, None, None]).mean(-1),
             idle_BN=costs.idle * self.idle(d_BN63[:, :, 3], situation.aim_rel_B3),
             min_distance_BN=min_distance,
             pos_rel_BNK3=pos,
         )
 
-    def miss(self, end_rel_BN3: Tensor, aim_rel_B3: Tensor) -> Tensor:
-        """Jg: smooth-L1 distance of the end from the aim, horizontal and vertical apart: each has a slope of 1 however
-        far the aim is, so that the way over the trees is no shorter than the one around them."""
-        off = end_rel_BN3 - aim_rel_B3[:, None]
+    def miss(self, pos_rel: Tensor, aim_rel: Tensor) -> Tensor:
+        """Jg: smooth-L1 distance of positions [..., 3] from the aim, horizontal and vertical apart: each has a slope of
+        1 however far the aim is, so that the way over the trees is no shorter than the one around them.
+
+        At the end alone it would leave open when to set out: from rest, a quintic that ends a little too fast first
+        waits, and one that is planned anew at each frame waits for ever. Hence the mean along the way, `progress`.
+        """
+        off = pos_rel - aim_rel
         parts = torch.stack([_norm(off[..., :2]), off[..., 2]], dim=-1)
         return F.smooth_l1_loss(parts, torch.zeros_like(parts), reduction="none").sum(-1)
 

@@ -6,6 +6,7 @@ The "net" frame is the camera frame, or its mirror image left to right for mirro
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -42,9 +43,9 @@ class Frames:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """What one training step sees."""
+    """What one training step sees: I images, each with the same number of random states in a row, B in all."""
 
-    rgbd_B4HW: Tensor
+    rgbd_I4HW: Tensor
     state_BS: Tensor
     velocity_net_B3: Tensor
     acceleration_net_B3: Tensor
@@ -53,6 +54,11 @@ class Batch:
     target_net_B3: Tensor
     visible_B: Tensor
     situation: Situation
+
+    def to(self, device: torch.device) -> Batch:
+        """The same batch on another device."""
+        tensors = {name: value.to(device) for name, value in vars(self).items() if isinstance(value, Tensor)}
+        return dataclasses.replace(self, **tensors, situation=self.situation.to(device))
 
 
 def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.float16], F64]:
@@ -117,22 +123,35 @@ def epoch_order(frames: int, *, seed: int, epoch: int) -> NDArray[np.int64]:
     return np.random.default_rng([seed, 1, epoch]).permutation(frames)
 
 
-def make_batch(
-    frames: Frames, index_B: NDArray[np.int64], rng: np.random.Generator, config: Config, *, training: bool
-) -> Batch:
-    """Frames with fresh random states; with colour changes, blanking and mirroring when `training`."""
-    count, labels = len(index_B), frames.labels
-    mirrored = rng.uniform(size=count) < (config.augment.flip if training else 0.0)
-    rgb, depth = frames.rgb_FHW3[index_B], frames.depth_FHW[index_B]
-    rgb[mirrored] = rgb[mirrored, :, ::-1]
-    depth[mirrored] = depth[mirrored, :, ::-1]
-    rgbd = torch.empty(count, config.camera.height, config.camera.width, 4)
+def _images(frames: Frames, index_I: NDArray[np.int64], mirrored_I: NDArray[np.bool_], config: Config) -> Tensor:
+    """[I, H, W, 4] in 0..1."""
+    rgb, depth = frames.rgb_FHW3[index_I], frames.depth_FHW[index_I]
+    rgb[mirrored_I] = rgb[mirrored_I, :, ::-1]
+    depth[mirrored_I] = depth[mirrored_I, :, ::-1]
+    rgbd = torch.empty(len(index_I), config.camera.height, config.camera.width, 4)
     rgbd[..., :3] = torch.from_numpy(rgb)
     rgbd[..., :3] /= 255
     rgbd[..., 3] = torch.from_numpy(preprocess.normalise_depth(depth, config.depth))
+    return rgbd
+
+
+def make_batch(
+    frames: Frames,
+    index_I: NDArray[np.int64],
+    rng: np.random.Generator,
+    config: Config,
+    *,
+    training: bool,
+    states: int = 1,
+) -> Batch:
+    """Frames with fresh random states, `states` each; with colour changes, blanking and mirroring when `training`."""
+    images, labels = len(index_I), frames.labels
+    mirrored = rng.uniform(size=images) < (config.augment.flip if training else 0.0)
+    rgbd = _images(frames, index_I, mirrored, config)
     if training:
         rgbd = augment.augment(rgbd, rng, config.augment)
 
+    count, index_B, mirrored = images * states, index_I.repeat(states), mirrored.repeat(states)
     mirror = np.ones((count, 1, 3))
     mirror[mirrored, 0, 1] = -1
     world_from_cam = labels.world_from_cam_F33[index_B]
@@ -160,7 +179,7 @@ def make_batch(
         return torch.as_tensor(np.ascontiguousarray(value, dtype=np.float32))
 
     return Batch(
-        rgbd_B4HW=rgbd.permute(0, 3, 1, 2),
+        rgbd_I4HW=rgbd.permute(0, 3, 1, 2),
         state_BS=tensor(
             np.concatenate([velocity, acceleration, world_from_net[:, 2], aim / config.reach_m, agility], axis=1)
         ),

@@ -142,6 +142,12 @@ class SceneMaps:
         self.height_origin_S2 = torch.tensor(np.array([g.ground_origin for g in grids]))
         self.height_cell_S = torch.tensor([g.ground_cell_m for g in grids], dtype=torch.float64)
 
+    def to(self, device: torch.device) -> SceneMaps:
+        """The same maps on another device."""
+        for name, value in vars(self).items():
+            setattr(self, name, value.to(device))
+        return self
+
     def clearance(self, pos_world_P3: Tensor, scene_P: Tensor) -> Tensor:
         """Signed distance to the obstacles, m, [P]; differentiable. Outside of the map: that of its nearest border."""
         origin = self.origin_S3[scene_P].to(pos_world_P3.dtype)

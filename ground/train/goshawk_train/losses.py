@@ -51,7 +51,7 @@ class LossModel:
         parts = {
             "trajectory": trajectory.mean(),
             "cost_error": cost_loss.mean(),
-            **{f.name[:-3]: getattr(terms, f.name).mean() for f in dataclasses.fields(terms)[:7]},
+            **{f.name[:-3]: getattr(terms, f.name).mean() for f in dataclasses.fields(terms)[:8]},
         }
         if decoded.objectness_logit_BN is not None and decoded.target_cam_BN3 is not None:
             truth = groups.positive_BN.to(each.dtype)

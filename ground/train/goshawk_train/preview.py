@@ -30,7 +30,7 @@ def draw(network: Policy, config: Config, root: Path, out: Path, *, count: int, 
     batch = data.make_batch(frames, index, rng, config, training=False)
     network.eval()
     with torch.no_grad():
-        outcome = losses(network(batch.rgbd_B4HW, batch.state_BS), batch)
+        outcome = losses(network(batch.rgbd_I4HW, batch.state_BS), batch)
     figure, axes = pyplot.subplots(count, 3, figsize=(15, 4.6 * count), squeeze=False)
     for row in range(count):
         axes[row, 0].imshow(frames.rgb_FHW3[index[row]], extent=(0, config.camera.width, config.camera.height, 0))

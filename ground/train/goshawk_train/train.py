@@ -11,6 +11,7 @@ import math
 import signal
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
@@ -19,7 +20,7 @@ import torch
 import torch.nn.functional as F
 from torch.utils.tensorboard import SummaryWriter
 
-from goshawk_train import checkpoint, data, validate
+from goshawk_train import checkpoint, data, score, validate
 from goshawk_train.checkpoint import Checkpoint, Ema
 from goshawk_train.config import Config, replace_training
 from goshawk_train.costs import CostModel
@@ -27,8 +28,10 @@ from goshawk_train.dataset.layout import describe
 from goshawk_train.esdf import SceneMaps
 from goshawk_train.losses import LossModel
 from goshawk_train.network import Policy, parameter_count
+from goshawk_train.workers import Workers, join, leave
 
 CHECKPOINT = "checkpoint.pt"
+ALONE = Workers(torch.device("cpu"))
 
 
 class TrainingError(RuntimeError):
@@ -46,13 +49,19 @@ def learning_rate(step: int, *, total: int, warm_up: int, peak: float, final_fra
 class Trainer:
     """A run: network, optimiser, average and data, advanced one step at a time."""
 
-    def __init__(self, config: Config, frames: data.Frames, maps: SceneMaps, *, data_name: str) -> None:
-        if len(frames) < config.training.batch:
-            raise TrainingError(f"{len(frames)} frames are fewer than one batch of {config.training.batch}")
+    def __init__(
+        self, config: Config, frames: data.Frames, maps: SceneMaps, *, data_name: str, workers: Workers = ALONE
+    ) -> None:
+        self.samples_a_step = config.training.batch * workers.count
+        """Images, however many states each is seen with."""
+        if len(frames) < self.samples_a_step:
+            raise TrainingError(f"{len(frames)} frames are fewer than one step of {self.samples_a_step}")
         torch.manual_seed(config.seed)
-        self.config, self.frames, self.data_name = config, frames, data_name
-        self.losses = LossModel(config, CostModel(config, maps))
-        self.network = Policy(config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.config, self.frames, self.data_name, self.workers = config, frames, data_name, workers
+        network = Policy(config)  # on the CPU, so that a seed means the same everywhere
+        self.network = network.to(device=workers.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        with workers.device:
+            self.losses = LossModel(config, CostModel(config, maps.to(workers.device)))
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(),
             lr=config.training.learning_rate,
@@ -60,8 +69,8 @@ class Trainer:
             fused=True,
         )
         self.ema = Ema(self.network, config.training.ema)
-        self.steps_per_epoch = len(frames) // config.training.batch
-        self.total_steps = math.ceil(config.training.samples / config.training.batch)
+        self.steps_per_epoch = len(frames) // self.samples_a_step
+        self.total_steps = math.ceil(config.training.samples / self.samples_a_step)
         self.step, self.seconds = 0, 0.0
         self._order = (-1, np.zeros(0, dtype=np.int64))
 
@@ -72,8 +81,8 @@ class Trainer:
             step=self.step,
             seconds=self.seconds,
             data=self.data_name,
-            network=self.network.state_dict(),
-            ema=self.ema.state_dict(),
+            network={name: value.cpu() for name, value in self.network.state_dict().items()},
+            ema={name: value.cpu() for name, value in self.ema.state_dict().items()},
             optimiser=self.optimiser.state_dict(),
         )
 
@@ -111,18 +120,21 @@ class Trainer:
         self.data_name += f", begun from {done} samples of {other.data}"
 
     def indices(self) -> np.ndarray:
-        """The frames of the current step."""
+        """This process's frames of the current step."""
         epoch, position = divmod(self.step, self.steps_per_epoch)
         if self._order[0] != epoch:
             self._order = (epoch, data.epoch_order(len(self.frames), seed=self.config.seed, epoch=epoch))
         batch = self.config.training.batch
-        return self._order[1][position * batch : (position + 1) * batch]
+        start = position * self.samples_a_step + self.workers.rank * batch
+        return self._order[1][start : start + batch]
 
     def advance(self) -> dict[str, torch.Tensor]:
         """One optimiser step; returns the loss and its parts. Raises `TrainingError` on a non-finite loss."""
         started, training = time.monotonic(), self.config.training
-        rng = np.random.default_rng([self.config.seed, 2, self.step])
-        batch = data.make_batch(self.frames, self.indices(), rng, self.config, training=True)
+        rng = np.random.default_rng([self.config.seed, 2, self.step * self.workers.count + self.workers.rank])
+        batch = data.make_batch(
+            self.frames, self.indices(), rng, self.config, training=True, states=training.states
+        ).to(self.workers.device)
         rate = learning_rate(
             self.step,
             total=self.total_steps,
@@ -133,11 +145,14 @@ class Trainer:
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.network.train()
-        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=training.bf16):
-            features = self.network.features(batch.rgbd_B4HW)
-        outcome = self.losses(self.network.head(features.float(), batch.state_BS), batch)
+        with torch.autocast(self.workers.device.type, dtype=torch.bfloat16, enabled=training.bf16):
+            features = self.network.features(batch.rgbd_I4HW)
+        # The backbone costs most and does not see the state: several states for an image are nearly free.
+        features = features.float().repeat_interleave(training.states, dim=0)
+        outcome = self.losses(self.network.head(features, batch.state_BS), batch)
         self.optimiser.zero_grad(set_to_none=True)
         outcome.loss.backward()
+        self.workers.average_gradients(self.network.parameters())
         norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), training.gradient_norm_max)
         if not torch.isfinite(norm):
             raise TrainingError(f"step {self.step}: loss or gradient is not finite; resume from the last checkpoint")
@@ -175,55 +190,101 @@ def keep_freed_memory() -> None:
         mallopt(trim_threshold, 2**31 - 1)
 
 
-def run(
-    config: Config, root: Path, out: Path, *, validation: Path | None, resume: bool, begin: Path | None = None
-) -> Checkpoint:
-    """Train to the end (or a signal) and leave `checkpoint.pt` and TensorBoard events in `out`.
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """What a run does beside its steps."""
 
-    `begin` is the folder of a run whose weights are the first; a resumed run no longer needs it.
+    validation: Path | None = None
+    """Data set of other scenes."""
+    resume: bool = False
+    begin: Path | None = None
+    """Folder of a run whose weights are the first; a resumed run no longer needs it."""
+    simulator: Path | None = None
+    """The `goshawk-sim` that flies the score's campaigns."""
+    score_minutes: float = 30.0
+
+
+def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
+    """Train and leave `checkpoint.pt` and TensorBoard events in `out`; whether the end was reached before a signal.
+
+    Under `torchrun` every process takes `batch` samples of a step; the first one prints and writes.
     """
     keep_freed_memory()
     torch.set_num_threads(config.training.threads)
     path = out / CHECKPOINT
-    if path.exists() and not resume:
+    resumes = options.resume and path.exists()
+    if path.exists() and not resumes:
         raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
-    begun = checkpoint.load(begin / CHECKPOINT) if begin and not (resume and path.exists()) else None
-    print(f"loading {root}", flush=True)
-    frames, maps = data.load(root, config)
-    trainer = Trainer(config, frames, maps, data_name=describe(root))
-    if resume and path.exists():
-        trainer.restore(checkpoint.load(path))
-    elif begun:
-        trainer.begin_from(begun)
-    held_out = validate.Validator(config, validation) if validation else None
-    print(
-        f"{len(frames)} frames, {parameter_count(trainer.network):,} parameters, "
-        f"steps {trainer.step}..{trainer.total_steps} of {config.training.batch}",
-        flush=True,
-    )
+    begun = checkpoint.load(options.begin / CHECKPOINT) if options.begin and not resumes else None
+    workers = join()
+    try:
+        if workers.first:
+            print(f"loading {root}", flush=True)
+        frames, maps = data.load(root, config)
+        trainer = Trainer(config, frames, maps, data_name=describe(root), workers=workers)
+        if resumes:
+            trainer.restore(checkpoint.load(path))
+        elif begun:
+            trainer.begin_from(begun)
+        return _steps(trainer, out, options)
+    finally:
+        leave()
+
+
+def _steps(trainer: Trainer, out: Path, options: RunOptions) -> bool:
     stop = _StopFlag()
-    out.mkdir(parents=True, exist_ok=True)
-    with SummaryWriter(str(out)) as log:
-        saved = checked = time.monotonic()
-        report = _Report(trainer)
-        while trainer.step < trainer.total_steps and not stop.raised:
-            report.add(trainer.advance(), log)
-            now = time.monotonic()
-            if now - saved > config.training.checkpoint_minutes * 60:
-                checkpoint.save(path, trainer.snapshot())
-                saved = now
-            last = trainer.step == trainer.total_steps
-            if held_out and (last or now - checked > config.training.validate_minutes * 60):
-                metrics = held_out.evaluate_state(trainer.snapshot())
-                for name, value in metrics.items():
-                    log.add_scalar(f"validation/{name}", value, trainer.step)
-                print(validate.table(metrics), flush=True)
-                checked = time.monotonic()
-        final = trainer.snapshot()
-        checkpoint.save(path, final)
-    if stop.raised:
-        print(f"stopped at step {trainer.step}; {path} is written, go on with --resume", file=sys.stderr)
-    return final
+    clerk = _Clerk(trainer, out, options) if trainer.workers.first else None
+    while trainer.step < trainer.total_steps and not trainer.workers.any(stop.raised):
+        parts = trainer.advance()
+        if clerk:
+            clerk.after_step(parts)
+    if clerk:
+        clerk.close()
+        if stop.raised:
+            print(f"stopped at step {trainer.step}; {clerk.path} is written, go on with --resume", file=sys.stderr)
+    return trainer.step == trainer.total_steps
+
+
+class _Clerk:
+    """Prints, writes and measures, each in its time."""
+
+    def __init__(self, trainer: Trainer, out: Path, options: RunOptions) -> None:
+        self.trainer, self.options, self.path = trainer, options, out / CHECKPOINT
+        self.held_out = validate.Validator(trainer.config, options.validation) if options.validation else None
+        out.mkdir(parents=True, exist_ok=True)
+        self.log, self.report = SummaryWriter(str(out)), _Report(trainer)
+        self.saved = self.checked = self.scored = time.monotonic()
+        print(
+            f"{len(trainer.frames)} frames, {parameter_count(trainer.network):,} parameters, "
+            f"steps {trainer.step}..{trainer.total_steps} of {trainer.samples_a_step} on {trainer.workers.device}",
+            flush=True,
+        )
+
+    def after_step(self, parts: dict[str, torch.Tensor]) -> None:
+        """Whatever is due after a step."""
+        trainer, training, now = self.trainer, self.trainer.config.training, time.monotonic()
+        self.report.add(parts, self.log)
+        last = trainer.step == trainer.total_steps
+        if now - self.saved > training.checkpoint_minutes * 60:
+            checkpoint.save(self.path, trainer.snapshot())
+            self.saved = now
+        if self.held_out and (last or now - self.checked > training.validate_minutes * 60):
+            self._say("validation", self.held_out.evaluate_state(trainer.snapshot()))
+            self.checked = time.monotonic()
+        if self.options.simulator and (last or now - self.scored > self.options.score_minutes * 60):
+            flown = score.score(trainer.snapshot(), self.options.simulator, threads=training.threads)
+            self._say("score", flown)
+            self.scored = time.monotonic()
+
+    def _say(self, group: str, figures: dict[str, float]) -> None:
+        for name, value in figures.items():
+            self.log.add_scalar(f"{group}/{name}", value, self.trainer.step)
+        print(validate.table(figures), flush=True)
+
+    def close(self) -> None:
+        """The last state goes to disk."""
+        checkpoint.save(self.path, self.trainer.snapshot())
+        self.log.close()
 
 
 class _Report:
@@ -248,8 +309,8 @@ class _Report:
         if trainer.step % self.EVERY and trainer.step != trainer.total_steps:
             return
         means = {name: value / self.count for name, value in self.sums.items()}
-        rate = self.count * trainer.config.training.batch / (time.monotonic() - self.started)
-        left_min = (trainer.total_steps - trainer.step) * trainer.config.training.batch / rate / 60
+        rate = self.count * trainer.samples_a_step / (time.monotonic() - self.started)
+        left_min = (trainer.total_steps - trainer.step) * trainer.samples_a_step / rate / 60
         for name, value in {**means, "samples_per_s": rate}.items():
             log.add_scalar(f"train/{name}", value, trainer.step)
         detail = " ".join(f"{n} {v:.3g}" for n, v in means.items() if n != "learning_rate")

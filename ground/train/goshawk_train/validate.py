@@ -49,7 +49,7 @@ class Validator:
             rng = np.random.default_rng([_SEED, start])
             batch = data.make_batch(self.frames, self.index_F[start : start + _BATCH], rng, self.config, training=False)
             with torch.no_grad():
-                outcome = self.losses(network(batch.rgbd_B4HW, batch.state_BS), batch)
+                outcome = self.losses(network(batch.rgbd_I4HW, batch.state_BS), batch)
             for name, values in batch_metrics(outcome, batch, self.config).items():
                 collected.setdefault(name, []).append(values)
         return summary({name: np.concatenate(values) for name, values in collected.items()})
@@ -94,7 +94,7 @@ def batch_metrics(outcome: Outcome, batch: data.Batch, config: Config) -> dict[s
         "cost_clear": predicted[~hit],
         **{
             f"term_{name}": _array(getattr(terms, f"{name}_BN"))[frame, cheapest]
-            for name in ("smoothness", "safety", "clearance", "feasibility", "ground", "goal", "idle")
+            for name in ("smoothness", "safety", "clearance", "feasibility", "ground", "goal", "progress", "idle")
         },
     }
     if not tracking or decoded.objectness_logit_BN is None or decoded.target_cam_BN3 is None:

@@ -148,7 +148,9 @@ def test_aims_lie_ahead_at_flying_height_and_often_at_the_end_of_the_reach(confi
     aim = sampling.sample_aim(np.random.default_rng(0), np.full(20000, 1.4), 10.0, config.sampling)
     distance, height = np.linalg.norm(aim[:, :2], axis=1), aim[:, 2] + 1.4
     assert (distance > 9.99).mean() == pytest.approx(config.sampling.aim_far, abs=0.02)
-    assert (distance < 2).mean() > 0.1 and (aim[:, 0] < 0).mean() == pytest.approx(config.sampling.aim_anywhere / 2, abs=0.02)
+    assert (distance < 2).mean() > 0.1 and (aim[:, 0] < 0).mean() == pytest.approx(
+        config.sampling.aim_anywhere / 2, abs=0.02
+    )
     assert height.mean() == pytest.approx(np.mean(config.sampling.aim_height_m), abs=0.05)
 
 
@@ -203,10 +205,10 @@ def test_mirrored_sample_is_the_mirror_image_with_the_same_world(config: Config,
     there = torch.einsum("bij,bj->bi", plain.world_from_net_B33, plain.target_net_B3)
     torch.testing.assert_close(back, there, rtol=0, atol=1e-4)
     assert torch.allclose(flipped.target_net_B3[mirrored, 1], -plain.target_net_B3[mirrored, 1], atol=1e-4)
-    depth = flipped.rgbd_B4HW[:, 3]
+    depth = flipped.rgbd_I4HW[:, 3]
     kept = (depth < 1).flatten(1).any(1)  # not blanked
-    assert torch.equal(depth[mirrored & kept], plain.rgbd_B4HW[mirrored & kept, 3].flip(-1))
-    assert torch.equal(depth[~mirrored & kept], plain.rgbd_B4HW[~mirrored & kept, 3])
+    assert torch.equal(depth[mirrored & kept], plain.rgbd_I4HW[mirrored & kept, 3].flip(-1))
+    assert torch.equal(depth[~mirrored & kept], plain.rgbd_I4HW[~mirrored & kept, 3])
 
 
 def test_unknown_missing_and_wrong_fields_are_refused(config: Config) -> None:

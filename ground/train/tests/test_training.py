@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +13,12 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-from goshawk_train import checkpoint, cli, data, export, train, validate
+from goshawk_train import checkpoint, cli, data, export, score, train, validate
 from goshawk_train.config import Config, config_to_dict, replace_training
 from goshawk_train.network import Policy
+
+SIMULATOR = Path(__file__).parents[3] / "target" / "release" / "goshawk-sim"
+GOLDEN_LOSSES = [530.777, 631.766, 392.292, 392.170]
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +30,26 @@ def trainer(config: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> train
     return train.Trainer(config, *loaded, data_name="synthetic")
 
 
+def write_config(config: Config, folder: Path) -> Path:
+    """The configuration as a file."""
+    path = folder / "small.toml"
+    table = config_to_dict(config)
+    lines = [f'task = "{table["task"]}"', f"seed = {table['seed']}"]
+    for name, section in table.items():
+        if isinstance(section, dict):
+            lines.append(f"[{name}]")
+            lines += [f"{k} = {json.dumps(v)}" for k, v in section.items()]
+    path.write_text("\n".join(lines))
+    return path
+
+
 def test_network_fits_a_few_frames(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
     """Without augmentation; the states are new in each step, so it is no plain memory."""
     plain = dataclasses.replace(small.augment, hue_rad=0.0, saturation=0.0, value=0.0, noise=0.0)
     plain = dataclasses.replace(plain, blank_rgb=0.0, blank_depth=0.0, flip=0.0)
     training = replace_training(small, samples=8 * 60, learning_rate=8e-3, ema=0.9)
-    run = trainer(dataclasses.replace(training, augment=plain), loaded)
+    able = dataclasses.replace(small.sampling, agility_full=1.0)
+    run = trainer(dataclasses.replace(training, augment=plain, sampling=able), loaded)
     parts = [{name: float(value) for name, value in run.advance().items()} for _ in range(60)]
     shares = {"loss": 0.88, "cost_error": 0.85, "objectness": 0.85, "target": 0.93}
     for name, share in shares.items():
@@ -169,14 +188,7 @@ def test_validation_measures_detection_collisions_and_cost_ranking(
 
 
 def test_command_line_trains_stops_and_resumes(small: Config, dataset: Path, tmp_path: Path) -> None:
-    config = tmp_path / "small.toml"
-    table = config_to_dict(small)
-    lines = [f'task = "{table["task"]}"', f"seed = {table['seed']}"]
-    for name, section in table.items():
-        if isinstance(section, dict):
-            lines.append(f"[{name}]")
-            lines += [f"{k} = {json.dumps(v)}" for k, v in section.items()]
-    config.write_text("\n".join(lines))
+    config = write_config(small, tmp_path)
     out = tmp_path / "run"
     common = ["train", "--config", str(config), "--data", str(dataset), "--out", str(out), "--samples", "24"]
     assert cli.main(common) == 0
@@ -197,3 +209,51 @@ def test_navigation_trains_without_a_target(navigate: Config, small: Config, dat
     assert np.mean([float(p["loss"]) for p in losses[-5:]]) < np.mean([float(p["loss"]) for p in losses[:5]])
     metrics = validate.Validator(config, dataset).evaluate_state(run.snapshot())
     assert "term_goal" in metrics and "recall" not in metrics
+
+
+def test_first_losses_are_those_written_down(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
+    """A change of costs, sampling or network shows here. Where one is meant, the new ones are written down."""
+    run = trainer(small, loaded)
+    losses = [float(run.advance()["loss"]) for _ in range(4)]
+    np.testing.assert_allclose(losses, GOLDEN_LOSSES, rtol=5e-3)
+
+
+def test_two_processes_train_as_one(small: Config, dataset: Path, tmp_path: Path) -> None:
+    config = write_config(small, tmp_path)
+    out = tmp_path / "run"
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    command += ["-m", "goshawk_train", "train", "--config", str(config), "--data", str(dataset), "--out", str(out)]
+    done = subprocess.run([*command, "--samples", "32", "--threads", "1"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("steps 0..2 of 16") == 1, done.stdout
+    assert checkpoint.load(out / train.CHECKPOINT).step == 2
+
+
+def test_gradients_are_averaged_over_processes(tmp_path: Path) -> None:
+    script = tmp_path / "average.py"
+    script.write_text(
+        "import torch\n"
+        "from goshawk_train import workers\n"
+        "here = workers.join()\n"
+        "p = torch.nn.Parameter(torch.zeros(3))\n"
+        "p.grad = torch.full((3,), float(2 * here.rank))\n"
+        "here.average_gradients([p])\n"
+        "assert p.grad.tolist() == [1.0, 1.0, 1.0], p.grad\n"
+        "assert here.any(here.rank == 1) and not here.any(False)\n"
+        "workers.leave()\n"
+    )
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", str(script)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_score_flies_campaigns_in_both_tasks(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+) -> None:
+    run = trainer(small, loaded)
+    run.advance()
+    shares = score.score(run.snapshot(), SIMULATOR, trials=1, threads=1)
+    assert set(shares) == {"track_4", "track_7", "navigate_6", "navigate_10", "all"}
+    assert all(0 <= share <= 1 for share in shares.values())
+    with pytest.raises(score.ScoreError, match="make build"):
+        score.score(run.snapshot(), tmp_path / "nothing")

@@ -1,0 +1,114 @@
+"""The flight table: campaigns listed in a TOML file, flown one after the other, kept as JSON and written as Markdown.
+
+A row that was flown with the same options, simulator and policy is not flown again, so that a table of hours can be
+stopped and gone on with.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+BEGIN, END = "<!-- flights: begin -->", "<!-- flights: end -->"
+
+
+class FlightsError(RuntimeError):
+    """The table cannot be flown; the message says why and what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One campaign."""
+
+    name: str
+    task: str
+    speeds: list[float]
+    spacings: list[float] = field(default_factory=list)
+    options: list[str] = field(default_factory=list)
+    target: float | None = None
+    """The least share of successes that ACCEPTANCE.md wants."""
+
+    def arguments(self, trials: int, seed: int) -> list[str]:
+        """What `goshawk-sim` is called with."""
+        out = ["fly", "--task", self.task, "--speed", ",".join(f"{v:g}" for v in self.speeds)]
+        out += ["--trials", str(trials), "--seed", str(seed)]
+        if self.spacings:
+            out += ["--spacing", ",".join(f"{s:g}" for s in self.spacings)]
+        return out + self.options
+
+    def file(self, folder: Path) -> Path:
+        """Where its report is kept."""
+        return folder / ("-".join(self.name.replace(",", "").lower().split()) + ".json")
+
+
+def load(path: Path) -> tuple[int, int, list[Row]]:
+    """Trials a cell, seed and rows; raises `FlightsError`."""
+    try:
+        table = tomllib.loads(path.read_text())
+        return int(table["trials"]), int(table["seed"]), [Row(**row) for row in table["row"]]
+    except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
+        raise FlightsError(f"{path} is no flight table: {error}") from error
+
+
+def fly(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int, seed: int) -> dict[str, Any]:
+    """The row's report; flown unless it is there already."""
+    policy = models / f"{row.task}.onnx"
+    arguments = row.arguments(trials, seed)
+    if "classical" not in arguments or row.task == "track":
+        arguments += ["--policy", str(policy)]
+    identity = {"arguments": arguments, "policy_sha256": hashlib.sha256(policy.read_bytes()).hexdigest()}
+    kept = row.file(folder)
+    if kept.exists() and (report := json.loads(kept.read_text())).get("flown") == identity:
+        return report
+    partial = kept.with_suffix(".partial")
+    done = subprocess.run([str(simulator), *arguments, "--json", str(partial)], check=False)
+    if done.returncode:
+        raise FlightsError(f"{row.name}: goshawk-sim ended with {done.returncode}; its message is above")
+    report = {"flown": identity, **json.loads(partial.read_text())}
+    kept.write_text(json.dumps(report, indent=1) + "\n")
+    partial.unlink()
+    return report
+
+
+def markdown(rows: list[tuple[Row, dict[str, Any]]]) -> str:
+    """The table of all cells."""
+    lines = [
+        "| flight | speed, m/s | spacing, m | successes | 95 % | target | collision, lost, timeout | clearance p5, m "
+        "| flown mean, m/s | in view | lateral, along error 5..95 %, m |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row, report in rows:
+        lines += [_line(row, cell) for cell in report["cells"]]
+    return "\n".join(lines)
+
+
+def _line(row: Row, cell: dict[str, Any]) -> str:
+    def spread(of: dict[str, float]) -> str:
+        return f"{of['p5']:.2f} .. {of['p95']:.2f}"
+
+    share, failures, error = cell["successes"] / cell["trials"], cell["failures"], cell["target_error_m"]
+    verdict = "" if row.target is None else f"{row.target:.0%} {'met' if share >= row.target else 'missed'}"
+    low, high = cell["success_interval"]
+    view = "" if cell["in_view_fraction"] is None else f"{cell['in_view_fraction']:.0%}"
+    errors = "" if error is None else f"{spread(error['lateral'])}; {spread(error['longitudinal'])}"
+    spacing = f"{cell['spacing_m']:g}" if cell["world"] == "forest" else ""
+    cells = [
+        *(row.name, f"{cell['speed_mps']:g}", spacing, f"{cell['successes']} of {cell['trials']}"),
+        *(f"{low:.0%} to {high:.0%}", verdict, f"{failures['collision']}, {failures['lost']}, {failures['timeout']}"),
+        *(f"{cell['clearance_m']['p5']:.2f}", f"{cell['flown_speed_mps']['mean']:.1f}", view, errors),
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def put(path: Path, table: str) -> None:
+    """Replace what stands between the marks of a Markdown file; raises `FlightsError` if it has none."""
+    text = path.read_text() if path.exists() else f"{BEGIN}\n{END}\n"
+    if text.count(BEGIN) != 1 or text.count(END) != 1:
+        raise FlightsError(f"{path} lacks the marks {BEGIN} and {END}")
+    before, rest = text.split(BEGIN)
+    path.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}")
