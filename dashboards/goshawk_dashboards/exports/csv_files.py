@@ -13,7 +13,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import Message
 
 from goshawk_dashboards.exports.source import Record
@@ -45,11 +44,9 @@ class _Tables:
         for field, _ in message.ListFields():
             if field.is_repeated and field.message_type is not None:
                 for index, item in enumerate(getattr(message, field.name)):
-                    self._row(
-                        f"{name}.{field.name}", item.DESCRIPTOR, [record.log_ns, index], [_TIME, "index"], item
-                    )
+                    self._row(f"{name}.{field.name}", item.DESCRIPTOR, [record.log_ns, index], [_TIME, "index"], item)
 
-    def _row(self, name: str, kind: Descriptor, keys: list[int], key_names: list[str], message: Message) -> None:
+    def _row(self, name: str, kind: Any, keys: list[int], key_names: list[str], message: Message) -> None:
         if name not in self._writers:
             file = self._files.enter_context((self._folder / f"{name}.csv").open("x", newline="", encoding="utf-8"))
             self._writers[name] = csv.writer(file)
@@ -75,7 +72,7 @@ class _Tables:
             else:
                 yield self._cell(field, getattr(message, field.name), blob)
 
-    def _cell(self, field: FieldDescriptor, value: Any, blob: str) -> object:
+    def _cell(self, field: Any, value: Any, blob: str) -> object:
         if field.is_repeated:
             return " ".join(str(item) for item in value)
         if field.enum_type is not None:
@@ -89,7 +86,8 @@ class _Tables:
         return value
 
 
-def _columns(kind: Descriptor, prefix: str = "") -> Iterator[str]:
+def _columns(kind: Any, prefix: str = "") -> Iterator[str]:
+    """Names of a message's cells; ``kind`` is its descriptor, of either of protobuf's two implementations."""
     for field in kind.fields:
         if field.message_type is None:
             yield prefix + field.name

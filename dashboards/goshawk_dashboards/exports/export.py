@@ -10,6 +10,7 @@ from pathlib import Path
 
 from goshawk_dashboards.exports.csv_files import write_csv
 from goshawk_dashboards.exports.source import Record, records
+from goshawk_dashboards.flight import Flight
 
 
 class ExportError(RuntimeError):
@@ -24,6 +25,13 @@ class Format(StrEnum):
     ROS2 = "ros2"
     CSV = "csv"
 
+    @property
+    def suffix(self) -> str:
+        """What a name gets in place of the log's ".mcap"."""
+        return {Format.FOXGLOVE: ".foxglove.mcap", Format.RERUN: ".rrd", Format.ROS2: ".ros2.mcap", Format.CSV: "_csv"}[
+            self
+        ]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Exported:
@@ -35,8 +43,8 @@ class Exported:
     """Messages by topic; for CSV rows by file, for Rerun rows by entity."""
 
 
-def export_log(log: Path, format: Format, output: Path) -> Exported:
-    """Exports a flight log. A folder for CSV, one file otherwise; never overwrites.
+def export_log(flight: Flight, format: Format, output: Path) -> Exported:
+    """Exports a flight. A folder for CSV, one file otherwise; never overwrites.
 
     Raises ExportError.
     """
@@ -48,7 +56,7 @@ def export_log(log: Path, format: Format, output: Path) -> Exported:
         _discard(unfinished)
         if format is Format.CSV:
             unfinished.mkdir()
-        counts = write(records(log), unfinished)
+        counts = write(records(flight), unfinished)
         unfinished.rename(output)
     except OSError as error:
         raise ExportError(f"cannot write {output}: {error.strerror or error}") from error
@@ -74,7 +82,9 @@ def _writer(format: Format) -> Callable[[Iterable[Record], Path], dict[str, int]
             try:
                 from goshawk_dashboards.exports.rerun_file import write_rerun
             except ModuleNotFoundError as error:
-                raise ExportError("rerun needs the package rerun-sdk, which is not installed: make setup-rerun") from error
+                raise ExportError(
+                    "rerun needs the package rerun-sdk, which is not installed: make setup-rerun"
+                ) from error
             return write_rerun
 
 

@@ -1,8 +1,9 @@
 """For Foxglove and Lichtblick: the log's own channels, and what their 3-D, image and log panels read.
 
 The log's channels are copied under their topic with a leading slash, which old message paths need. Added, with
-Foxglove's schemas: ``/tf``, ``/vehicle/pose``, ``/camera/image``, ``/camera/depth``, ``/camera/calibration``,
-``/scene/vehicle``, ``/scene/plan``, ``/scene/target``, ``/scene/truth``, ``/scene/path`` and ``/log``.
+Foxglove's schemas: ``/tf``, ``/tf_static``, ``/vehicle/pose``, ``/camera/image``, ``/camera/depth``,
+``/camera/calibration``, ``/scene/vehicle``, ``/scene/plan``, ``/scene/target``, ``/scene/truth``, ``/scene/path`` and
+``/log``.
 The layout that shows them is ``dashboards/foxglove/goshawk.json``.
 """
 
@@ -20,6 +21,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
 from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.Point3_pb2 import Point3
@@ -65,7 +67,7 @@ def write_foxglove(records: Iterable[Record], output: Path) -> dict[str, int]:
 
         first_ns: int | None = None
         for record in records:
-            first_ns = record.log_ns if first_ns is None or record.channel == "header" else first_ns
+            first_ns = min(first_ns or record.log_ns, record.log_ns)
             put(f"/{record.topic}", record.message, record.log_ns)
             for topic, message in scene.of(record):
                 put(topic, message, record.log_ns)
@@ -107,8 +109,9 @@ class _Scene:
         if self._mount is not None:
             optical_4 = frames.CAMERA_FROM_OPTICAL_4
             mount = self._mount
-            yield "/tf", _transform(first_ns, frames.BODY, frames.CAMERA, mount.pos_body_3, mount.body_from_camera_4)
-            yield "/tf", _transform(first_ns, frames.CAMERA, frames.OPTICAL, np.zeros(3), optical_4)
+            lens = _transform(first_ns, frames.BODY, frames.CAMERA, mount.pos_body_3, mount.body_from_camera_4)
+            optical = _transform(first_ns, frames.CAMERA, frames.OPTICAL, np.zeros(3), optical_4)
+            yield "/tf_static", FrameTransforms(transforms=[lens, optical])
         line = _line(self._path.points_P3, width=2.0)
         line.colors.extend(_color(rgb) for rgb in self._path.rgb_P3)
         yield "/scene/path", SceneUpdate(entities=[_entity("path", first_ns, lines=[line])])
@@ -142,10 +145,13 @@ class _Scene:
         arrows = []
         if speed > 0.2:
             shape = {"shaft_diameter": 0.07, "head_diameter": 0.18, "head_length": 0.2, "shaft_length": 0.5 * speed}
-            arrows.append(ArrowPrimitive(pose=_pose(target.pos_world_3, _towards(target.vel_world_3)), color=color, **shape))
+            arrows.append(
+                ArrowPrimitive(pose=_pose(target.pos_world_3, _towards(target.vel_world_3)), color=color, **shape)
+            )
         sphere = SpherePrimitive(pose=_pose(target.pos_world_3), size=Vector3(x=0.35, y=0.35, z=0.35), color=color)
-        yield "/scene/target", SceneUpdate(
-            entities=[_entity("target", m.stamp_ns, STALE_S, spheres=[sphere], arrows=arrows)]
+        yield (
+            "/scene/target",
+            SceneUpdate(entities=[_entity("target", m.stamp_ns, STALE_S, spheres=[sphere], arrows=arrows)]),
         )
 
     def _truth(self, m: pb.SimTruth) -> Iterator[Out]:
@@ -161,7 +167,7 @@ class _Scene:
 
     def _rgbd(self, m: pb.CompressedRgbd) -> Iterator[Out]:
         frame = FrameView.of(m)
-        at = {"timestamp": _time(m.stamp_ns), "frame_id": frames.OPTICAL}
+        at: dict[str, Any] = {"timestamp": _time(m.stamp_ns), "frame_id": frames.OPTICAL}
         yield "/camera/image", CompressedImage(**at, data=m.rgb_jpeg, format="jpeg")
         lens = frames.pinhole(m)
         calibration = CameraCalibration(**at, width=m.width, height=m.height, distortion_model="plumb_bob")
@@ -172,8 +178,10 @@ class _Scene:
         yield "/camera/calibration", calibration
         depth = frames.depth_mm(frame)
         if depth is not None:
-            size = {"width": m.width, "height": m.height, "step": 2 * m.width}
-            yield "/camera/depth", RawImage(**at, **size, encoding="16UC1", data=depth)
+            yield (
+                "/camera/depth",
+                RawImage(**at, width=m.width, height=m.height, step=2 * m.width, encoding="16UC1", data=depth),
+            )
 
     def _event(self, m: pb.Event) -> Iterator[Out]:
         levels = {"warning": Log.WARNING, "error": Log.ERROR}

@@ -29,8 +29,9 @@ def quat(q: pb.Quat) -> Array:
 
 def rotate_inverse(q_4: Array, v_3: Array) -> Array:
     """``v`` in the frame that ``q`` rotates from."""
-    w, xyz = q_4[0], -q_4[1:]
-    return v_3 + 2.0 * np.cross(xyz, np.cross(xyz, v_3) + w * v_3)
+    w, xyz_3 = q_4[0], -q_4[1:]
+    turned_3: Array = v_3 + 2.0 * np.cross(xyz_3, np.cross(xyz_3, v_3) + w * v_3)  # type: ignore[assignment]
+    return turned_3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

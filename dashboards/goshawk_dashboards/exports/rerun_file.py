@@ -104,7 +104,7 @@ class _Log:
             path.add(pos_3, float(np.linalg.norm(vel_3)))
         points_P3, rgb_P3 = path.points_P3, path.rgb_P3
         segments = np.stack([points_P3[:-1], points_P3[1:]], axis=1)
-        self._stand("world/path", rr.LineStrips3D(segments, colors=rgb_P3[1:], radii=rr.Radius.ui_points(1.5)))
+        self._stand("world/path", rr.LineStrips3D(list(segments), colors=rgb_P3[1:], radii=rr.Radius.ui_points(1.5)))
 
     def _header(self, m: pb.LogHeader, _: int) -> None:
         mount = frames.camera_mount(m)
@@ -120,7 +120,9 @@ class _Log:
         plan = decode.plan(m)
         lines = plan_lines(plan, SAMPLES)
         thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(4.0)
-        self._row("world/plan/candidates", log_ns, rr.LineStrips3D(lines.points_NS3, colors=lines.rgb_N3, radii=thin))
+        self._row(
+            "world/plan/candidates", log_ns, rr.LineStrips3D(list(lines.points_NS3), colors=lines.rgb_N3, radii=thin)
+        )
         chosen = [] if lines.chosen is None else [lines.points_NS3[lines.chosen]]
         green = [theme.vivid(theme.GOOD)]
         self._row("world/plan/chosen", log_ns, rr.LineStrips3D(chosen, colors=green, radii=thick))

@@ -15,7 +15,7 @@ from goshawk_proto import goshawk_pb2 as pb
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from goshawk_dashboards import decode, theme
+from goshawk_dashboards import decode
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.exports.drawing import plan_lines
 from goshawk_dashboards.exports.source import Record
@@ -97,9 +97,7 @@ class _Messages:
 
     def _control(self, m: pb.Control) -> Iterator[Out]:
         control = decode.control(m)
-        state = _transform(
-            control.stamp_ns, frames.WORLD, frames.BODY, control.pos_world_3, control.world_from_body_4
-        )
+        state = _transform(control.stamp_ns, frames.WORLD, frames.BODY, control.pos_world_3, control.world_from_body_4)
         yield "/tf", _type("tf2_msgs/msg/TFMessage")(transforms=[state])
         for name, acc_3 in (
             ("desired", control.acc_des_world_3),
@@ -111,8 +109,12 @@ class _Messages:
             header = _header(control.stamp_ns, frames.WORLD)
             yield f"/acceleration/{name}", _type("geometry_msgs/msg/AccelStamped")(header=header, accel=accel)
         if m.HasField("world_from_body_des"):
-            yield "/setpoint/attitude", _type("geometry_msgs/msg/QuaternionStamped")(
-                header=_header(control.stamp_ns, frames.WORLD), quaternion=_quaternion(frames.quat(m.world_from_body_des))
+            yield (
+                "/setpoint/attitude",
+                _type("geometry_msgs/msg/QuaternionStamped")(
+                    header=_header(control.stamp_ns, frames.WORLD),
+                    quaternion=_quaternion(frames.quat(m.world_from_body_des)),
+                ),
             )
         yield "/setpoint/thrust", _type("std_msgs/msg/Float64")(data=control.thrust_norm)
 
@@ -162,14 +164,17 @@ class _Messages:
         )
         depth = frames.depth_mm(frame)
         if depth is not None:
-            yield "/camera/depth/image", _type("sensor_msgs/msg/Image")(
-                header=header,
-                height=m.height,
-                width=m.width,
-                encoding="16UC1",
-                is_bigendian=0,
-                step=2 * m.width,
-                data=np.frombuffer(depth, dtype=np.uint8),
+            yield (
+                "/camera/depth/image",
+                _type("sensor_msgs/msg/Image")(
+                    header=header,
+                    height=m.height,
+                    width=m.width,
+                    encoding="16UC1",
+                    is_bigendian=0,
+                    step=2 * m.width,
+                    data=np.frombuffer(depth, dtype=np.uint8),
+                ),
             )
         yield "/camera/camera_info", _camera_info(header, m)
 
@@ -177,8 +182,9 @@ class _Messages:
         log = _type("rcl_interfaces/msg/Log")
         event = decode.event(m)
         level = {"warning": log.WARN, "error": log.ERROR}.get(event.severity, log.INFO)
-        yield "/rosout", log(
-            stamp=_stamp(m.stamp_ns), level=level, name=event.kind, msg=event.text, file="", function="", line=0
+        yield (
+            "/rosout",
+            log(stamp=_stamp(m.stamp_ns), level=level, name=event.kind, msg=event.text, file="", function="", line=0),
         )
 
     def _health(self, m: pb.Health) -> Iterator[Out]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -24,17 +25,16 @@ class Record:
 
 
 def records(flight: Flight) -> Iterator[Record]:
-    """Every message that decodes, by time; the header first."""
-    channels = [name for name in ("header", *CHANNELS) if flight.count(name)]
-    places = heapq.merge(*(_places(flight, name, rank) for rank, name in enumerate(dict.fromkeys(channels))))
-    for log_ns, _, index, name in places:
+    """Every message that decodes: the header, whose vehicle file the others need, then all else by time."""
+    others = [name for name in CHANNELS if name != "header"]
+    places = heapq.merge(*(_places(flight, name) for name in others))
+    for log_ns, name, index in itertools.chain(_places(flight, "header"), places):
         message = flight.message(name, index)
         if message is not None:
             yield Record(channel=name, topic=CHANNELS[name][0], log_ns=log_ns, message=message)
 
 
-def _places(flight: Flight, name: str, rank: int) -> Iterator[tuple[int, int, int, str]]:
-    """Time, the channel's rank among those of one time, index, name. The header's own stamp is when it was written,
-    which may be after the first telemetry: what follows needs the vehicle file, so it comes first."""
-    times_ns = flight.log.times_ns(CHANNELS[name][0])
-    return ((0 if name == "header" else int(t), rank, index, name) for index, t in enumerate(times_ns))
+def _places(flight: Flight, name: str) -> Iterator[tuple[int, str, int]]:
+    """Time, channel and index of each of a channel's records."""
+    times_ns = flight.log.times_ns(CHANNELS[name][0]).tolist()
+    return ((log_ns, name, index) for index, log_ns in enumerate(times_ns))
