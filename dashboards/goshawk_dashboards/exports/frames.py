@@ -91,3 +91,15 @@ def depth_mm(frame: FrameView) -> bytes | None:
     """Depth as rows of little-endian 16-bit millimetres; None if there is none."""
     depth_HW = frame.depth_m_HW()
     return None if depth_HW is None else np.rint(depth_HW * 1e3).astype("<u2").tobytes()
+
+
+def matrix(q_4: Array) -> Array:
+    """The rotation as a 3 x 3 matrix."""
+    w, x, y, z = q_4
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
