@@ -39,10 +39,11 @@ def report(
     target = output or log.with_suffix(".html")
     if target.suffix.lower() != ".html":
         fail(f"{target} is no name for a page: let -o end in .html", NO_REPLY)
-    made = make_report(open_flight(log))
     try:
-        write_page(made, target)
-        written = [] if figures is None else write_figures(made, figures)
+        with Console(stderr=True).status(f"reading {log}"):
+            made = make_report(open_flight(log))
+            write_page(made, target)
+            written = [] if figures is None else write_figures(made, figures)
     except OSError as error:
         fail(f"cannot write {error.filename or target}: {error.strerror}", NO_REPLY)
     if as_json:
@@ -109,7 +110,8 @@ def export(
     """Write a flight log for other tools: Foxglove and Lichtblick, Rerun, ROS 2, CSV. Exit status 2 if it cannot."""
     flight = open_flight(log)
     try:
-        done = export_log(flight, format, output or log.with_name(log.stem + format.suffix))
+        with Console(stderr=True).status(f"exporting {log}"):
+            done = export_log(flight, format, output or log.with_name(log.stem + format.suffix))
     except ExportError as error:
         fail(str(error), NO_REPLY)
     if as_json:
