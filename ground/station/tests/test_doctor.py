@@ -182,7 +182,7 @@ def test_the_shell_completes_commands_and_values(shell: str, words: str, expecte
         "COMP_CWORD": position,
         "_TYPER_COMPLETE_ARGS": words,
     }
-    done = subprocess.run([program], env=environment, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([program], env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert expected in done.stdout
 
 
