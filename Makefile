@@ -7,7 +7,7 @@ VENV := .venv
 UV := $(VENV)/bin/uv
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-test build demo test test-rust test-python lint bench train
+.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint bench train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -29,7 +29,11 @@ $(VENV)/.train: ground/train/requirements.txt ground/train/pyproject.toml $(VENV
 	$(UV) pip install -q --python $(VENV)/bin/python -r ground/train/requirements.txt -e ground/train
 	@touch $@
 
-$(VENV)/.test: tests/requirements.txt $(VENV)/.train
+$(VENV)/.rerun: ground/rerun/requirements.txt $(VENV)/.station
+	$(UV) pip install -q --python $(VENV)/bin/python -r ground/rerun/requirements.txt
+	@touch $@
+
+$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun
 	$(UV) pip install -q --python $(VENV)/bin/python -r tests/requirements.txt
 	@command -v chromium >/dev/null || { echo "installing chromium for the browser tests"; apt-get -qq update && apt-get -qq install -y chromium >/dev/null; }
 	@touch $@
@@ -37,6 +41,8 @@ $(VENV)/.test: tests/requirements.txt $(VENV)/.train
 setup: $(VENV)/.station build ## everything that the demo needs
 
 setup-train: $(VENV)/.train ## everything that training needs, `goshawk dataset` too
+
+setup-rerun: $(VENV)/.rerun ## what `goshawk export --format rerun` needs (700 MB)
 
 setup-test: $(VENV)/.test ## everything that the tests need
 

@@ -68,6 +68,11 @@ def mode_name(value: int) -> str:
     return _name(pb.Mode, value)
 
 
+def fallback_name(value: int) -> str:
+    """A ``Fallback`` as shown: "none", "hold_position" …"""
+    return _name(pb.Fallback, value)
+
+
 def plan(m: pb.Plan) -> view.PlanView:
     """A plan; every candidate complete, ``chosen`` one of them, duration positive."""
     cands = m.candidates
@@ -106,7 +111,7 @@ def control(m: pb.Control) -> view.ControlView:
         seq=m.seq,
         stamp_ns=m.stamp_ns,
         mode=mode_name(m.mode),
-        fallback=_name(pb.Fallback, m.fallback),
+        fallback=fallback_name(m.fallback),
         pos_world_3=_vec("control position", m.pos_world),
         vel_world_3=_vec("control velocity", m.vel_world),
         world_from_body_4=_quat("control attitude", m.world_from_body),

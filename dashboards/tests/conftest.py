@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from goshawk_dashboards import snapshot as view
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 IDENTITY_4 = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -7,41 +7,37 @@ import json
 import signal
 import threading
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 from goshawk_dashboards.snapshot import CommandView, Snapshot
 from rich.console import Console
 from rich.table import Table
 
+from goshawk_ground import doctor_command, log_commands
 from goshawk_ground.dial import LinkError
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
+from goshawk_ground.options import (
+    NO_REPLY,
+    REFUSED,
+    BinDir,
+    Connect,
+    Json,
+    Port,
+    Timeout,
+    Vehicle,
+    fail,
+)
 from goshawk_ground.trainer import run_trainer, trainer_installed
-
-REFUSED = 1
-NO_REPLY = 2
 
 app = typer.Typer(
     name="goshawk",
     help="Start, stop and watch a Goshawk vehicle.",
     epilog="Typical: goshawk ground, then open the printed address; or goshawk demo, which needs no vehicle.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
-
-Vehicle = Annotated[str, typer.Option(help="The vehicle's name, as in its vehicle file.")]
-Connect = Annotated[str, typer.Option(help="A Zenoh endpoint that the vehicle listens on.")]
-Timeout = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for an answer.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of words.")]
-Port = Annotated[int, typer.Option(min=1, max=65535, help="The dashboard's port.")]
-
-
-def fail(text: str, code: int) -> NoReturn:
-    """Ends with one clear line on stderr."""
-    typer.echo(f"goshawk: {text}", err=True)
-    raise typer.Exit(code)
 
 
 def open_link(vehicle: str, connect: str) -> GroundLink:
@@ -146,6 +142,7 @@ def ground(
     connect: Connect = DEFAULT_CONNECT,
     host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
     port: Port = 8080,
+    as_json: Json = False,
 ) -> None:
     """Serve the live dashboard until Ctrl-C."""
     from goshawk_ground.serve import serve_dashboard  # viser takes a second to import: only where it is used
@@ -155,7 +152,10 @@ def ground(
             dashboard = serve_dashboard(link, host=host, port=port)
         except OSError as error:
             fail(f"{error}; choose another with --port", NO_REPLY)
-        typer.echo(f"dashboard: {dashboard.url}  (vehicle '{vehicle}' at {connect}; Ctrl-C ends)")
+        if as_json:
+            typer.echo(json.dumps({"url": dashboard.url, "vehicle": vehicle, "connect": connect}))
+        else:
+            typer.echo(f"dashboard: {dashboard.url}  (vehicle '{vehicle}' at {connect}; Ctrl-C ends)")
         wait_for_interrupt()
         dashboard.close()
 
@@ -184,7 +184,7 @@ def demo(
     spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
     distance: Annotated[float, typer.Option(min=5.0, help="How far the runner runs, m.")] = 40.0,
     port: Port = 8080,
-    bin_dir: Annotated[Path, typer.Option(help="Where goshawk-air and goshawk-sim are.")] = Path("target/release"),
+    bin_dir: BinDir = Path("target/release"),
     log_dir: Annotated[Path, typer.Option(help="Flight log and the processes' output.")] = Path("logs"),
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary to this file.")] = None,
 ) -> None:
@@ -219,6 +219,10 @@ def dataset(context: typer.Context) -> None:
     if not trainer_installed():
         fail("goshawk dataset needs the trainer (goshawk_train), which is not installed: make setup-train", NO_REPLY)
     raise typer.Exit(run_trainer(["dataset", *context.args]))
+
+
+log_commands.register(app)
+doctor_command.register(app)
 
 
 def main() -> None:

@@ -1,0 +1,82 @@
+"""How near obstacles were, by what the camera's depth showed.
+
+Depth points of the last seconds are gathered in the world frame, so that a tree seen ahead counts when it is passed
+at the side. The chased target is left out, and so is the ground. Shape suffixes: P points, M instants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from goshawk_dashboards.exports import frames
+from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.snapshot import Array
+
+RATE_HZ = 10.0
+REMEMBERED_S = 3.0
+FARTHEST_M = 4.0
+"""Depth noise grows with the distance squared: what was only ever seen from farther away does not count."""
+CELL_M = 0.15
+LEAST_POINTS = 3
+"""A cell with fewer is noise."""
+TARGET_RADIUS_M = 0.8
+GROUND_M = 0.3
+"""Nothing lower than this above where it took off counts: the ground, and what a flight at height does not meet."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clearance:
+    """The distance from the vehicle's middle to the nearest surface, m; NaN where depth showed none."""
+
+    times_s_M: Array
+    nearest_m_M: Array
+
+
+def seen_clearance(flight: Flight) -> Clearance | None:
+    """None if the log has no depth, or the vehicle file does not say where the camera is."""
+    mount = frames.camera_mount(flight.header)
+    control = flight.columns("control", ["pos_world", "world_from_body"])
+    flown = np.flatnonzero(np.linalg.norm(control["world_from_body"], axis=1) > 0.5)
+    if mount is None or flight.count("rgbd") == 0 or len(flown) == 0:
+        return None
+    floor_m = float(control["pos_world"][flown[0], 2]) + GROUND_M
+    begin_s, end_s = float(control.times_s[flown[0]]), float(control.times_s[flown[-1]])
+    times_s_M = np.append(np.arange(begin_s, end_s, 1.0 / RATE_HZ), end_s)
+    clouds: list[tuple[float, NDArray[np.float32]]] = []
+    nearest_m_M = np.full(len(times_s_M), np.nan)
+    for m, time_s in enumerate(times_s_M):
+        index = int(flown[np.searchsorted(control.times_s[flown], time_s, side="right") - 1])
+        pos_3, q_4 = control["pos_world"][index], control["world_from_body"][index]
+        cloud = _cloud(flight, float(time_s), pos_3, q_4, mount, floor_m)
+        if cloud is not None:
+            clouds.append((float(time_s), cloud))
+        clouds = [(t, c) for t, c in clouds if t >= time_s - REMEMBERED_S]
+        if clouds and pos_3[2] > floor_m:
+            points_P3 = np.concatenate([c for _, c in clouds])
+            if len(points_P3):
+                nearest_m_M[m] = np.sqrt(((points_P3 - pos_3.astype(np.float32)) ** 2).sum(axis=1).min())
+    return Clearance(times_s_M=times_s_M, nearest_m_M=nearest_m_M)
+
+
+def _cloud(
+    flight: Flight, time_s: float, pos_3: Array, q_4: Array, mount: frames.Mount, floor_m: float
+) -> NDArray[np.float32] | None:
+    """One frame's surfaces in the world, a point a cell; None if there is no frame with depth."""
+    frame = flight.frame_at(time_s)
+    points = None if frame is None else frame.points_cam_P3(FARTHEST_M)
+    if points is None:
+        return None
+    body_P3 = points[0] @ frames.matrix(mount.body_from_camera_4).T + mount.pos_body_3
+    world_P3 = body_P3 @ frames.matrix(q_4).T + pos_3
+    world_P3 = world_P3[world_P3[:, 2] > floor_m]
+    target = flight.target_at(time_s)
+    if target is not None:
+        world_P3 = world_P3[np.linalg.norm(world_P3[:, :2] - target.pos_world_3[:2], axis=1) > TARGET_RADIUS_M]
+    # A cell's three indices as one number: 20 bits each is 150 km.
+    cell_P3 = np.floor(world_P3 / CELL_M).astype(np.int64) & 0xFFFFF
+    key_P = (cell_P3[:, 0] << 40) | (cell_P3[:, 1] << 20) | cell_P3[:, 2]
+    _, first, counts = np.unique(key_P, return_index=True, return_counts=True)
+    return world_P3[first[counts >= LEAST_POINTS]].astype(np.float32)

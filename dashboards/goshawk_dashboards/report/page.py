@@ -1,0 +1,167 @@
+"""The report's page: one file that needs nothing else, in the reader's light or dark theme."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from html import escape
+from importlib.resources import files
+
+from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.report.canvas import DARK, LIGHT, Figure, css_variables, svg
+from goshawk_dashboards.report.latency import Latencies
+from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, Figures, Spread
+
+PHASE_COLORS = {
+    "on the ground": "#b3bac1", "landed": "#b3bac1", "take-off": "#8fc1ea", "tracking": "#74cf9f",
+    "navigation": "#74cf9f", "lost": "#f0a35e", "search": "#f3d06b", "hold": "#a9d8d2",
+    "landing": "#b9a7e6", "fault": "#f2777a",
+}  # fmt: skip
+_LIGHT = f"color-scheme: light dark; --page: #f4f6f7; --bad: #cc4a06; --good: #00806a; {css_variables(LIGHT)}"
+_DARK = f"--page: #0d1012; --bad: #f5894a; --good: #3fc3a3; {css_variables(DARK)}"
+
+
+def page(flight: Flight, card: Card, numbers: Figures, figures: Sequence[Figure], latencies: Latencies) -> str:
+    """The whole page."""
+    style = files("goshawk_dashboards.report").joinpath("page.css").read_text(encoding="utf-8")
+    themes = f":root {{ {_LIGHT} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {_DARK} }} }}\n"
+    parts = [
+        _head(card),
+        _tiles(card, numbers),
+        _phases(flight),
+        _faults(card),
+        *(_figure(figure) for figure in figures),
+        _told(latencies),
+        _events(flight),
+        _facts(flight, card),
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(card.path.name)}: {escape(card.outcome)}</title>\n<style>\n{themes}{style}</style>\n</head>\n"
+        "<body>\n<main>\n" + "\n".join(part for part in parts if part) + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _head(card: Card) -> str:
+    what = [card.vehicle or "unnamed vehicle", card.profile, card.wall_time or "simulated, without a date"]
+    line = " · ".join(escape(part) for part in what if part)
+    return f"<header><h1>{escape(card.path.name)}</h1><p class='soft'>{line}</p></header>"
+
+
+def _tiles(card: Card, n: Figures) -> str:
+    tone = "good" if card.outcome in GOOD_OUTCOMES and not card.faults else "bad"
+    tiles = [f"<div class='tile'><b class='{tone}'>{escape(card.outcome)}</b><span>outcome</span></div>"]
+    tiles += [
+        f"<div class='tile'><b>{value} <small>{unit}</small></b><span>{escape(name)}</span></div>"
+        for name, value, unit in _numbers(card, n)
+    ]
+    return f"<div class='tiles'>{''.join(tiles)}</div>"
+
+
+def _numbers(card: Card, n: Figures) -> Iterator[tuple[str, str, str]]:
+    """Name, value and unit of all that is known."""
+    yield "duration", f"{card.duration_s:.1f}", "s"
+    yield "flown", f"{n.path_m:.1f}", "m"
+    plain = (
+        ("mean speed on its task", n.mean_speed_mps, "m/s", 1.0, 1),
+        ("top speed", n.max_speed_mps, "m/s", 1.0, 1),
+        ("greatest acceleration", n.max_acceleration_mps2, "m/s²", 1.0, 1),
+        ("mean disturbance", n.mean_disturbance_mps2, "m/s²", 1.0, 2),
+        ("target in sight", n.in_sight_fraction, "%", 100.0, 0),
+        ("nearest obstacle seen", n.nearest_seen_m, "m", 1.0, 2),
+        ("true clearance", n.true_clearance_m, "m", 1.0, 2),
+        ("planner", n.planner_hz, "Hz", 1.0, 0),
+        ("controller", n.controller_hz, "Hz", 1.0, 0),
+    )
+    for name, value, unit, scale, digits in plain:
+        if value is not None:
+            yield name, f"{scale * value:.{digits}f}".replace("-", "−"), unit
+    if n.collisions:
+        yield "collisions", str(n.collisions), ""
+    spreads = (
+        ("lateral error, 5–95 %", n.target_lateral_m, "m", 2),
+        ("longitudinal error, 5–95 %", n.target_longitudinal_m, "m", 2),
+    )
+    for name, spread, unit, digits in spreads:
+        if spread is not None:
+            yield name, _range(spread, digits), unit
+    if n.frame_to_plan_ms is not None:
+        yield "exposure to plan, median", f"{n.frame_to_plan_ms.p50:.1f}", "ms"
+
+
+def _range(spread: Spread, digits: int) -> str:
+    return f"{spread.p5:+.{digits}f} … {spread.p95:+.{digits}f}".replace("-", "−")
+
+
+def _phases(flight: Flight) -> str:
+    if not flight.phases:
+        return ""
+    room_s = 0.008 * (flight.phases[-1].end_s - flight.phases[0].start_s)
+    bars = "".join(
+        f"<div style='flex:{max(p.duration_s, 1e-3):.3f} 0 0;background:{PHASE_COLORS.get(p.name, '#b3bac1')}' "
+        f"title='{escape(p.name)}: {p.start_s:.2f} … {p.end_s:.2f} s'>"
+        f"{escape(p.name) if p.duration_s > room_s * len(p.name) else ''}</div>"
+        for p in flight.phases
+    )
+    return f"<section class='panel'><h2>Phases</h2><div class='phases'>{bars}</div></section>"
+
+
+def _faults(card: Card) -> str:
+    if not card.faults:
+        return "<section class='panel'><h2>Faults</h2><p class='soft'>None was logged.</p></section>"
+    rows = "".join(f"<li>{escape(fault)}</li>" for fault in card.faults)
+    return f"<section class='panel'><h2 class='bad'>Faults</h2><ul>{rows}</ul></section>"
+
+
+def _figure(figure: Figure) -> str:
+    return (
+        f"<figure class='panel'><h2>{escape(figure.title)}</h2><figcaption>{escape(figure.caption)}</figcaption>"
+        f"{svg(figure)}</figure>"
+    )
+
+
+def _told(latencies: Latencies) -> str:
+    if not latencies.told:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(x.name.replace('_', ' '))}</td>"
+        + "".join(f"<td class='number'>{v:.3f}</td>" for v in (x.p50_ms, x.p99_ms, x.max_ms))
+        + "</tr>"
+        for x in latencies.told
+    )
+    names = "".join(f"<th class='number'>{name}</th>" for name in ("p50, ms", "p99, ms", "max, ms"))
+    return (
+        "<section class='panel'><h2>Latency as the vehicle told it last</h2>"
+        f"<table><thead><tr><th></th>{names}</tr></thead><tbody>{rows}</tbody></table></section>"
+    )
+
+
+def _events(flight: Flight) -> str:
+    if not flight.events:
+        return ""
+    rows = "".join(
+        f"<tr><td class='number'>{(e.stamp_ns - flight.start_ns) * 1e-9:.2f}</td>"
+        f"<td{'' if e.severity == 'info' else ' class=bad'}>{escape(e.severity)}</td>"
+        f"<td>{escape(e.kind)}</td><td>{escape(e.text)}</td></tr>"
+        for e in flight.events
+    )
+    names = "<th class='number'>s</th><th></th><th>kind</th><th>event</th>"
+    return (
+        "<section class='panel'><h2>Events</h2>"
+        f"<table><thead><tr>{names}</tr></thead><tbody>{rows}</tbody></table></section>"
+    )
+
+
+def _facts(flight: Flight, card: Card) -> str:
+    facts = {
+        "policy": f"{card.task or 'unknown task'}, SHA-256 {card.policy_sha256 or 'unknown'}",
+        "version": f"{card.version or 'unknown'}, revision {card.git_revision or 'unknown'}",
+        "log": f"{card.size_bytes / 1e6:.1f} MB, " + ("complete" if flight.closed else "cut off"),
+        "records": ", ".join(f"{len(flight.log.times_ns(topic))} {topic}" for topic in flight.log.topics),
+    }
+    if flight.malformed:
+        facts["malformed"] = f"{flight.malformed} records made no sense and were left out"
+    rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in facts.items())
+    toml = escape(flight.header.vehicle_toml)
+    file = f"<details><summary>vehicle file</summary><pre>{toml}</pre></details>" if toml else ""
+    return f"<section class='panel'><h2>Log</h2><dl>{rows}</dl>{file}</section>"

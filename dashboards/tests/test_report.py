@@ -1,0 +1,267 @@
+"""A flight's report: its numbers, its page, its figures, from a made-up flight whose every number is known."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import recordings as rec
+from goshawk_dashboards.exports import frames
+from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.report.clearance import seen_clearance
+from goshawk_dashboards.report.errors import target_errors
+from goshawk_dashboards.report.latency import latencies
+from goshawk_dashboards.report.report import Report, make_report, write_figures, write_page
+from goshawk_dashboards.report.summary import card
+from goshawk_proto import goshawk_pb2 as pb
+from PIL import Image
+
+DURATION_S = 8.0
+VEHICLE_TOML = "[camera]\nposition_m = [0.1, 0.0, 0.0]\ntilt_deg = 0.0\n"
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A made-up flight."""
+    return rec.write_flight(tmp_path_factory.mktemp("log") / "flight.mcap", DURATION_S)
+
+
+@pytest.fixture(scope="module")
+def report(path: Path) -> Report:
+    """Its report."""
+    return make_report(Flight.open(path))
+
+
+@pytest.fixture(scope="module")
+def page(report: Report, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Its page."""
+    file = tmp_path_factory.mktemp("page") / "flight.html"
+    write_page(report, file)
+    return file.read_text(encoding="utf-8")
+
+
+def write_log(
+    path: Path, *messages: tuple[str, pb.Control | pb.SimTruth | pb.Event | pb.Health | pb.LogHeader]
+) -> Flight:
+    """A log of a few messages, 10 ms apart."""
+    log = rec.LogFile(path)
+    for k, (channel, message) in enumerate(messages):
+        log.write(channel, rec.START_NS + k * 10_000_000, message)
+    log.close()
+    return Flight.open(path)
+
+
+def test_the_card_tells_what_kind_of_flight_it_was(report: Report) -> None:
+    assert (report.card.vehicle, report.card.profile) == ("kite", "chase")
+    assert report.card.wall_time == "2026-01-01T00:00:00.000Z"
+    assert report.card.duration_s == pytest.approx(DURATION_S, abs=0.01)
+    assert report.card.phases_s["take-off"] == pytest.approx(rec.TAKEOFF_S)
+    assert report.card.phases_s["search"] == pytest.approx(rec.FOUND_S - rec.SEARCH_S)
+    assert report.card.faults == ("fallback: plan expired brake",)
+
+
+@pytest.mark.parametrize(
+    ("modes", "outcome"),
+    [
+        ([pb.MODE_TAKEOFF, pb.MODE_TRACK, pb.MODE_STOPPING, pb.MODE_LANDED], "landed"),
+        ([pb.MODE_TAKEOFF, pb.MODE_TRACK, pb.MODE_FAULT], "handed back"),
+        ([pb.MODE_TAKEOFF, pb.MODE_STOPPING], "ended: landing"),
+        ([pb.MODE_READY, pb.MODE_IDLE], "never flew"),
+    ],
+)
+def test_the_outcome_is_how_the_log_ends(modes: list[pb.Mode], outcome: str, tmp_path: Path) -> None:
+    steps = [("control", pb.Control(seq=k, mode=mode)) for k, mode in enumerate(modes)]
+    assert card(write_log(tmp_path / "x.mcap", *steps)).outcome == outcome
+
+
+@pytest.mark.parametrize(
+    "last", [pb.SimTruth(collisions=3, clearance_m=1.0), pb.SimTruth(collisions=2, clearance_m=-0.01)]
+)
+def test_a_contact_is_a_collision_counted_or_not(last: pb.SimTruth, tmp_path: Path) -> None:
+    first = pb.SimTruth(collisions=2, clearance_m=1.0)
+    step = pb.Control(mode=pb.MODE_LANDED)
+    flight = write_log(tmp_path / "x.mcap", ("sim_truth", first), ("control", step), ("sim_truth", last))
+    assert card(flight).outcome == "collided"
+
+
+def test_a_log_that_was_cut_off_says_so(path: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-2000])
+    assert card(Flight.open(cut)).outcome == "cut off"
+
+
+def test_faults_are_counted_and_those_that_last_are_counted_once(tmp_path: Path) -> None:
+    late = pb.Event(severity=pb.SEVERITY_WARNING, kind="camera", text="camera late")
+    flight = write_log(
+        tmp_path / "x.mcap",
+        ("event", late),
+        ("event", late),
+        ("event", pb.Event(severity=pb.SEVERITY_INFO, kind="mode", text="fine")),
+        ("health", pb.Health(faults=["odometry stale"])),
+        ("health", pb.Health(faults=["odometry stale"])),
+        ("health", pb.Health()),
+    )
+    assert card(flight).faults == ("camera late (2 times)", "odometry stale")
+
+
+def test_the_numbers_are_those_of_the_motion(report: Report) -> None:
+    numbers = report.numbers
+    expected_m = sum(np.hypot(4.0, 2.0 * np.cos(t)) * 0.001 for t in np.arange(0.0, DURATION_S, 0.001))
+    assert numbers.path_m == pytest.approx(expected_m, rel=0.02)
+    assert numbers.max_speed_mps == pytest.approx(np.hypot(4.0, 2.0), abs=0.01)
+    assert numbers.mean_disturbance_mps2 == pytest.approx(0.1)
+    # Tracked from 1 to 7 s, of which it is lost from 3.5 s on and searched for from 4 to 5 s.
+    assert numbers.in_sight_fraction == pytest.approx(4.5 / 6.0, abs=0.03)
+    assert (numbers.collisions, numbers.controller_hz) == (0, pytest.approx(rec.CONTROL_HZ))
+
+
+def test_the_targets_error_is_along_and_across_the_line_of_sight(report: Report, path: Path) -> None:
+    errors = target_errors(Flight.open(path))
+    assert errors is not None
+    # The truth is 6.1 m east of the vehicle, the estimate 6.0 m.
+    assert np.allclose(errors.longitudinal_m_M, -0.1, atol=0.01)
+    assert np.allclose(errors.lateral_m_M, 0.0, atol=0.01)
+
+
+def test_latencies_are_those_of_the_stamps(path: Path) -> None:
+    found = latencies(Flight.open(path))
+    assert np.allclose(found.control_period_ms, 5.0)
+    assert np.allclose(found.frame_to_plan_ms, 0.0)
+    assert len(found.plan_age_ms) == 0
+
+
+def test_the_camera_sits_where_the_vehicle_file_says() -> None:
+    mount = frames.camera_mount(pb.LogHeader(vehicle_toml="[camera]\nposition_m = [0.1, 0, 0]\ntilt_deg = 10.0"))
+    assert mount is not None
+    forward_3 = frames.matrix(mount.body_from_camera_4) @ (1.0, 0.0, 0.0)
+    assert forward_3 == pytest.approx((np.cos(np.radians(10.0)), 0.0, np.sin(np.radians(10.0))))
+    assert frames.camera_mount(pb.LogHeader(vehicle_toml="name = 'kite'")) is None
+    assert frames.camera_mount(pb.LogHeader(vehicle_toml="no TOML [")) is None
+
+
+def wall_flight(path: Path, target: pb.Target | None = None) -> Flight:
+    """The vehicle rises to 2 m and hovers 3.1 m before a wall, 3 m before its lens."""
+    log = rec.LogFile(path)
+    log.write("header", rec.START_NS, pb.LogHeader(vehicle_toml=VEHICLE_TOML))
+    picture, depth = rec.frame(0.0, 0, np.random.default_rng(1)), io.BytesIO()
+    Image.fromarray(np.full((rec.HEIGHT, rec.WIDTH), 3000, dtype=np.uint16)).save(depth, "PNG")
+    picture.depth_png = depth.getvalue()
+    for k in range(20):
+        stamp_ns = rec.START_NS + k * 50_000_000
+        height_m = 0.1 if k < 2 else 2.0
+        pose = {"pos_world": pb.Vec3(z=height_m), "world_from_body": pb.Quat(w=1.0)}
+        log.write("control", stamp_ns, pb.Control(seq=k, stamp_ns=stamp_ns, mode=pb.MODE_TRACK, **pose))
+        log.write("rgbd", stamp_ns, picture)
+        if target is not None:
+            log.write("target", stamp_ns, target)
+    log.close()
+    return Flight.open(path)
+
+
+def test_clearance_is_to_the_nearest_surface_that_depth_shows(tmp_path: Path) -> None:
+    seen = seen_clearance(wall_flight(tmp_path / "wall.mcap"))
+    assert seen is not None
+    assert np.nanmin(seen.nearest_m_M) == pytest.approx(3.1, abs=0.02)
+    assert np.isnan(seen.nearest_m_M[0])
+
+
+def test_the_target_is_no_obstacle(tmp_path: Path) -> None:
+    flight = wall_flight(tmp_path / "wall.mcap", pb.Target(pos_world=pb.Vec3(x=3.1), confirmed=True))
+    seen, without = seen_clearance(flight), seen_clearance(wall_flight(tmp_path / "bare.mcap"))
+    assert seen is not None and without is not None
+    assert np.nanmin(seen.nearest_m_M) > np.nanmin(without.nearest_m_M) + 0.05
+
+
+def test_without_depth_or_a_camera_there_is_no_clearance(path: Path, tmp_path: Path) -> None:
+    assert seen_clearance(Flight.open(path)) is None
+    assert seen_clearance(write_log(tmp_path / "x.mcap", ("control", pb.Control()))) is None
+
+
+class Links(HTMLParser):
+    """Everything that a page would fetch, and every id and the references to them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fetched: list[str] = []
+        self.ids: list[str] = []
+        self.tags: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        for name, value in attrs:
+            if name in ("src", "href") and not (value or "").startswith(("#", "data:")):
+                self.fetched.append(value or "")
+            if name == "id":
+                self.ids.append(value or "")
+
+
+def test_the_page_needs_no_network_and_no_script(page: str) -> None:
+    links = Links()
+    links.feed(page)
+    assert links.fetched == []
+    assert not links.tags & {"script", "link", "iframe"}
+    assert "@import" not in page and not re.search(r"url\((?!#|data:)", page)
+
+
+def test_the_page_shows_every_figure_and_its_ids_are_its_own(page: str, report: Report) -> None:
+    links = Links()
+    links.feed(page)
+    assert [f.name for f in report.figures] == [
+        "path",
+        "velocity",
+        "disturbance",
+        "clearance",
+        "target_error",
+        "latency",
+    ]
+    assert page.count("<svg ") == len(report.figures)
+    assert len(links.ids) == len(set(links.ids))
+    assert set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", page)) <= set(links.ids)
+
+
+def test_the_page_follows_the_readers_theme(page: str) -> None:
+    assert "prefers-color-scheme: dark" in page
+    svg = page[page.index("<svg ") :]
+    assert "var(--ink)" in svg and "var(--desired)" in svg
+    assert not re.search(r"#0102[0-9a-f]{2}", svg)
+
+
+def test_words_of_a_log_cannot_break_the_page(tmp_path: Path) -> None:
+    evil = "<script>alert(1)</script>"
+    flight = write_log(
+        tmp_path / "x.mcap",
+        ("header", pb.LogHeader(vehicle=evil, vehicle_toml=evil, profile=evil)),
+        ("event", pb.Event(severity=pb.SEVERITY_ERROR, kind=evil, text=evil)),
+    )
+    write_page(make_report(flight), tmp_path / "x.html")
+    text = (tmp_path / "x.html").read_text(encoding="utf-8")
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;") >= 5
+
+
+def test_the_same_log_makes_the_same_page(report: Report, page: str, path: Path, tmp_path: Path) -> None:
+    write_page(make_report(Flight.open(path)), tmp_path / "again.html")
+    assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
+
+
+def test_figures_are_pictures_and_tables(report: Report, tmp_path: Path) -> None:
+    written = write_figures(report, tmp_path / "new" / "figures")
+    names = {file.name for file in written}
+    assert {f"{figure.name}.png" for figure in report.figures} <= names
+    assert Image.open(tmp_path / "new/figures/disturbance.png").size[0] == 1500
+    with (tmp_path / "new/figures/disturbance.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == round(DURATION_S * rec.CONTROL_HZ)
+    assert {float(row["disturbance_up_mps2"]) for row in rows} == {0.1}
+
+
+def test_a_report_is_json(report: Report) -> None:
+    facts = json.loads(json.dumps(dataclasses.asdict(report.numbers)))
+    assert facts["target_longitudinal_m"]["p50"] == pytest.approx(-0.1, abs=0.01)

@@ -1,0 +1,64 @@
+"""`goshawk doctor`: prints the findings."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from goshawk_ground.dial import LinkError
+from goshawk_ground.doctor import Finding, State, local_findings
+from goshawk_ground.doctor_link import link_findings, measure
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE
+from goshawk_ground.options import NO_REPLY, REFUSED, BinDir, Connect, Json, Timeout, Vehicle, fail, print_json
+
+_STYLES = {State.OK: "green", State.NOTE: "yellow", State.BAD: "red"}
+
+
+def doctor(
+    vehicle: Vehicle = DEFAULT_VEHICLE,
+    connect: Connect = DEFAULT_CONNECT,
+    timeout: Timeout = 3.0,
+    offline: Annotated[bool, typer.Option("--offline", help="Leave the vehicle out.")] = False,
+    bin_dir: BinDir = Path("target/release"),
+    as_json: Json = False,
+) -> None:
+    """What is installed, found, free and reachable, each line with what to do. Exit status 1 if something is broken."""
+    findings = list(local_findings(bin_dir))
+    if not offline:
+        try:
+            facts = measure(vehicle, connect, timeout)
+        except (LinkError, ValueError) as error:
+            fail(f"cannot use --vehicle {vehicle} --connect {connect}: {error}", NO_REPLY)
+        findings += link_findings(facts, importlib.metadata.version("goshawk-ground"))
+    broken = any(finding.state is State.BAD for finding in findings)
+    if as_json:
+        print_json({"ok": not broken, "findings": [dataclasses.asdict(finding) for finding in findings]})
+    else:
+        _print(findings)
+    if broken:
+        raise typer.Exit(REFUSED)
+
+
+def _print(findings: list[Finding]) -> None:
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for finding in findings:
+        text = finding.text + (f"\n→ {finding.todo}" if finding.todo else "")
+        table.add_row(
+            Text(finding.state.value, style=_STYLES[finding.state]), Text(finding.name), Text(text, overflow="fold")
+        )
+    Console(highlight=False).print(table)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command to the `goshawk` command."""
+    app.command(
+        epilog="Examples: goshawk doctor --offline | goshawk doctor --connect tcp/192.168.1.7:7447 | "
+        "goshawk doctor --json | jq .ok"
+    )(doctor)

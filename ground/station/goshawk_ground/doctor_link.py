@@ -1,0 +1,148 @@
+"""The link to the vehicle, as `goshawk doctor` measures it: is it there, how far away, how far off is its clock."""
+
+from __future__ import annotations
+
+import statistics
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import zenoh
+from google.protobuf.message import DecodeError
+from goshawk_proto import goshawk_pb2 as pb
+from goshawk_proto import key_expression
+
+from goshawk_ground.dial import client_config, open_when_reachable
+from goshawk_ground.doctor import Finding, State, ok
+
+ROUND_TRIPS = 10
+LISTEN_S = 1.5
+"""Longer than a heartbeat's period."""
+SLOW_MS = 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkFacts:
+    """What was measured. None: not to be had."""
+
+    connect: str
+    vehicle: str
+    reachable: bool
+    """Somebody answers at the endpoint."""
+    round_trips_ms: tuple[float, ...] = ()
+    """Of requests that the vehicle's own session answers; none: no such vehicle there."""
+    clock_offset_ms: float | None = None
+    """The vehicle's clock less the ground's monotonic one."""
+    version: str | None = None
+
+
+def measure(vehicle: str, connect: str, timeout_s: float) -> LinkFacts:
+    """Dials, asks and listens. Sends no command. Raises LinkError or ValueError for a bad endpoint or name."""
+    client_config(connect)
+    keys = {name: key_expression(name, vehicle) for name in ("alive_air", "health", "control")}
+    giving_up = threading.Event()
+    timer = threading.Timer(timeout_s, giving_up.set)
+    timer.daemon = True
+    timer.start()
+    session = open_when_reachable(connect, giving_up)
+    timer.cancel()
+    if session is None:
+        return LinkFacts(connect=connect, vehicle=vehicle, reachable=False)
+    with session:
+        arrivals = _Arrivals(session, keys)
+        deadline = time.monotonic() + timeout_s
+        trips: list[float] = []
+        while len(trips) < ROUND_TRIPS and time.monotonic() < deadline:
+            begun = time.monotonic()
+            replies = list(session.liveliness().get(keys["alive_air"], timeout=min(1.0, timeout_s)))
+            if any(reply.ok is not None for reply in replies):
+                trips.append((time.monotonic() - begun) * 1e3)
+            else:
+                time.sleep(0.1)
+        if trips:
+            arrivals.wait(LISTEN_S)
+        # A sample is half a round trip old when it arrives; the one that waited least tells the most.
+        late_ms = arrivals.least_late_ms
+        offset_ms = None if late_ms is None or not trips else 0.5 * min(trips) - late_ms
+        return LinkFacts(
+            connect=connect,
+            vehicle=vehicle,
+            reachable=True,
+            round_trips_ms=tuple(trips),
+            clock_offset_ms=offset_ms,
+            version=arrivals.version,
+        )
+
+
+class _Arrivals:
+    """Listens to the vehicle's stamps."""
+
+    def __init__(self, session: zenoh.Session, keys: dict[str, str]) -> None:
+        self.least_late_ms: float | None = None
+        """Smallest of the ground's clock at arrival less the stamp."""
+        self.version: str | None = None
+        self._heard = threading.Event()
+        self._subscribers = [
+            session.declare_subscriber(keys["control"], lambda sample: self._take(sample, pb.Control())),
+            session.declare_subscriber(keys["health"], lambda sample: self._take(sample, pb.Health())),
+        ]
+
+    def wait(self, seconds: float) -> None:
+        """Until a heartbeat has come, at most so long."""
+        self._heard.wait(seconds)
+
+    def _take(self, sample: zenoh.Sample, message: pb.Control | pb.Health) -> None:
+        now_ns = time.monotonic_ns()
+        try:
+            message.ParseFromString(sample.payload.to_bytes())
+        except DecodeError:
+            return
+        late_ms = (now_ns - message.stamp_ns) * 1e-6
+        self.least_late_ms = late_ms if self.least_late_ms is None else min(self.least_late_ms, late_ms)
+        if isinstance(message, pb.Health):
+            self.version = message.version
+            self._heard.set()
+
+
+def link_findings(facts: LinkFacts, own_version: str) -> Iterator[Finding]:
+    """The lines about the link. Pure."""
+    if not facts.reachable:
+        yield Finding(
+            name="link",
+            state=State.BAD,
+            text=f"nobody answers at {facts.connect}",
+            todo="start goshawk-air there, check --connect, the cable and the firewall; or --offline to leave it out",
+        )
+        return
+    if not facts.round_trips_ms:
+        yield Finding(
+            name="link",
+            state=State.BAD,
+            text=f"{facts.connect} answers, but no vehicle is named '{facts.vehicle}' there",
+            todo="check --vehicle against the name in its vehicle file",
+        )
+        return
+    yield ok("link", f"'{facts.vehicle}' at {facts.connect}")
+    median_ms = statistics.median(facts.round_trips_ms)
+    text = f"median {median_ms:.1f} ms, max {max(facts.round_trips_ms):.1f} ms of {len(facts.round_trips_ms)}"
+    if median_ms <= SLOW_MS:
+        yield ok("round trip", text)
+    else:
+        todo = "come nearer or use another band: Start and Stop still arrive, the view is late"
+        yield Finding(name="round trip", state=State.NOTE, text=text, todo=todo)
+    if facts.clock_offset_ms is None:
+        todo = "wait for readiness, then look again: goshawk status says what it lacks"
+        yield Finding(name="clock", state=State.NOTE, text="no telemetry came, so no offset", todo=todo)
+    else:
+        ahead = "ahead of" if facts.clock_offset_ms >= 0.0 else "behind"
+        offset_s = abs(facts.clock_offset_ms) * 1e-3
+        error_ms = 0.5 * min(facts.round_trips_ms)
+        yield ok(
+            "clock", f"the vehicle's is {offset_s:.4f} s {ahead} this machine's (± {error_ms:.1f} ms and its queues)"
+        )
+    if facts.version is not None and facts.version != own_version:
+        text = f"the vehicle's is {facts.version}, the ground's {own_version}"
+        yield Finding(name="version", state=State.NOTE, text=text, todo="install the same revision on both")
+    elif facts.version is not None:
+        yield ok("version", f"{facts.version} on both sides")

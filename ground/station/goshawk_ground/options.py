@@ -1,0 +1,40 @@
+"""What the commands share: options, exit statuses, and how they end with an error."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from goshawk_dashboards.flight import Flight, LogError
+
+REFUSED = 1
+NO_REPLY = 2
+
+Vehicle = Annotated[str, typer.Option(help="The vehicle's name, as in its vehicle file.")]
+Connect = Annotated[str, typer.Option(help="A Zenoh endpoint that the vehicle listens on.")]
+Timeout = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for an answer.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of words.")]
+Port = Annotated[int, typer.Option(min=1, max=65535, help="The dashboard's port.")]
+BinDir = Annotated[Path, typer.Option(help="Where goshawk-air and goshawk-sim are.")]
+LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A flight log (.mcap), complete or cut off.")]
+
+
+def fail(text: str, code: int) -> NoReturn:
+    """Ends with one clear line on stderr."""
+    typer.echo(f"goshawk: {text}", err=True)
+    raise typer.Exit(code)
+
+
+def print_json(facts: Any) -> None:
+    """One JSON object; paths become text."""
+    typer.echo(json.dumps(facts, default=str))
+
+
+def open_flight(path: Path) -> Flight:
+    """The flight, or one line about why it cannot be read and status 2."""
+    try:
+        return Flight.open(path)
+    except LogError as error:
+        fail(str(error), NO_REPLY)

@@ -1,0 +1,191 @@
+"""`goshawk doctor`: each line says how a thing is, and what to do about it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from goshawk_ground import doctor
+from goshawk_ground.cli import app
+from goshawk_ground.doctor import Finding, State, local_findings
+from goshawk_ground.doctor_link import LinkFacts, link_findings
+from typer.testing import CliRunner
+
+Fakes = Callable[..., Any]
+
+
+def facts(**changes: Any) -> LinkFacts:
+    """A good link."""
+    good: dict[str, Any] = {
+        "connect": "tcp/kite:7447", "vehicle": "kite", "reachable": True, "round_trips_ms": (0.4, 0.6, 9.0),
+        "clock_offset_ms": -1500.0, "version": "0.1.0",
+    }  # fmt: skip
+    return LinkFacts(**{**good, **changes})
+
+
+def by_name(findings: list[Finding]) -> dict[str, Finding]:
+    return {finding.name: finding for finding in findings}
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A source tree with both programs built after their source, and a wheel of ONNX Runtime."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("VIRTUAL_ENV", raising=False)
+    monkeypatch.setattr(doctor, "is_free", lambda port, udp: True)
+    (tmp_path / "air").mkdir()
+    (tmp_path / "air/main.rs").write_text("fn main() {}")
+    (tmp_path / "bin").mkdir()
+    for name in doctor.BINARIES:
+        program = tmp_path / "bin" / name
+        program.write_text(f"#!/bin/sh\necho {name} 9.9\n")
+        program.chmod(0o755)
+    library = tmp_path / ".venv/lib/python3.11/site-packages/onnxruntime/capi/libonnxruntime.so.1.31.1"
+    library.parent.mkdir(parents=True)
+    library.touch()
+    subprocess.run(["git", "init", "-q", "."], check=True)
+    return tmp_path
+
+
+def test_every_line_that_is_not_ok_says_what_to_do(tree: Path) -> None:
+    for name in doctor.BINARIES:
+        (tree / "bin" / name).unlink()
+    findings = [*local_findings(tree / "bin"), *link_findings(facts(reachable=False), "0.1.0")]
+    assert {finding.state for finding in findings} >= {State.OK, State.BAD}
+    assert all(bool(finding.todo) == (finding.state is not State.OK) for finding in findings)
+
+
+def test_programs_are_run_for_their_version(tree: Path) -> None:
+    found = by_name(list(local_findings(tree / "bin")))
+    assert found["goshawk-air"].state is State.OK
+    assert "goshawk-air 9.9" in found["goshawk-air"].text
+
+
+def test_a_program_older_than_its_source_is_told(tree: Path) -> None:
+    source = tree / "air/main.rs"
+    newest = (tree / "bin/goshawk-air").stat().st_mtime + 10
+    import os
+
+    os.utime(source, (newest, newest))
+    found = by_name(list(local_findings(tree / "bin")))
+    assert found["goshawk-air"].state is State.NOTE
+    assert "air/main.rs" in found["goshawk-air"].text
+
+
+def test_a_missing_or_broken_program_is_broken(tree: Path) -> None:
+    (tree / "bin/goshawk-air").unlink()
+    (tree / "bin/goshawk-sim").write_text("#!/bin/sh\nexit 3\n")
+    found = by_name(list(local_findings(tree / "bin")))
+    assert (found["goshawk-air"].state, found["goshawk-sim"].state) == (State.BAD, State.BAD)
+    assert "make build" in found["goshawk-air"].todo
+
+
+def test_onnx_runtime_is_looked_for_where_the_vehicle_looks(tree: Path) -> None:
+    assert by_name(list(local_findings(tree / "bin")))["ONNX Runtime"].state is State.OK
+    (library,) = tree.glob(".venv/lib/*/site-packages/onnxruntime/capi/*")
+    library.rename(tree / "bin/libonnxruntime.so")
+    assert by_name(list(local_findings(tree / "bin")))["ONNX Runtime"].text == str(tree / "bin/libonnxruntime.so")
+    (tree / "bin/libonnxruntime.so").unlink()
+    assert by_name(list(local_findings(tree / "bin")))["ONNX Runtime"].state is State.BAD
+
+
+def test_a_busy_port_is_a_note(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "is_free", lambda port, udp: port != 8080)
+    found = by_name(list(local_findings(tree / "bin")))
+    assert found["port 8080/tcp"].state is State.NOTE
+    assert found["port 14540/udp"].state is State.OK
+
+
+def test_the_link_is_told_from_its_facts() -> None:
+    found = by_name(list(link_findings(facts(), "0.1.0")))
+    assert {finding.state for finding in found.values()} == {State.OK}
+    assert "median 0.6 ms, max 9.0 ms of 3" in found["round trip"].text
+    assert "1.5000 s behind" in found["clock"].text
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "state", "words"),
+    [
+        ({"reachable": False}, "link", State.BAD, "--connect"),
+        ({"round_trips_ms": ()}, "link", State.BAD, "--vehicle"),
+        ({"round_trips_ms": (250.0,)}, "round trip", State.NOTE, "band"),
+        ({"clock_offset_ms": None}, "clock", State.NOTE, "goshawk status"),
+        ({"version": "0.0.9"}, "version", State.NOTE, "same revision"),
+    ],
+)
+def test_what_is_wrong_with_the_link_says_what_to_do(
+    changes: dict[str, Any], name: str, state: State, words: str
+) -> None:
+    found = by_name(list(link_findings(facts(**changes), "0.1.0")))
+    assert found[name].state is state
+    assert words in found[name].todo
+
+
+def test_a_vehicle_is_reached_measured_and_not_commanded(fake_vehicle: Fakes) -> None:
+    endpoint = fake_vehicle().endpoint
+    done = CliRunner().invoke(app, ["doctor", "--connect", endpoint, "--timeout", "10", "--json"])
+    told = {f["name"]: f for f in json.loads(done.stdout)["findings"]}
+    assert told["link"]["state"] == "ok"
+    assert told["round trip"]["state"] in ("ok", "note")
+    assert "this machine's" in told["clock"]["text"]
+    assert told["version"]["text"].startswith("the vehicle's is 0.1.0-fake")
+    status = CliRunner().invoke(app, ["status", "--connect", endpoint, "--json"])
+    assert json.loads(status.stdout)["mode"] in ("idle", "ready")
+
+
+def test_no_vehicle_is_broken_unless_it_is_left_out(free_endpoint: str, tree: Path) -> None:
+    there = CliRunner().invoke(app, ["doctor", "--connect", free_endpoint, "--timeout", "0.5", "--bin-dir", "bin"])
+    assert there.exit_code == 1
+    assert "nobody answers" in there.stdout
+    left_out = CliRunner().invoke(app, ["doctor", "--offline", "--bin-dir", "bin", "--json"])
+    facts = json.loads(left_out.stdout)
+    assert (left_out.exit_code, facts["ok"]) == (0, True)
+    assert "link" not in {f["name"] for f in facts["findings"]}
+
+
+def test_a_bad_endpoint_is_one_clear_line() -> None:
+    done = CliRunner().invoke(app, ["doctor", "--connect", "nonsense"])
+    assert done.exit_code == 2
+    assert "'nonsense' is not an endpoint" in done.stderr
+
+
+def test_a_port_in_use_is_seen() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        assert not doctor.is_free(taken.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    ("shell", "words", "expected"),
+    [
+        ("bash", "goshawk d", "doctor"),
+        ("bash", "goshawk export x --format ", "foxglove"),
+        ("zsh", "goshawk rep", "report"),
+    ],
+)
+def test_the_shell_completes_commands_and_values(shell: str, words: str, expected: str) -> None:
+    import os
+
+    program = Path(sys.executable).with_name("goshawk")
+    position = str(len(words.split(" ")) - 1)
+    environment = {
+        **os.environ,
+        "_GOSHAWK_COMPLETE": f"complete_{shell}",
+        "COMP_WORDS": words,
+        "COMP_CWORD": position,
+        "_TYPER_COMPLETE_ARGS": words,
+    }
+    done = subprocess.run([program], env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert expected in done.stdout
+
+
+def test_completion_can_be_shown_and_installed() -> None:
+    text = CliRunner().invoke(app, ["--help"]).stdout
+    assert "--install-completion" in text and "--show-completion" in text

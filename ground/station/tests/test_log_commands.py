@@ -1,0 +1,129 @@
+"""`goshawk report`, `logs` and `export` as an operator meets them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from goshawk_ground.cli import app
+from typer.testing import CliRunner, Result
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "dashboards/tests"))
+
+import recordings as rec  # noqa: E402 - beside the dashboards' own tests
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A made-up flight."""
+    return rec.write_flight(tmp_path_factory.mktemp("log") / "flight.mcap", 6.0)
+
+
+@pytest.fixture
+def no_log(tmp_path: Path) -> Path:
+    """A file that is no log."""
+    path = tmp_path / "no.mcap"
+    path.write_text("hello")
+    return path
+
+
+def goshawk(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def one_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    assert len(lines) == 1, text
+    return lines[0]
+
+
+@pytest.mark.parametrize("command", ["report", "logs", "export", "doctor"])
+def test_help_has_examples(command: str) -> None:
+    done = goshawk(command, "--help")
+    assert done.exit_code == 0
+    assert f"Examples: goshawk {command}" in done.stdout
+
+
+@pytest.mark.parametrize("command", [["report"], ["export", "--format", "csv"]])
+def test_a_file_that_is_no_log_is_one_clear_line_and_status_2(command: list[str], no_log: Path) -> None:
+    for path, why in ((no_log, "is no flight log"), (no_log.with_name("absent.mcap"), "No such file")):
+        done = goshawk(command[0], path, *command[1:])
+        assert done.exit_code == 2
+        assert why in one_line(done.stderr)
+
+
+def test_report_writes_one_page_and_tells_what_it_says(log: Path, tmp_path: Path) -> None:
+    page, figures = tmp_path / "flight.html", tmp_path / "figures"
+    done = goshawk("report", log, "-o", page, "--figures", figures, "--json")
+    assert done.exit_code == 0, done.output
+    facts = json.loads(done.stdout)
+    assert facts["report"] == str(page)
+    assert facts["flight"]["outcome"] == "ended: landing"
+    assert facts["numbers"]["max_speed_mps"] == pytest.approx(4.47, abs=0.01)
+    assert sorted(facts["figures"]) == sorted(str(p) for p in figures.iterdir())
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_report_never_writes_over_a_log(log: Path, tmp_path: Path) -> None:
+    before = log.read_bytes()
+    done = goshawk("report", log, "-o", log)
+    assert done.exit_code == 2
+    assert "let -o end in .html" in one_line(done.stderr)
+    assert log.read_bytes() == before
+
+
+def test_report_that_cannot_be_written_is_one_clear_line(log: Path, tmp_path: Path) -> None:
+    done = goshawk("report", log, "-o", tmp_path / "nosuch" / "x.html")
+    assert done.exit_code == 2
+    assert "cannot write" in one_line(done.stderr)
+
+
+def test_logs_lists_the_flights_of_a_folder_and_those_below(log: Path, no_log: Path) -> None:
+    below = no_log.parent / "field" / "kite.mcap"
+    below.parent.mkdir()
+    below.write_bytes(log.read_bytes())
+    done = goshawk("logs", no_log.parent, "--json")
+    facts = json.loads(done.stdout)
+    assert done.exit_code == 0
+    assert [(f["path"], f["outcome"], f["faults"]) for f in facts["flights"]] == [(str(below), "ended: landing", [])]
+    assert len(facts["refused"]) == 1
+    assert "no.mcap" in facts["refused"][0]
+    words = goshawk("logs", no_log.parent)
+    assert "kite.mcap" in words.stdout and "ended: landing" in words.stdout
+
+
+def test_logs_of_nothing_is_one_clear_line(tmp_path: Path) -> None:
+    assert "no flight log" in one_line(goshawk("logs", tmp_path).stderr)
+    assert goshawk("logs", tmp_path).exit_code == 1
+    assert "is no folder" in one_line(goshawk("logs", tmp_path / "absent").stderr)
+    assert goshawk("logs", tmp_path / "absent").exit_code == 2
+
+
+def test_export_goes_beside_the_log_unless_told(log: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "flight.mcap"
+    copy.write_bytes(log.read_bytes())
+    facts = json.loads(goshawk("export", copy, "--format", "foxglove", "--json").stdout)
+    assert facts["path"] == str(tmp_path / "flight.foxglove.mcap")
+    assert facts["counts"]["/tel/control"] == 6 * rec.CONTROL_HZ
+    again = goshawk("export", copy, "--format", "foxglove")
+    assert again.exit_code == 2
+    assert "exists already" in one_line(again.stderr)
+
+
+def test_an_export_is_no_flight_log(log: Path, tmp_path: Path) -> None:
+    made = tmp_path / "x.mcap"
+    assert goshawk("export", log, "--format", "ros2", "-o", made).exit_code == 0
+    assert "none of its channels is Goshawk's" in one_line(goshawk("report", made).stderr)
+
+
+def test_export_without_rerun_says_how_to_install_it(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    monkeypatch.delitem(sys.modules, "goshawk_dashboards.exports.rerun_file", raising=False)
+    done = goshawk("export", log, "--format", "rerun", "-o", tmp_path / "x.rrd")
+    assert done.exit_code == 2
+    assert "make setup-rerun" in one_line(done.stderr)
