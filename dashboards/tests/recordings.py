@@ -149,8 +149,8 @@ def truth(time_s: float) -> pb.SimTruth:
 
 def frame(time_s: float, seq: int, noise: np.random.Generator) -> pb.CompressedRgbd:
     """A picture as large, compressed, as one of a forest (about 20 kB with its depth), and a wall 4 m ahead."""
-    rgb = noise.integers(60, 120, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    depth = np.full((HEIGHT, WIDTH), 4000, dtype=np.uint16) + noise.integers(0, 32, (HEIGHT, WIDTH), dtype=np.uint16)
+    rgb = noise.integers(40, 150, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    depth = np.full((HEIGHT, WIDTH), 4000, dtype=np.uint16) + noise.integers(0, 48, (HEIGHT, WIDTH), dtype=np.uint16)
     jpeg, png = io.BytesIO(), io.BytesIO()
     Image.fromarray(rgb).save(jpeg, "JPEG", quality=85)
     Image.fromarray(depth).save(png, "PNG", compress_level=1)
@@ -170,7 +170,7 @@ def write_flight(path: Path, duration_s: float = 8.0, *, chosen: int = 7, chunk_
     """A whole flight. A few pictures are made and used again, so that a long log is written in bearable time."""
     log = LogFile(path, chunk_bytes=chunk_bytes)
     noise = np.random.default_rng(1)
-    pictures = [frame(0.0, k, noise) for k in range(16)]
+    pictures = [frame(0.0, k, noise) for k in range(96)]
     log.write("header", START_NS, pb.LogHeader(vehicle="kite", profile="chase", wall_time="2026-01-01T00:00:00.000Z"))
     takeoff = pb.Event(stamp_ns=START_NS + 10, severity=pb.SEVERITY_INFO, kind="command", text="start accepted")
     log.write("event", takeoff.stamp_ns, takeoff)
