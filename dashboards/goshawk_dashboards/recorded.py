@@ -94,7 +94,8 @@ def rotated(wxyz_4: Array, vectors_P3: Array) -> Array:
 
 def path_N3(flight: Flight) -> Array:
     """The whole flight's way."""
-    return flight.columns("control", ["pos_world"], max_hz=TRAIL_HZ)["pos_world"]
+    own = flight.columns("control", ["pos_world"], max_hz=TRAIL_HZ)
+    return own["pos_world"][own.times_s >= begins_s(flight)]
 
 
 def trails_at(flight: Flight, time_s: float) -> tuple[Array, Array]:
@@ -165,6 +166,12 @@ def _closest(flight: Flight) -> Mark | None:
     hit = clearance_M[nearest] <= 0.0
     text = "collision" if hit else f"closest to an obstacle: {clearance_M[nearest]:.2f} m"
     return Mark(time_s=float(truth.times_s[nearest]), severity="error" if hit else "info", text=text)
+
+
+def begins_s(flight: Flight) -> float:
+    """The first time at which the vehicle knew where it was; before its first odometry there is nothing to show."""
+    times_s = flight.times_s("control")[:400]
+    return next((float(t) for t in times_s if flight.control_at(float(t)) is not None), 0.0)
 
 
 def takeoff_s(flight: Flight) -> float:

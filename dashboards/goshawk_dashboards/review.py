@@ -29,6 +29,7 @@ class ReviewDashboard:
         by_s = 0.0 if second is None else recorded.takeoff_s(flight) - recorded.takeoff_s(second)
         ends_s = flight.duration_s if second is None else max(flight.duration_s, second.duration_s + by_s)
         self.player = Player(ends_s)
+        self.player.seek(recorded.begins_s(flight))
         plots = plots_of(flight, replay, second, by_s)
         marks, stops_s = recorded.marks_of(flight), recorded.stops_s(flight)
         self.server = open_server(host, port, "Goshawk review")

@@ -84,7 +84,7 @@ def plots_of(flight: Flight, replay: Replay | None, second: Flight | None, secon
           for axis, name in enumerate(("east", "north", "up"))),
         Plot(title="age of the plan, ms", curves=(_plan_age(flight),), from_zero=True, digits=0),
     ]  # fmt: skip
-    return tuple(p for p in plots if any(len(c.times_s) for c in p.curves))
+    return tuple(p for p in plots if any(np.isfinite(c.values).any() for c in p.curves))
 
 
 def _control(flight: Flight) -> Columns:
