@@ -200,7 +200,9 @@ def truth(m: pb.SimTruth) -> view.TruthView:
         stamp_ns=m.stamp_ns,
         pos_world_3=_vec("true position", m.pos_world),
         vel_world_3=_vec("true velocity", m.vel_world),
-        target_pos_world_3=_vec("true target position", m.target_pos_world),
+        target_pos_world_3=(
+            _vec("true target position", m.target_pos_world) if m.HasField("target_pos_world") else None
+        ),
         target_vel_world_3=_vec("true target velocity", m.target_vel_world),
         clearance_m=_number("clearance", m.clearance_m),
         collisions=m.collisions,

@@ -12,7 +12,7 @@ Times are seconds since the first record of telemetry (``start_ns`` on the vehic
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,10 +21,10 @@ import numpy as np
 from google.protobuf.message import DecodeError, Message
 from goshawk_proto import KEYS
 from goshawk_proto import goshawk_pb2 as pb
-from numpy.typing import NDArray
 
 from goshawk_dashboards import decode
 from goshawk_dashboards import snapshot as view
+from goshawk_dashboards.columns import Columns, read_columns
 from goshawk_dashboards.frame import FrameView
 from goshawk_dashboards.mcap_log import LogError, McapLog
 from goshawk_dashboards.phases import Phase, phases_of
@@ -54,21 +54,9 @@ CHANNELS: Mapping[str, tuple[str, type[Message]]] = {
 }
 """A channel's short name → its topic and message. Not every log has every channel."""
 
-_VECTORS = {"Vec3": "xyz", "Vec3f": "xyz", "Quat": "wxyz"}
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Columns:
-    """Fields of a channel's records, each an array with one row a record; read-only."""
-
-    times_s: Array
-    fields: Mapping[str, NDArray[Any]]
-
-    def __getitem__(self, field: str) -> NDArray[Any]:
-        return self.fields[field]
-
-    def __len__(self) -> int:
-        return len(self.times_s)
+TARGET_FIELDS = ("pos_world", "vel_world", "confirmed", "since_seen_s")
+"""What phases, plots and reports ask of the target filter: the same columns, decoded once."""
 
 
 class Flight:
@@ -81,7 +69,8 @@ class Flight:
             raise LogError(f"{log.path} is no flight log: {what}")
         self.log = log
         self.path = log.path
-        told = [t for t in log.topics if t != CHANNELS["header"][0] and len(log.times_ns(t))] or list(log.topics)
+        timeless = {CHANNELS["header"][0], CHANNELS["world"][0]}
+        told = [t for t in log.topics if t not in timeless and len(log.times_ns(t))] or list(log.topics)
         first_ns = min(int(log.times_ns(t)[0]) for t in told)
         self.start_ns = first_ns if start_ns is None else start_ns
         self.end_ns = max(int(log.times_ns(t)[-1]) for t in told)
@@ -130,9 +119,17 @@ class Flight:
         index = int(np.searchsorted(self.log.times_ns(CHANNELS[channel][0]), stamp_ns, side="right")) - 1
         return index if index >= 0 else None
 
+    def time_s(self, channel: str, index: int) -> float:
+        """The time of one record. Raises IndexError."""
+        return (int(self.log.times_ns(CHANNELS[channel][0])[index]) - self.start_ns) * 1e-9
+
     def message(self, channel: str, index: int) -> Message | None:
         """One record as its protobuf message; None if it does not decode. Raises IndexError."""
         return self._message(channel, index)
+
+    def plan(self, index: int) -> view.PlanView | None:
+        """One plan; None if it makes no sense. Raises IndexError."""
+        return self._view("plan", index, decode.plan)
 
     def plan_at(self, time_s: float) -> view.PlanView | None:
         """The newest plan at a time."""
@@ -170,18 +167,23 @@ class Flight:
         return tuple(e for e in found if e is not None)
 
     @cached_property
+    def chosen_cost(self) -> tuple[Array, Array]:
+        """The time of each plan and the cost of the candidate that it chose, NaN where it chose none."""
+        costs = [_chosen_cost(self._message("plan", k)) for k in range(self.count("plan"))]
+        return self.times_s("plan"), np.array(costs, dtype=np.float64)
+
+    @cached_property
     def phases(self) -> tuple[Phase, ...]:
         """The flight from its first controller step to its last as intervals without gaps: see phases.py."""
-        target = self.columns("target", ["confirmed", "since_seen_s"])
+        target = self.columns("target", TARGET_FIELDS)
         return phases_of(self._modes.times_s, self._modes["mode"], target.times_s, target.fields)
 
     @cached_property
     def fallbacks(self) -> tuple[Phase, ...]:
         """The intervals in which the controller was below the top of its ladder, named by the rung."""
-        codes = self._modes["fallback"]
-        names = {int(code): decode.fallback_name(int(code)) for code in np.unique(codes)}
-        runs = Phase.runs(self._modes.times_s, [names[int(code)] for code in codes])
-        return tuple(p for p in runs if p.name != "none")
+        runs = Phase.runs(self._modes.times_s, self._modes["fallback"])
+        named = (replace(p, name=decode.fallback_name(int(p.name))) for p in runs)
+        return tuple(p for p in named if p.name != "none")
 
     @cached_property
     def _modes(self) -> Columns:
@@ -196,30 +198,11 @@ class Flight:
         """
         key = (channel, tuple(fields), max_hz)
         if key not in self._columns:
-            self._columns[key] = self._read_columns(channel, fields, max_hz)
+            topic, kind = CHANNELS[channel]
+            self._columns[key] = read_columns(
+                kind, fields, self.times_s(channel), lambda index: self.log.payload(topic, index), max_hz
+            )
         return self._columns[key]
-
-    def _read_columns(self, channel: str, fields: Sequence[str], max_hz: float | None) -> Columns:
-        topic, kind = CHANNELS[channel]
-        getters = [_getter(kind, field) for field in fields]
-        times_s = self.times_s(channel)
-        rows: list[list[Any]] = [[] for _ in fields]
-        kept: list[int] = []
-        message = kind()
-        for index in _spaced(times_s, max_hz):
-            try:
-                message.ParseFromString(self.log.payload(topic, index))
-            except DecodeError:
-                self.malformed += 1
-                continue
-            kept.append(index)
-            for row, (get, _) in zip(rows, getters, strict=True):
-                row.append(get(message))
-        arrays = {}
-        for field, row, (_, empty) in zip(fields, rows, getters, strict=True):
-            arrays[field] = np.array(row) if row else empty
-            arrays[field].setflags(write=False)
-        return Columns(times_s=times_s[kept], fields=arrays)
 
     def _message(self, channel: str, index: int) -> Message | None:
         # The newest one of each channel is kept: a scene asks for the same record many times while it is current.
@@ -251,27 +234,7 @@ class Flight:
         return None if index is None else self._view(channel, index, make)
 
 
-def _spaced(times_s: Array, max_hz: float | None) -> Sequence[int]:
-    """Which records to take such that they are at least 1 / ``max_hz`` apart; the first is one of them."""
-    if max_hz is None or len(times_s) == 0:
-        return range(len(times_s))
-    slot = np.floor((times_s - times_s[0]) * max_hz + 1e-6)
-    return np.flatnonzero(np.diff(slot, prepend=-1.0) > 0).tolist()
-
-
-def _getter(kind: type[Message], field: str) -> tuple[Callable[[Any], Any], NDArray[Any]]:
-    """How to read a field of a message, and what the column of no records is."""
-    descriptor = kind.DESCRIPTOR.fields_by_name[field]
-    if descriptor.message_type is not None:
-        parts = _VECTORS.get(descriptor.message_type.name)
-        if parts is None:
-            raise KeyError(f"{field} of {kind.DESCRIPTOR.name} is no number and no vector")
-        if parts == "xyz":
-            return lambda m: ((v := getattr(m, field)).x, v.y, v.z), np.zeros((0, 3))
-        return lambda m: ((q := getattr(m, field)).w, q.x, q.y, q.z), np.zeros((0, 4))
-    if descriptor.is_repeated:
-        raise KeyError(f"{field} of {kind.DESCRIPTOR.name} is a list")
-    if descriptor.has_presence:
-        return lambda m: float(getattr(m, field)) if m.HasField(field) else np.nan, np.zeros(0)
-    whole = isinstance(descriptor.default_value, int) and not isinstance(descriptor.default_value, bool)
-    return lambda m: getattr(m, field), np.zeros(0, dtype=np.int64 if whole else np.float64)
+def _chosen_cost(plan: Message | None) -> float:
+    if not isinstance(plan, pb.Plan) or not plan.HasField("chosen") or plan.chosen >= len(plan.candidates):
+        return float("nan")
+    return plan.candidates[plan.chosen].cost

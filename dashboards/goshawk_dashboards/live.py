@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import socket
 import threading
 import time
 from collections.abc import Callable
 
-import viser
-
-from goshawk_dashboards import theme
 from goshawk_dashboards.cameras import Cameras
 from goshawk_dashboards.panels import LivePanels
 from goshawk_dashboards.scene import LiveScene
+from goshawk_dashboards.serving import PortBusyError, close_server, open_server, url_of
 from goshawk_dashboards.snapshot import CommandView, Snapshot
+
+__all__ = ["LiveDashboard", "PortBusyError"]
 
 RATE_HZ = 15.0
 TEXT_HZ = 5.0
 PLOT_HZ = 4.0
-
-
-class PortBusyError(OSError):
-    """The dashboard's port is taken."""
 
 
 class LiveDashboard:
@@ -39,13 +32,8 @@ class LiveDashboard:
         on_stop: Callable[[], CommandView],
     ) -> None:
         """Raises PortBusyError if ``port`` cannot be bound."""
-        _check_free(host, port)
         self._latest = latest
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner; the address is the caller's to print
-            self.server = viser.ViserServer(host=host, port=port, label="Goshawk", verbose=False)
-        self.server.gui.configure_theme(
-            dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.VEHICLE, control_width="large"
-        )
+        self.server = open_server(host, port, "Goshawk")
         self.scene = LiveScene(self.server)
         self.panels = LivePanels(
             self.server, on_start=on_start, on_stop=on_stop, latest=latest, on_clear=self.scene.clear_trails
@@ -58,8 +46,7 @@ class LiveDashboard:
     @property
     def url(self) -> str:
         """Where to point a browser on this machine."""
-        host = self.server.get_host()
-        return f"http://{'localhost' if host in ('0.0.0.0', '::') else host}:{self.server.get_port()}"
+        return url_of(self.server)
 
     def start(self) -> None:
         """Updates from a thread of its own until ``close``."""
@@ -71,8 +58,7 @@ class LiveDashboard:
         self._stop.set()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
-        with contextlib.redirect_stdout(io.StringIO()):
-            self.server.stop()
+        close_server(self.server)
 
     def _run(self) -> None:
         period_s = 1.0 / RATE_HZ
@@ -97,13 +83,3 @@ class LiveDashboard:
             return False
         self._due[what] = now_s + 1.0 / rate_hz
         return True
-
-
-def _check_free(host: str, port: int) -> None:
-    """viser would quietly take the next port; an operator must get the address they asked for, or be told."""
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            raise PortBusyError(f"cannot serve the dashboard on {host}:{port}: {error.strerror}") from error

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import mmap
 import struct
+import zlib
 from collections import OrderedDict
 from io import BytesIO
 from pathlib import Path
@@ -18,10 +19,9 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Schema
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Channel, Schema
 from numpy.typing import NDArray
-from zstandard import ZstdError
+from zstandard import ZstdDecompressor, ZstdError
 
 MAGIC = b"\x89MCAP0\r\n"
 KEPT_BYTES = 4096
@@ -30,7 +30,11 @@ CHUNKS_KEPT = 8
 """Unpacked chunks that are kept, about 1 MB each."""
 
 _RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
+_MESSAGE = struct.Struct("<H4xQ")
+_MESSAGE_HEADER = 22
+"""Channel, sequence, and the times of logging and publishing."""
+_CHUNK = struct.Struct("<QQQII")
+_LENGTH = struct.Struct("<Q")
 
 Place: TypeAlias = tuple[int, int, int]
 """Chunk number, offset in it unpacked, length."""
@@ -52,10 +56,12 @@ class McapLog:
         """Topic → full name of its messages."""
         self._chunks: list[tuple[int, int]] = []
         self._unpacked: OrderedDict[int, bytes] = OrderedDict()
-        self._topics: dict[int, str] = {}
+        self._zstd = ZstdDecompressor()
         self._schema_names: dict[int, str] = {}
         self._times: dict[str, list[int]] = {}
         self._records: dict[str, list[bytes | Place]] = {}
+        self._sinks: dict[int, tuple[list[int], list[bytes | Place]]] = {}
+        """Channel id → where its records go."""
         try:
             with path.open("rb") as file:
                 self._file = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -100,7 +106,7 @@ class McapLog:
                 try:
                     data = self._unpack(begin, length)
                     self._index_chunk(data, len(self._chunks))
-                except (McapError, ZstdError, ValueError, KeyError, struct.error):
+                except (ZstdError, McapError, ValueError, KeyError, struct.error):
                     return
                 self._chunks.append((begin, length))
             elif opcode == Opcode.FOOTER:
@@ -108,9 +114,22 @@ class McapLog:
                 return
 
     def _unpack(self, begin: int, length: int) -> bytes:
-        chunk = Chunk.read(ReadDataStream(BytesIO(self._file[begin : begin + length])))
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        return stream.read(size)
+        """A chunk's records. Raises ValueError, ZstdError or struct.error if it is damaged."""
+        _, _, size, crc, name_length = _CHUNK.unpack_from(self._file, begin)
+        at = begin + _CHUNK.size
+        compression = self._file[at : at + name_length].decode()
+        (packed_length,) = _LENGTH.unpack_from(self._file, at + name_length)
+        at += name_length + _LENGTH.size
+        if at + packed_length > begin + length:
+            raise ValueError("a chunk is longer than its record")
+        packed = memoryview(self._file)[at : at + packed_length]
+        try:
+            data = bytes(packed) if not compression else self._zstd.decompress(packed, max_output_size=size)
+        finally:
+            packed.release()
+        if compression not in ("", "zstd") or len(data) != size or (crc and zlib.crc32(data) != crc):
+            raise ValueError("a chunk is not what its checksum says")
+        return data
 
     def _chunk(self, number: int) -> bytes:
         data = self._unpacked.pop(number, None)
@@ -122,25 +141,27 @@ class McapLog:
         return data
 
     def _index_chunk(self, data: bytes, number: int) -> None:
-        at = 0
-        while at < len(data):
+        at, size = 0, len(data)
+        while at < size:
             opcode, length = _RECORD.unpack_from(data, at)
-            begin, at = at + _RECORD.size, at + _RECORD.size + length
+            begin = at + _RECORD.size
+            at = begin + length
             if opcode == Opcode.MESSAGE:
-                channel_id, _, time_ns, _ = _MESSAGE.unpack_from(data, begin)
-                topic = self._topics[channel_id]
-                begin += _MESSAGE.size
-                self._times[topic].append(time_ns)
-                self._records[topic].append(data[begin:at] if at - begin <= KEPT_BYTES else (number, begin, at - begin))
+                channel_id, time_ns = _MESSAGE.unpack_from(data, begin)
+                begin += _MESSAGE_HEADER
+                times, records = self._sinks[channel_id]
+                times.append(time_ns)
+                records.append(data[begin:at] if at - begin <= KEPT_BYTES else (number, begin, at - begin))
             elif opcode == Opcode.SCHEMA:
                 schema = Schema.read(ReadDataStream(BytesIO(data[begin:at])))
                 self._schema_names[schema.id] = schema.name
             elif opcode == Opcode.CHANNEL:
                 channel = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
-                self._topics[channel.id] = channel.topic
                 self.schemas[channel.topic] = self._schema_names.get(channel.schema_id, "")
-                self._times.setdefault(channel.topic, [])
-                self._records.setdefault(channel.topic, [])
+                self._sinks[channel.id] = (
+                    self._times.setdefault(channel.topic, []),
+                    self._records.setdefault(channel.topic, []),
+                )
 
     def _sort(self) -> None:
         """By time: the vehicle's threads hand over their records nearly, not exactly, in order."""

@@ -107,7 +107,7 @@ class LivePanels:
             self._preview_seq = snap.preview.seq
             picture = decode_preview(snap.preview)
             if picture is not None:
-                self._picture.image = _enlarged(picture)
+                self._picture.image = enlarged(picture)
 
     def _ask_start(self, event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
         gui = event.client.gui if event.client is not None else self._server.gui
@@ -136,7 +136,7 @@ class LivePanels:
             modal.close()
 
 
-def _enlarged(picture: np.ndarray, width: int = 320) -> np.ndarray:
+def enlarged(picture: np.ndarray, width: int = 320) -> np.ndarray:
     """A small picture with each pixel repeated to about ``width``: what the network sees, not smoothed."""
     times = max(1, width // picture.shape[1])
     return picture.repeat(times, axis=0).repeat(times, axis=1)

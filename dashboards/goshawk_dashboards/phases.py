@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,11 +40,10 @@ class Phase:
         return self.end_s - self.start_s
 
     @staticmethod
-    def runs(times_s: Array, names: Sequence[str]) -> tuple[Phase, ...]:
-        """Equal neighbours joined: one phase for each run of a name."""
-        if len(names) == 0:
+    def runs(times_s: Array, labels: NDArray[Any]) -> tuple[Phase, ...]:
+        """Equal neighbours joined: one phase for each run of a label, which is its name."""
+        if len(labels) == 0:
             return ()
-        labels = np.array(names)
         starts = np.flatnonzero(np.concatenate([[True], labels[1:] != labels[:-1]]))
         ends_s = np.append(times_s[starts[1:]], times_s[-1])
         return tuple(
@@ -61,8 +60,11 @@ def phases_of(
     "on the ground", "take-off", "tracking", "lost" (tracking a target unseen for ``UNSEEN_S``, or without an
     estimate), "search", "navigation", "hold", "landing", "landed", "fault".
     """
-    names_by_code = {int(code): decode.mode_name(int(code)) for code in np.unique(modes)}
-    names = np.array([NAMES.get(names_by_code[int(c)], names_by_code[int(c)]) for c in modes], dtype=object)
+    codes, which = np.unique(modes, return_inverse=True)
+    modes_met = [decode.mode_name(int(code)) for code in codes]
+    if len(codes) == 0:
+        return ()
+    names = np.array([NAMES.get(mode, mode) for mode in modes_met], dtype=object)[which]
     tracking = names == NAMES["track"]
     if tracking.any():
         newest = np.searchsorted(target_times_s, times_s, side="right") - 1
@@ -72,4 +74,4 @@ def phases_of(
         unseen_s = target["since_seen_s"][newest[some]] + times_s[some] - target_times_s[newest[some]]
         seen[some] = target["confirmed"][newest[some]].astype(bool) & (unseen_s <= UNSEEN_S)
         names[tracking & ~seen] = "lost"
-    return Phase.runs(times_s, names.tolist())
+    return Phase.runs(times_s, names)

@@ -13,7 +13,7 @@ import viser
 from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards import curves, shapes, theme
-from goshawk_dashboards.snapshot import ELIGIBLE, ControlView, PlanView, PreviewView, Snapshot, TargetView
+from goshawk_dashboards.snapshot import ELIGIBLE, Array, ControlView, PlanView, PreviewView, Snapshot, TargetView
 from goshawk_dashboards.world_scene import WorldScene
 
 SAMPLES = 24
@@ -36,31 +36,46 @@ class ViewOptions:
     frustum: bool = True
 
 
+def prepare(server: viser.ViserServer) -> None:
+    """Light, ground and background, once for a server."""
+    scene = server.scene
+    scene.set_up_direction("+z")
+    scene.world_axes.visible = False
+    scene.configure_fog(45.0, 130.0, color=theme.BACKGROUND)
+    scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
+    scene.configure_default_lights(True, cast_shadow=False)
+    scene.add_light_hemisphere("/light", sky_color=(210, 222, 255), ground_color=(70, 66, 60), intensity=0.7)
+    scene.add_grid(
+        "/ground",
+        infinite_grid=True,
+        cell_size=1.0,
+        section_size=5.0,
+        cell_color=theme.GRID,
+        section_color=theme.GRID_SECTION,
+        cell_thickness=0.6,
+        fade_distance=90.0,
+    )
+
+
 class LiveScene:
     """Draws snapshots into a viser server's scene."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        root: str = "",
+        vehicle_rgb: theme.Rgb = theme.VEHICLE,
+        flown_rgb: theme.Rgb = theme.GOOD,
+    ) -> None:
+        """``root`` is the node that it is drawn under; with one, several vehicles share a server (``prepare`` it)."""
         self._server = server
-        scene = server.scene
-        scene.set_up_direction("+z")
-        scene.world_axes.visible = False
-        scene.configure_fog(45.0, 130.0, color=theme.BACKGROUND)
-        scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
-        scene.configure_default_lights(True, cast_shadow=False)
-        scene.add_light_hemisphere("/light", sky_color=(210, 222, 255), ground_color=(70, 66, 60), intensity=0.7)
-        scene.add_grid(
-            "/ground",
-            infinite_grid=True,
-            cell_size=1.0,
-            section_size=5.0,
-            cell_color=theme.GRID,
-            section_color=theme.GRID_SECTION,
-            cell_thickness=0.6,
-            fade_distance=90.0,
-        )
-        self._plan_seq: int | None = None
+        self._root = root
+        self._vehicle_rgb, self._flown_rgb = theme.vivid(vehicle_rgb), theme.vivid(flown_rgb)
+        if not root:
+            prepare(server)
+        self._plan_drawn: tuple[int, bool] | None = None
         self._preview_seq: int | None = None
-        self.world = WorldScene(server)
+        self.world = WorldScene(server, root)
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
         self._target_trail = shapes.Trail(spacing_m=0.3)
         self._make_vehicle()
@@ -69,34 +84,34 @@ class LiveScene:
 
     def _make_vehicle(self) -> None:
         scene = self._server.scene
-        self.vehicle = scene.add_frame("/vehicle", show_axes=False, visible=False)
-        scene.add_mesh_trimesh("/vehicle/model", shapes.quadrotor(VEHICLE_DRAWN, theme.vivid(theme.VEHICLE)))
-        self._label = scene.add_label("/vehicle/label", "STALE", position=(0.0, 0.0, 0.55), visible=False)
+        self.vehicle = scene.add_frame(f"{self._root}/vehicle", show_axes=False, visible=False)
+        scene.add_mesh_trimesh(f"{self._root}/vehicle/model", shapes.quadrotor(VEHICLE_DRAWN, self._vehicle_rgb))
+        self._label = scene.add_label(f"{self._root}/vehicle/label", "STALE", position=(0.0, 0.0, 0.55), visible=False)
         self._disturbance = scene.add_arrows(
-            "/disturbance",
+            f"{self._root}/disturbance",
             np.zeros((1, 2, 3)),
             theme.vivid(theme.DISTURBANCE),
             shaft_radius=0.025,
             head_radius=0.06,
             visible=False,
         )
-        self.camera = scene.add_frame("/camera", show_axes=False, visible=False)
+        self.camera = scene.add_frame(f"{self._root}/camera", show_axes=False, visible=False)
         self._frustum = scene.add_camera_frustum(
-            "/camera/frustum",
+            f"{self._root}/camera/frustum",
             fov=2.0 * np.arctan(48.0 / 80.0),
             aspect=160.0 / 96.0,
             scale=0.22,
             thickness=1.5,
             thickness_units="screen",
-            color=theme.vivid(theme.VEHICLE),
+            color=self._vehicle_rgb,
             wxyz=shapes.CV_FROM_FLU_WXYZ,
             cast_shadow=False,
         )
         segments = self._vehicle_trail.segments_M23()
         self._vehicle_line = scene.add_line_segments(
-            "/trail/vehicle",
+            f"{self._root}/trail/vehicle",
             segments,
-            shapes.fading_M23(len(segments), theme.vivid(theme.VEHICLE)),
+            shapes.fading_M23(len(segments), self._vehicle_rgb),
             thickness=2.5,
             thickness_units="screen",
             visible=False,
@@ -106,9 +121,9 @@ class LiveScene:
         scene = self._server.scene
         self.candidates: viser.LineSegmentsHandle | None = None
         self.chosen = scene.add_line_segments(
-            "/plan/chosen",
+            f"{self._root}/plan/chosen",
             np.zeros((SAMPLES - 1, 2, 3)),
-            theme.vivid(theme.GOOD),
+            self._flown_rgb,
             thickness=7.0,
             thickness_units="screen",
             visible=False,
@@ -116,21 +131,21 @@ class LiveScene:
 
     def _make_target(self) -> None:
         scene = self._server.scene
-        self.target = scene.add_frame("/target", show_axes=False, visible=False)
+        self.target = scene.add_frame(f"{self._root}/target", show_axes=False, visible=False)
         self._target_dot = scene.add_icosphere(
-            "/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2
+            f"{self._root}/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2
         )
         self._covariance = scene.add_icosphere(
-            "/target/covariance",
+            f"{self._root}/target/covariance",
             radius=1.0,
             color=theme.vivid(theme.TARGET),
             opacity=0.22,
             subdivisions=3,
             cast_shadow=False,
         )
-        self._target_label = scene.add_label("/target/label", "", position=(0.0, 0.0, 1.2))
+        self._target_label = scene.add_label(f"{self._root}/target/label", "", position=(0.0, 0.0, 1.2))
         self._target_arrow = scene.add_arrows(
-            "/target/velocity",
+            f"{self._root}/target/velocity",
             np.zeros((1, 2, 3)),
             theme.vivid(theme.TARGET),
             shaft_radius=0.035,
@@ -139,7 +154,7 @@ class LiveScene:
         )
         segments = self._target_trail.segments_M23()
         self._target_line = scene.add_line_segments(
-            "/trail/target",
+            f"{self._root}/trail/target",
             segments,
             shapes.fading_M23(len(segments), theme.vivid(theme.TARGET)),
             thickness=2.5,
@@ -148,7 +163,7 @@ class LiveScene:
         )
         mesh = shapes.person()
         self._truth = scene.add_mesh_simple(
-            "/truth/target", mesh.vertices, mesh.faces, color=theme.TRUTH, opacity=0.55, visible=False
+            f"{self._root}/truth/target", mesh.vertices, mesh.faces, color=theme.TRUTH, opacity=0.55, visible=False
         )
 
     def update(self, snap: Snapshot, options: ViewOptions) -> None:
@@ -159,10 +174,19 @@ class LiveScene:
         self._draw_camera(snap, options)
         self._draw_target(snap, options)
         truth = snap.truth if snap.fresh("sim_truth", CONTROL_STALE_S) else None
-        self._truth.visible = options.truth and truth is not None
-        if truth is not None:
+        self._truth.visible = options.truth and truth is not None and truth.target_pos_world_3 is not None
+        if truth is not None and truth.target_pos_world_3 is not None:
             self._truth.position = truth.target_pos_world_3
         self.world.update(snap.world, truth.moving if truth is not None else None, shown=options.world)
+
+    def retrace(self, vehicle_N3: Array, target_N3: Array) -> None:
+        """Where vehicle and target have been, oldest first, in place of what was seen here."""
+        for trail, line, points_N3 in (
+            (self._vehicle_trail, self._vehicle_line, vehicle_N3),
+            (self._target_trail, self._target_line, target_N3),
+        ):
+            trail.retrace(points_N3)
+            line.points = trail.segments_M23().astype(np.float32)
 
     def clear_trails(self) -> None:
         """Forgets where vehicle and target have been."""
@@ -191,11 +215,11 @@ class LiveScene:
             self.chosen.visible = False
             if self.candidates is not None:
                 self.candidates.visible = False
-            self._plan_seq = None
+            self._plan_drawn = None
             return
-        if plan.seq == self._plan_seq:
+        if self._plan_drawn == (plan.seq, options.rejected):
             return
-        self._plan_seq = plan.seq
+        self._plan_drawn = (plan.seq, options.rejected)
         # Drawn from the start state, and the node moved there: a viewer that is slow to take new curves still shows
         # the ones it has where the vehicle is.
         curves_NS3 = curves.plan_curves_NS3(plan, SAMPLES) - plan.start_pos_world_3
@@ -213,7 +237,7 @@ class LiveScene:
         with self._server.atomic():
             if self.candidates is None or self.candidates.points.shape != points.shape:
                 self.candidates = self._server.scene.add_line_segments(
-                    "/plan/candidates", points, colors, thickness=2.0, thickness_units="screen"
+                    f"{self._root}/plan/candidates", points, colors, thickness=2.0, thickness_units="screen"
                 )
             else:
                 self.candidates.points = points

@@ -131,6 +131,12 @@ class Trail:
         self._points.append(np.asarray(pos_3, dtype=np.float64))
         return True
 
+    def retrace(self, points_N3: Array) -> None:
+        """As if it had followed these from nothing, oldest first."""
+        self.clear()
+        for pos_3 in points_N3:
+            self.add(pos_3)
+
     def clear(self) -> None:
         """Forgets everything."""
         self._points.clear()

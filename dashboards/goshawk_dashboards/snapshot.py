@@ -168,7 +168,8 @@ class TruthView:
     stamp_ns: int
     pos_world_3: Array
     vel_world_3: Array
-    target_pos_world_3: Array
+    target_pos_world_3: Array | None
+    """None: nobody runs."""
     target_vel_world_3: Array
     clearance_m: float
     collisions: int

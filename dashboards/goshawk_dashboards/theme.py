@@ -1,7 +1,7 @@
 """Colours of the dashboards, one place: dark ground, and a hue keeps its meaning in scene, plots and panels.
 
 RGB 0..255. Green is what is flown, amber and red are worse, blue is the vehicle, orange is the target, violet is
-the disturbance, grey is rejected or stale.
+the disturbance, pink is a second flight, yellow what another policy would have flown, grey is rejected or stale.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ TRUNK: Rgb = (112, 88, 68)
 FOLIAGE: Rgb = (74, 124, 84)
 WALL: Rgb = (128, 136, 148)
 MOVING: Rgb = (222, 196, 92)
+SECOND: Rgb = (255, 112, 190)
+REPLAY: Rgb = (250, 236, 90)
 GRID: Rgb = (44, 50, 60)
 GRID_SECTION: Rgb = (66, 74, 88)
 BACKGROUND: Rgb = (17, 20, 26)

@@ -8,7 +8,6 @@ import viser
 from goshawk_dashboards import shapes, theme
 from goshawk_dashboards.snapshot import BoxesView, WorldView
 
-FIXED = ("/world/trunks", "/world/foliage", "/world/boxes")
 WALL_OPACITY = 0.4
 """What flies inside a house is to be seen from outside."""
 
@@ -16,8 +15,11 @@ WALL_OPACITY = 0.4
 class WorldScene:
     """Draws what the simulator says of its world; a real vehicle has none."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, server: viser.ViserServer, root: str = "") -> None:
+        """``root`` is the scene node that it is drawn under; empty: the world frame."""
         self._scene = server.scene
+        self._root = root
+        self._fixed = tuple(f"{root}/world/{what}" for what in ("trunks", "foliage", "boxes"))
         self._world: WorldView | None = None
         self.moving: viser.BatchedMeshHandle | None = None
 
@@ -25,7 +27,7 @@ class WorldScene:
         """Draws a new world once, and the moving obstacles where they are now; None: there are none."""
         if world is not self._world:
             self._draw(world)
-        for name in FIXED:
+        for name in self._fixed:
             node = self._scene.get_handle_by_name(name)
             if node is not None:
                 node.visible = shown
@@ -33,14 +35,14 @@ class WorldScene:
 
     def _draw(self, world: WorldView | None) -> None:
         self._world = world
-        for name in FIXED:
+        for name in self._fixed:
             self._scene.remove_by_name(name)
         if world is None:
             return
         if len(world.radius_m_K) > 0:
             self._add_trees(world)
         if len(world.boxes) > 0:
-            self._add_boxes("/world/boxes", world.boxes, theme.WALL, WALL_OPACITY)
+            self._add_boxes(f"{self._root}/world/boxes", world.boxes, theme.WALL, WALL_OPACITY)
 
     def _move(self, boxes: BoxesView | None) -> None:
         count = 0 if boxes is None else len(boxes)
@@ -50,7 +52,7 @@ class WorldScene:
         if boxes is None or count == 0:
             return
         if self.moving is None:
-            self.moving = self._add_boxes("/truth/moving", boxes, theme.vivid(theme.MOVING))
+            self.moving = self._add_boxes(f"{self._root}/truth/moving", boxes, theme.vivid(theme.MOVING))
         # Only places change: an obstacle keeps its size and heading.
         self.moving.batched_positions = boxes.centre_world_B3.astype(np.float32)
 
@@ -78,7 +80,7 @@ class WorldScene:
         wxyz_K4 = shapes.wxyz_from_up_K4(axis_K3)
         trunk = shapes.trunk()
         self._scene.add_batched_meshes_simple(
-            "/world/trunks",
+            f"{self._root}/world/trunks",
             trunk.vertices,
             trunk.faces,
             wxyz_K4,
@@ -92,7 +94,7 @@ class WorldScene:
         if leafy_K.any():
             ball = shapes.foliage()
             self._scene.add_batched_meshes_simple(
-                "/world/foliage",
+                f"{self._root}/world/foliage",
                 ball.vertices,
                 ball.faces,
                 wxyz_K4[leafy_K],

@@ -149,8 +149,8 @@ def truth(time_s: float) -> pb.SimTruth:
 
 def frame(time_s: float, seq: int, noise: np.random.Generator) -> pb.CompressedRgbd:
     """A picture as large, compressed, as one of a forest (about 20 kB with its depth), and a wall 4 m ahead."""
-    rgb = noise.integers(60, 120, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    depth = np.full((HEIGHT, WIDTH), 4000, dtype=np.uint16) + noise.integers(0, 32, (HEIGHT, WIDTH), dtype=np.uint16)
+    rgb = noise.integers(40, 150, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    depth = np.full((HEIGHT, WIDTH), 4000, dtype=np.uint16) + noise.integers(0, 48, (HEIGHT, WIDTH), dtype=np.uint16)
     jpeg, png = io.BytesIO(), io.BytesIO()
     Image.fromarray(rgb).save(jpeg, "JPEG", quality=85)
     Image.fromarray(depth).save(png, "PNG", compress_level=1)
@@ -166,14 +166,22 @@ def frame(time_s: float, seq: int, noise: np.random.Generator) -> pb.CompressedR
     )
 
 
-def write_flight(path: Path, duration_s: float = 8.0, *, chosen: int = 7, chunk_bytes: int = 1 << 20) -> Path:
-    """A whole flight. A few pictures are made and used again, so that a long log is written in bearable time."""
+def write_flight(
+    path: Path, duration_s: float = 8.0, *, chosen: int = 7, chunk_bytes: int = 1 << 20, told: str = ""
+) -> Path:
+    """A whole flight. A few pictures are made and used again, so that a long log is written in bearable time.
+
+    ``told`` is what the vehicle says as its take-off ends.
+    """
     log = LogFile(path, chunk_bytes=chunk_bytes)
     noise = np.random.default_rng(1)
-    pictures = [frame(0.0, k, noise) for k in range(16)]
+    pictures = [frame(0.0, k, noise) for k in range(96)]
     log.write("header", START_NS, pb.LogHeader(vehicle="kite", profile="chase", wall_time="2026-01-01T00:00:00.000Z"))
     takeoff = pb.Event(stamp_ns=START_NS + 10, severity=pb.SEVERITY_INFO, kind="command", text="start accepted")
     log.write("event", takeoff.stamp_ns, takeoff)
+    if told:
+        stamp_ns = START_NS + round(TAKEOFF_S * 1e9)
+        log.write("event", stamp_ns, pb.Event(stamp_ns=stamp_ns, severity=pb.SEVERITY_INFO, kind="mode", text=told))
     for step in range(round(duration_s * CONTROL_HZ)):
         time_s = step / CONTROL_HZ
         stamp_ns = START_NS + round(time_s * 1e9)
@@ -181,12 +189,24 @@ def write_flight(path: Path, duration_s: float = 8.0, *, chosen: int = 7, chunk_
         if step % (CONTROL_HZ // TRUTH_HZ) == 0:
             log.write("sim_truth", stamp_ns, truth(time_s))
         seq = step * FRAME_HZ // CONTROL_HZ
-        if seq * CONTROL_HZ // FRAME_HZ == step or (step > 0 and seq != (step - 1) * FRAME_HZ // CONTROL_HZ):
+        if step == 0 or seq != (step - 1) * FRAME_HZ // CONTROL_HZ:
             picture = pictures[seq % len(pictures)]
             picture.seq, picture.stamp_ns = seq, stamp_ns
             log.write("rgbd", stamp_ns, picture)
             log.write("plan", stamp_ns, plan(time_s, seq, chosen))
             if not SEARCH_S <= time_s < FOUND_S:
                 log.write("target", stamp_ns, target(time_s, seq, not LOST_S <= time_s < FOUND_S))
+    log.close()
+    return path
+
+
+def write_replay(path: Path, duration_s: float, *, chosen: int, later_s: float = 0.0) -> Path:
+    """What another policy made of the frames of ``write_flight``: header and plans; ``later_s`` makes it a stranger."""
+    log = LogFile(path)
+    log.write("header", START_NS, pb.LogHeader(vehicle="kite", policy_sha256="other"))
+    for step in range(round(duration_s * CONTROL_HZ)):
+        if step == 0 or step * FRAME_HZ // CONTROL_HZ != (step - 1) * FRAME_HZ // CONTROL_HZ:
+            time_s = step / CONTROL_HZ + later_s
+            log.write("plan", START_NS + round(time_s * 1e9), plan(time_s, step * FRAME_HZ // CONTROL_HZ, chosen))
     log.close()
     return path

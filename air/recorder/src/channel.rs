@@ -21,6 +21,9 @@ impl Channel {
     /// Commands with their replies.
     pub const COMMAND: Channel = Channel { topic: "log/command", message: "goshawk.v1.CommandRecord" };
 
+    /// What stands still in a simulator's world; a real vehicle has none.
+    pub const WORLD: Channel = Channel { topic: "log/world", message: "goshawk.v1.SimWorld" };
+
     /// The channel of a published key; none for a query or a liveliness token, which carry no record.
     #[must_use]
     pub fn of(key: Key) -> Option<Channel> {

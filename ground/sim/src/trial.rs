@@ -22,7 +22,7 @@ use crate::evader::{Course, EvaderError, EvaderState};
 use crate::quadrotor::QuadrotorState;
 use crate::sensor::RgbdImage;
 use crate::sensors::Sensors;
-use crate::world::{Part, WorldError};
+use crate::world::{Part, World, WorldError};
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
 pub use scene::{Scene, SceneConfig, WorldSource};
@@ -188,6 +188,10 @@ pub struct Truth<'a> {
 
 /// Someone who records a flight. All methods do nothing unless they are overridden.
 pub trait Witness {
+    /// Where it will be flown, once, before all else.
+    fn world(&mut self, world: &World) {
+        let _ = world;
+    }
     /// A step of the controller.
     fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
         let _ = (now, output, odometry);
@@ -243,6 +247,7 @@ pub fn fly_in(
         (PilotKind::Classical, Some(network)) => Box::new(Classical::new(vehicle, &mount, Some(network))?),
         (_, None) => return Err(TrialError::NoPolicy),
     };
+    witness.world(&scene.world);
     lockstep::Lockstep::new(config, vehicle, scene, pilot).fly(witness)
 }
 

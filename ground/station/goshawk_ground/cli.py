@@ -32,7 +32,7 @@ from goshawk_ground.trainer import run_trainer, trainer_installed
 
 app = typer.Typer(
     name="goshawk",
-    help="Start, stop and watch a Goshawk vehicle.",
+    help="Start, stop, watch and review a Goshawk vehicle.",
     epilog="Typical: goshawk ground, then open the printed address; or goshawk demo, which needs no vehicle.",
     no_args_is_help=True,
     rich_markup_mode="rich",
@@ -207,6 +207,32 @@ def demo(
     except DemoError as error:
         fail(str(error), REFUSED)
     raise typer.Exit(0 if succeeded else REFUSED)
+
+
+@app.command(
+    epilog="Examples: goshawk review logs/goshawk-2026-05-01T093000123Z.mcap | "
+    "goshawk review before.mcap after.mcap | goshawk review flight.mcap --replay other-policy.mcap"
+)
+def review(
+    logs: Annotated[list[Path], typer.Argument(help="A flight log, or two to compare; also one that was cut off.")],
+    replay: Annotated[
+        Path | None, typer.Option(help="What another policy made of it: a log that goshawk-air replay wrote.")
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
+    port: Port = 8080,
+) -> None:
+    """Serve recorded flights on a timeline until Ctrl-C: scrub, play, step, jump, compare."""
+    from goshawk_ground.review import LogError, open_review  # viser takes a second to import: only where it is used
+
+    try:
+        dashboard = open_review(logs, replay, host=host, port=port)
+    except LogError as error:
+        fail(str(error), REFUSED)
+    except OSError as error:
+        fail(f"{error}; choose another with --port", NO_REPLY)
+    typer.echo(f"review: {dashboard.url}  ({', '.join(log.name for log in logs)}; Ctrl-C ends)")
+    wait_for_interrupt()
+    dashboard.close()
 
 
 @app.command(

@@ -43,7 +43,7 @@ def test_a_bad_endpoint_is_one_clear_line_and_status_2(command: str) -> None:
     assert "'nonsense' is not an endpoint" in one_line(done.stderr)
 
 
-@pytest.mark.parametrize("command", ["start", "stop", "status", "ground", "demo"])
+@pytest.mark.parametrize("command", ["start", "stop", "status", "ground", "demo", "review"])
 def test_help_has_examples(command: str) -> None:
     done = CliRunner().invoke(app, [command, "--help"])
     assert done.exit_code == 0

@@ -18,6 +18,7 @@ use super::files::{Files, Unfinished};
 use crate::render::Camera;
 use crate::sensor::RgbdImage;
 use crate::trial::{Truth, Witness};
+use crate::world::World;
 
 /// The log cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -97,6 +98,10 @@ impl FlightLog {
 }
 
 impl Witness for FlightLog {
+    fn world(&mut self, world: &World) {
+        self.write(Channel::WORLD, Time(0), &world.to_proto());
+    }
+
     fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
         self.controls += 1;
         if let Some(fresh) = odometry.filter(|o| self.odometry != Some(o.stamp)) {

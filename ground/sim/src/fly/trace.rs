@@ -6,6 +6,7 @@ use goshawk_core::{ControllerOutput, Mode, Odometry, Plan};
 use crate::sensor::RgbdImage;
 use crate::trial::airframe::Mount;
 use crate::trial::{Truth, Witness};
+use crate::world::World;
 
 /// A trace holds no more samples than this (two minutes, 120 kB); a longer flight is sampled less often.
 pub const MOST_SAMPLES: usize = 2400;
@@ -106,6 +107,10 @@ impl<'a> Tracer<'a> {
 }
 
 impl Witness for Tracer<'_> {
+    fn world(&mut self, world: &World) {
+        self.inner.world(world);
+    }
+
     fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
         self.up |= output.transition.is_some_and(|change| change.from == Mode::Takeoff);
         self.inner.control(now, output, odometry);

@@ -1,0 +1,55 @@
+"""How fast a ten-minute flight opens in the review, and how fast it seeks: python dashboards/bench/review.py
+
+The log is made up, at the vehicle's own rates and sizes (control 200 Hz, plans and pictures 30 Hz, about 460 MB), in a
+temporary folder. Wall times of this machine as it is now; processor time beside them, since others may be using it.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.review import ReviewDashboard
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+import recordings
+
+DURATION_S = 600.0
+SEEKS = 200
+OPEN_LIMIT_S = 3.0
+SEEK_LIMIT_S = 0.1
+PORT = 18799
+
+
+def main() -> None:
+    """Writes the log, opens it, seeks at random, prints."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = recordings.write_flight(Path(folder) / "ten-minutes.mcap", DURATION_S)
+        print(f"{DURATION_S:.0f} s of flight, {path.stat().st_size / 1e6:.0f} MB")
+        wall_s, cpu_s = time.perf_counter(), time.process_time()
+        review = ReviewDashboard(host="127.0.0.1", port=PORT, flight=Flight.open(path))
+        review.show()
+        wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
+        print(f"open to the first picture   {wall_s:6.2f} s  ({cpu_s:.2f} s of processor)   limit {OPEN_LIMIT_S:.0f} s")
+        seeks_s, cpu_s = [], time.process_time()
+        for time_s in np.random.default_rng(1).uniform(0.0, DURATION_S, SEEKS):
+            review.player.seek(float(time_s))
+            begun_s = time.perf_counter()
+            review.show()
+            seeks_s.append(time.perf_counter() - begun_s)
+        cpu_s = (time.process_time() - cpu_s) / SEEKS
+        p50, p99 = 1e3 * np.percentile(seeks_s, (50, 99))
+        print(
+            f"seek                  p50 {p50:6.1f} ms, p99 {p99:.1f} ms  ({1e3 * cpu_s:.1f} ms of processor)   "
+            f"limit {1e3 * SEEK_LIMIT_S:.0f} ms"
+        )
+        review.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""A recorded instant is the live view's snapshot; marks, plots and tables say what the log says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import recordings as rec
+from conftest import make_plan
+from goshawk_dashboards import panels_html, recorded, review_html, review_tables
+from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.recorded import Mark, Replay
+from goshawk_dashboards.review_html import Window
+from goshawk_dashboards.review_plots import Curve, plots_of
+
+DURATION_S = 8.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the made-up logs are."""
+    return tmp_path_factory.mktemp("log")
+
+
+@pytest.fixture(scope="module")
+def flight(folder: Path) -> Flight:
+    """A made-up flight."""
+    return Flight.open(rec.write_flight(folder / "flight.mcap", DURATION_S))
+
+
+def test_an_instant_is_a_fresh_snapshot_of_that_time(flight: Flight) -> None:
+    snap = recorded.snapshot_at(flight, 2.5)
+    assert snap.control is not None and snap.plan is not None and snap.preview is not None
+    assert snap.mode == "track"
+    assert snap.fresh("control", 0.01) and snap.fresh("plan", 0.04)
+    assert snap.preview.stamp_ns == snap.plan.frame_ns
+    assert not panels_html.is_stale(snap)
+    assert snap.health is None and snap.age_s("health") is None
+
+
+def test_after_the_last_record_everything_is_stale(flight: Flight) -> None:
+    assert panels_html.is_stale(recorded.snapshot_at(flight, DURATION_S + 5.0))
+
+
+def test_measured_depth_stands_where_the_camera_was(flight: Flight) -> None:
+    plan, found = flight.plan_at(2.0), recorded.depth_points(flight, 2.0)
+    assert plan is not None and found is not None
+    points_P3, colors_P3 = found
+    assert points_P3.shape == colors_P3.shape
+    # The made-up camera looks east at a wall 4 m ahead.
+    assert np.allclose(points_P3[:, 0] - plan.start_pos_world_3[0], 4.0, atol=0.06)
+
+
+def test_vectors_turn_as_the_quaternion_says() -> None:
+    quarter = np.sqrt(0.5)
+    turned = recorded.rotated(np.array([quarter, 0.0, 0.0, quarter]), np.array([[1.0, 0.0, 2.0]]))
+    assert np.allclose(turned, [[0.0, 1.0, 2.0]])
+
+
+def test_trails_end_where_the_vehicle_is(flight: Flight) -> None:
+    own_N3, target_N3 = recorded.trails_at(flight, 2.0)
+    assert np.allclose(own_N3[0], rec.position(0.0))
+    assert np.allclose(own_N3[-1], rec.position(2.0))
+    assert len(target_N3) > 0
+
+
+def test_marks_tell_events_phases_fallbacks_and_the_closest_approach(flight: Flight) -> None:
+    marks = recorded.marks_of(flight)
+    texts = [m.text for m in marks]
+    assert [m.time_s for m in marks] == sorted(m.time_s for m in marks)
+    assert {"start accepted", "tracking", "lost", "search", "landing"} <= set(texts)
+    assert "fallback: plan expired brake, 0.20 s" in texts
+    (closest,) = [m for m in marks if m.text.startswith("closest")]
+    assert closest.text == "closest to an obstacle: 0.20 m"
+    assert closest.time_s == pytest.approx(np.pi, abs=0.05)
+
+
+def test_a_mission_event_is_not_told_twice(folder: Path) -> None:
+    flight = Flight.open(rec.write_flight(folder / "told.mcap", 3.0, told="Takeoff → Track: the target is confirmed"))
+    texts = [m.text for m in recorded.marks_of(flight)]
+    assert "Takeoff → Track: the target is confirmed" in texts
+    assert "tracking" not in texts
+
+
+def test_a_replay_answers_frame_by_frame_and_only_its_own_flight(flight: Flight, folder: Path) -> None:
+    replay = Replay(Flight.open(rec.write_replay(folder / "other.mcap", DURATION_S, chosen=3)))
+    assert replay.answers(flight)
+    plan = flight.plan_at(2.0)
+    other = replay.plan_for(plan)
+    assert plan is not None and other is not None
+    assert other.frame_ns == plan.frame_ns
+    assert (plan.chosen, other.chosen) == (7, 3)
+    stranger = Replay(Flight.open(rec.write_replay(folder / "stranger.mcap", 1.0, chosen=3, later_s=1e-3)))
+    assert not stranger.answers(flight)
+    assert stranger.plan_for(plan) is None
+
+
+def test_only_the_chosen_trajectory_is_left_of_a_plan() -> None:
+    one = recorded.only_chosen(make_plan(chosen=7))
+    assert one is not None
+    assert one.chosen == 0
+    assert np.array_equal(one.end_pos_world_N3[0], make_plan().end_pos_world_N3[7])
+    assert recorded.only_chosen(make_plan(chosen=None)) is None
+
+
+def test_a_curve_keeps_its_extremes_however_few_columns_there_are() -> None:
+    times_s = np.linspace(0.0, 600.0, 120_000, endpoint=False)
+    values = np.sin(times_s)
+    values[77_777] = 9.0
+    curve = Curve(label="x", rgb=(1, 2, 3), times_s=times_s, values=values)
+    columns_s, least, most = curve.envelope(0.0, 600.0, 300)
+    assert len(columns_s) == 300
+    assert most.max() == 9.0
+    assert least.min() == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_a_curve_has_no_value_long_after_its_last_sample_nor_where_there_is_none() -> None:
+    curve = Curve(label="x", rgb=(1, 2, 3), times_s=np.array([1.0, 2.0]), values=np.array([5.0, np.nan]))
+    assert curve.at(0.9) is None
+    assert curve.at(1.5) == 5.0
+    assert curve.at(2.5) is None
+    assert curve.shifted(10.0).at(11.5) == 5.0
+
+
+def test_plots_are_drawn_for_a_page_and_the_cursor_carries_the_values(flight: Flight) -> None:
+    plots = plots_of(flight, None, None, 0.0)
+    window = Window.around(6.1, 5.0, DURATION_S)
+    assert (window.from_s, window.to_s) == (5.0, 10.0)
+    html = review_html.plots_html(plots, flight.phases, window)
+    assert html.count("<svg") == len(plots) == 7
+    assert "nan" not in html
+    cursor = review_html.cursor_html(plots, 6.1, window)
+    assert 'data-time="6.100"' in cursor and "left:22.000%" in cursor
+    assert len(cursor) < 4000
+
+
+def test_the_whole_flight_is_one_page() -> None:
+    assert Window.around(3.0, None, 8.0) == Window(from_s=0.0, to_s=8.0)
+    assert Window.around(3.0, 20.0, 8.0) == Window(from_s=0.0, to_s=8.0)
+    assert Window.around(8.0, 4.0, 8.0) == Window(from_s=4.0, to_s=8.0)
+
+
+def test_the_band_names_the_phases_in_order(flight: Flight) -> None:
+    whole = Window.around(0.0, None, flight.duration_s)
+    html = review_html.band_html(flight.phases, flight.fallbacks, recorded.marks_of(flight), whole)
+    assert 'data-phases="take-off|tracking|lost|search|tracking|landing"' in html
+
+
+def test_candidates_are_laid_out_as_the_lattice_and_say_what_was_flown() -> None:
+    html = review_tables.candidates_html(make_plan(chosen=7), 5, make_plan(chosen=3))
+    assert "repeat(5,1fr)" in html
+    assert "candidate 8 flown" in html
+    assert "the other policy chose 4, " in html
+    assert html.count("border:2px solid #fff") == 1
+    assert "nothing was eligible" in review_tables.candidates_html(make_plan(chosen=None), 5, None)
+    assert "no plan" in review_tables.candidates_html(None, 5, None)
+
+
+def test_texts_of_a_log_are_escaped() -> None:
+    html = review_tables.marks_html([Mark(time_s=0.0, severity="info", text="<script>alert(1)</script>")], 0.0)
+    assert "<script>" not in html
+    plan = replace(make_plan(), rejections=("<b>",) * 15)
+    assert "<b>" not in review_tables.candidates_html(plan, 5, None).replace("<b style", "")

@@ -1,0 +1,201 @@
+"""The review in a real browser, of a real trial's log: timeline, play, steps and jumps move the scene; what is cut off
+opens, and what is no log is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.recorded import marks_of
+from goshawk_dashboards.review import ReviewDashboard
+from goshawk_ground.ports import free_port
+from goshawk_ground.review import open_review
+from playwright.sync_api import Page, expect
+
+ROOT = Path(__file__).resolve().parents[2]
+SIM = ROOT / "target/release/goshawk-sim"
+sys.path.insert(0, str(ROOT / "dashboards/tests"))
+
+Visit = Callable[[str], Any]
+Review = Callable[..., ReviewDashboard]
+
+
+def fly(folder: Path, *arguments: str) -> tuple[list[Path], dict[str, Any]]:
+    """Flies trials; their logs in order, and the campaign's first cell."""
+    report = folder / "report.json"
+    command = [SIM, "fly", "--task", "track", "--log", folder, "--json", report, *arguments]
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    return sorted(folder.glob("*.mcap")), json.loads(report.read_text())["cells"][0]
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a trial that was flown again alone."""
+    logs, _ = fly(tmp_path_factory.mktemp("trial"), "--speed", "4", "--trials", "1", "--seed", "5", "--only", "0:0")
+    return logs[0]
+
+
+@pytest.fixture
+def review() -> Iterator[Review]:
+    """Starts reviews in this process, so that their scenes can be read."""
+    started: list[ReviewDashboard] = []
+
+    def start(*logs: Path, replay: Path | None = None) -> ReviewDashboard:
+        started.append(open_review(logs, replay, host="127.0.0.1", port=free_port(18700)))
+        return started[-1]
+
+    yield start
+    for dashboard in started:
+        dashboard.close()
+
+
+def eventually(what: str, true: Callable[[], bool], limit_s: float = 60.0) -> None:
+    """Waits for something that a busy machine takes its time for."""
+    deadline = time.monotonic() + limit_s
+    while not true():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.05)
+
+
+def press(page: Page, name: str) -> None:
+    """A click on a button."""
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def shown_s(page: Page) -> float:
+    """The instant that the page shows."""
+    return float(page.locator('[data-goshawk="cursor"]').get_attribute("data-time") or "nan")
+
+
+def test_the_timeline_moves_scene_picture_candidates_and_plots(
+    review: Review, visit: Visit, look: Any, trial: Path
+) -> None:
+    r = review(trial)
+    flight = Flight.open(trial)
+    seen = visit(r.url)
+    page = seen.page
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", re.compile("idle|ready|takeoff"))
+    expect(page.locator('[data-goshawk="band"]')).to_have_attribute("data-phases", re.compile("take-off.*tracking"))
+    assert flight.world is not None, "a trial's log holds its forest"
+    assert r.server.scene.get_handle_by_name("/first/world/trunks") is not None
+
+    track = page.locator(".mantine-Slider-root").bounding_box()
+    assert track is not None
+    page.mouse.click(track["x"] + 0.5 * track["width"], track["y"] + 0.5 * track["height"])
+    middle_s = 0.5 * r.player.duration_s
+    eventually("the slider did not seek", lambda: r.shown_s is not None and abs(r.shown_s - middle_s) < 0.5)
+    number = page.locator('input[inputmode="decimal"]')
+    number.fill("9")
+    number.press("Enter")
+    eventually("the timeline did not move", lambda: r.shown_s == 9.0)
+    plan, control = flight.plan_at(9.0), flight.control_at(9.0)
+    assert plan is not None and control is not None
+    expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", "9.000")
+    expect(page.locator('[data-goshawk="candidates"]')).to_have_attribute("data-seq", str(plan.seq))
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    scene = r.scene.first
+    assert np.allclose(scene.vehicle.position, control.pos_world_3, atol=1e-5)
+    assert scene.candidates is not None
+    assert scene.candidates.points.shape[0] == 15 * 23
+    assert np.allclose(scene.candidates.position, plan.start_pos_world_3, atol=1e-5)
+    eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)) > 40)
+    assert seen.errors == []
+
+
+def test_play_steps_keys_and_jumps(review: Review, visit: Visit, trial: Path) -> None:
+    r = review(trial)
+    flight = Flight.open(trial)
+    page = visit(r.url).page
+    expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", re.compile(r"^0\.0"))
+    press(page, "Play")
+    eventually("it did not play", lambda: r.player.playing and r.player.time_s > 0.3)
+    press(page, "Pause")
+    eventually("it did not pause", lambda: not r.player.playing)
+    paused_s = r.player.time_s
+    eventually("the page did not follow", lambda: abs(shown_s(page) - paused_s) < 1e-3)
+
+    frames_s = flight.times_s("rgbd")
+    press(page, "frame ▶")
+    eventually("no step ahead", lambda: r.player.time_s == frames_s[np.searchsorted(frames_s, paused_s + 1e-3)])
+    after_s = r.player.time_s
+    page.keyboard.press("ArrowRight")
+    eventually("the arrow key did not step", lambda: r.player.time_s > after_s)
+    page.keyboard.press("ArrowLeft")
+    eventually("the arrow key did not step back", lambda: r.player.time_s == after_s)
+
+    marks_s = sorted({m.time_s for m in marks_of(flight)})
+    press(page, "event ▶")
+    following_s = next(t for t in marks_s if t > after_s + 1e-3)
+    eventually("no jump to the next event", lambda: abs(r.player.time_s - following_s) < 1e-6)
+    page.get_by_label("Jump").click()
+    page.get_by_role("option", name=re.compile("the target is confirmed")).click()
+    confirmed_s = next(p.start_s for p in flight.phases if p.name == "tracking")
+    eventually("no jump to the event chosen", lambda: abs(r.player.time_s - confirmed_s) < 0.02)
+
+
+def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, visit: Visit, tmp_path: Path) -> None:
+    # So fast between trees so near that it fails, whatever the policy.
+    arguments = ("--speed", "14", "--spacing", "3", "--wind", "8", "--trials", "1", "--seed", "3", "--only", "0:0")
+    (log,), cell = fly(tmp_path, *arguments)
+    assert cell["successes"] == 0
+    r = review(log)
+    page = visit(r.url).page
+    marks = marks_of(Flight.open(log))
+    expect(page.locator('[data-goshawk="marks"]')).to_contain_text(marks[0].text)
+    if cell["failures"]["collision"]:
+        collision = next(m for m in marks if m.text == "collision")
+        r.player.seek(collision.time_s)
+        expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", f"{collision.time_s:.3f}")
+        clearance_m = Flight.open(log).columns("sim_truth", ["clearance_m"])["clearance_m"]
+        assert clearance_m.min() <= 0.0
+
+
+def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, visit: Visit, trial: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    data = trial.read_bytes()
+    cut.write_bytes(data[: len(data) * 2 // 3])
+    r = review(cut)
+    assert r.player.duration_s > 5.0
+    page = visit(r.url).page
+    r.player.seek(r.player.duration_s)
+    expect(page.locator('[data-goshawk="marks"]')).to_contain_text("the log was cut off here")
+
+
+def test_two_flights_and_a_replay_share_the_scene(review: Review, visit: Visit, tmp_path: Path) -> None:
+    import recordings as rec
+
+    first = rec.write_flight(tmp_path / "first.mcap")
+    other = rec.write_flight(tmp_path / "other.mcap", 10.0, chosen=2)
+    replay = rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3)
+    r = review(first, other, replay=replay)
+    page = visit(r.url).page
+    assert r.player.duration_s > 9.9
+    r.player.seek(2.0)
+    expect(page.locator('[data-goshawk="candidates"]')).to_contain_text("the other policy chose 4")
+    assert r.scene.second is not None
+    assert r.scene.second.chosen.visible
+    assert r.scene.replayed.visible
+    ends = r.scene.replayed.points[-1, 1]
+    plan = Flight.open(first).plan_at(2.0)
+    assert plan is not None
+    assert np.allclose(ends, plan.end_pos_world_N3[3], atol=1e-4)
+    assert np.allclose(r.scene.second.vehicle.position, r.scene.first.vehicle.position)
+
+
+def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, tmp_path: Path) -> None:
+    import recordings as rec
+
+    first = rec.write_flight(tmp_path / "first.mcap")
+    r = review(first, rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3))
+    assert r.scene.second is None
+    r.player.seek(2.0)
+    eventually("the other policy's choice was not drawn", lambda: r.scene.replayed.visible)
