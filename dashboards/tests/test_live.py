@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from goshawk_dashboards import theme
+from goshawk_dashboards.commands import Watched
 from goshawk_dashboards.live import LiveDashboard, PortBusyError
 from goshawk_dashboards.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
 from viser import BatchedMeshHandle
@@ -52,15 +53,18 @@ def truth(moving: BoxesView) -> TruthView:
     )
 
 
+def watched(name: str, snap: Make) -> Watched:
+    """A vehicle that answers at once."""
+    return Watched(name=name, latest=snap, on_start=lambda _: _command("start"), on_stop=lambda: _command("stop"))
+
+
 @pytest.fixture
 def live(snap: Make) -> Iterator[LiveDashboard]:
     """A dashboard whose own thread is not running: the tests tick it."""
     dashboard = LiveDashboard(
         host="127.0.0.1",
         port=_free_port(),
-        latest=snap,
-        on_start=lambda _: _command("start"),
-        on_stop=lambda: _command("stop"),
+        vehicles=[watched("goshawk", snap)],
     )
     yield dashboard
     dashboard.close()
@@ -172,9 +176,7 @@ def test_a_busy_port_is_an_error_and_not_another_port(live: LiveDashboard, snap:
         LiveDashboard(
             host="127.0.0.1",
             port=live.server.get_port(),
-            latest=snap,
-            on_start=lambda _: _command("start"),
-            on_stop=lambda: _command("stop"),
+            vehicles=[watched("goshawk", snap)],
         )
 
 
