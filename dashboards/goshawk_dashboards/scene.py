@@ -124,6 +124,7 @@ class LiveScene:
             np.zeros((1, 3), dtype=np.uint8),
             point_size=0.09,
             point_shape="circle",
+            precision="float32",  # viser's usual half precision is wrong by decimetres some 200 m out
             visible=False,
         )
         self.chosen = scene.add_line_segments(

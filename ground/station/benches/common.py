@@ -34,7 +34,7 @@ def core_seconds_of_threads(pid: int) -> dict[str, float]:
 def memory_mb(pid: int) -> float:
     """Memory of a process that is its own and in use, MB."""
     for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-        if line.startswith("Pss_Anon:") or line.startswith("Anonymous:"):
+        if line.startswith("Anonymous:"):
             return int(line.split()[1]) * 1024 / 1e6
     raise OSError(f"no memory figures of process {pid}")
 

@@ -1,6 +1,6 @@
 """Many vehicles in one process, for the dashboard's benchmark: real Zenoh sessions, messages of real size.
 
-    python vehicles.py ENDPOINT …        one vehicle v0, v1 … an endpoint; prints `listening` once all do
+python vehicles.py ENDPOINT …        one vehicle v0, v1 … an endpoint; prints `listening` once all do
 """
 
 from __future__ import annotations
