@@ -20,7 +20,7 @@ NARROW = "@media (max-width: 576px)"
 
 _KEY_SCRIPT = (
     "if(!window.goshawkKeys){window.goshawkKeys=1;"
-    "for(const kind of ['keydown','keyup'])addEventListener(kind,e=>{"
+    "for(const kind of ['keydown','keyup'])window.addEventListener(kind,e=>{"
     "if(e.code!=='Space'||!e.isTrusted)return;e.preventDefault();e.stopImmediatePropagation();"
     "if(kind==='keydown'&amp;&amp;!e.repeat)document.documentElement.dispatchEvent(new KeyboardEvent('keydown',"
     "{key:' ',code:'Space',shiftKey:e.shiftKey,bubbles:true}))},true)}"

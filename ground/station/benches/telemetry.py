@@ -3,7 +3,8 @@
     python telemetry.py [--seconds 20]
 
 The simulator, the real onboard process and a ground that subscribes to all but the preview, over real Zenoh; between
-vehicle and ground a proxy counts the bytes of the TCP stream, Zenoh's own included. On board it is the core time of the telemetry thread (which encodes, judges readiness, makes the preview and feeds the recorder, so it is more than the
+vehicle and ground a proxy counts the bytes of the TCP stream, Zenoh's own included. On board it is the core time of the
+telemetry thread (which encodes, judges readiness, makes the preview and feeds the recorder, so it is more than the
 telemetry alone) and of Zenoh's sending threads. If this machine is too busy to plan at 60 Hz, both figures are scaled
 to 60 Hz by the rate that was reached, which is printed. The keys: `telemetry_kBps`, `telemetry_core_fraction`.
 """
