@@ -1,4 +1,4 @@
-"""Start and Stop: the buttons, the stop key, and the question before a start."""
+"""Start and Stop: what they do, and the question before a start."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from goshawk_dashboards import panels_html as html
 from goshawk_dashboards.snapshot import CommandView, Snapshot
 
 DEFAULT_PROFILE = "default profile"
-GREEN, RED, AMBER = (38, 150, 92), (205, 52, 66), (205, 140, 30)
+GREEN, AMBER = (38, 150, 92), (205, 140, 30)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,16 +41,11 @@ class Commands:
         self._profile = gui.add_dropdown("Profile", choices, initial_value=DEFAULT_PROFILE)
         start = gui.add_button("Start", color=GREEN, icon=viser.Icon.PLAYER_PLAY, hint="Asks before it starts")
         start.on_click(self._ask_start)
-        gui.add_html(overlay.frame_html(fleet=len(vehicles) > 1))
-        gui.add_html(overlay.marker(overlay.STOP))
-        self._stop = gui.add_button("Stop", color=RED, icon=viser.Icon.PLAYER_STOP)
-        self._stop.on_click(lambda _: self._stop_shown())
+        # The stop buttons are the overlay's; they and the keys come as these commands.
+        gui.add_html(overlay.frame_html())
         key = gui.add_command("Stop", description="The vehicle shown brakes and lands", hotkey="space")
         key.on_trigger(lambda _: self._stop_shown())
         if len(vehicles) > 1:
-            gui.add_html(overlay.marker(overlay.STOP_ALL))
-            every = gui.add_button("Stop all", color=RED, icon=viser.Icon.PLAYER_STOP)
-            every.on_click(lambda _: self.stop_all())
             key = gui.add_command("Stop all", description="Every vehicle lands", hotkey="space", modifier="shift")
             key.on_trigger(lambda _: self.stop_all())
 
@@ -63,9 +58,7 @@ class Commands:
             self._stopping.submit(vehicle.on_stop)
 
     def update(self, snap: Snapshot) -> None:
-        """Offers what concerns the vehicle shown: its name on the button, its start profiles."""
-        if len(self._vehicles) > 1:
-            self._stop.label = f"Stop {snap.vehicle}"
+        """Offers the start profiles of the vehicle shown."""
         if snap.health is None:
             return
         profiles = (DEFAULT_PROFILE, *snap.health.profiles)

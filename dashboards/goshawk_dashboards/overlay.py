@@ -1,80 +1,37 @@
 """What lies over the whole window, wherever the panels are scrolled, folded or docked: Stop, alerts, the last command.
 
-viser lays its panels out by itself. Two things of it are changed here, by a style sheet and a few lines of script that
-its own HTML element carries, so nothing is fetched: the boxes of the buttons that follow a ``marker`` are pinned to the
-window, and the stop key is passed on to viser's hotkeys even while an input field has the focus, where viser alone
-would ignore it.
+viser lays out its panels by itself, and what is in a folded one is not shown. So `overlay.js` makes a layer beside
+viser's; it comes inside an HTML element of viser's, so nothing is fetched, and each new text is handed to it from
+there. Its buttons and the stop key go the way of viser's own hotkeys.
 """
 
 from __future__ import annotations
 
 from html import escape
+from importlib import resources
 
 from goshawk_dashboards import theme
 from goshawk_dashboards.alerts import COMMAND_S, Alert
 from goshawk_dashboards.snapshot import Snapshot
 
-STOP, STOP_ALL = "stop-here", "stop-all-here"
-NARROW = "@media (max-width: 576px)"
-"""viser's own limit between docked panels and the sheet at the bottom."""
 
-_KEY_SCRIPT = (
-    "if(!window.goshawkKeys){window.goshawkKeys=1;"
-    "for(const kind of ['keydown','keyup'])window.addEventListener(kind,e=>{"
-    "if(e.code!=='Space'||!e.isTrusted)return;e.preventDefault();e.stopImmediatePropagation();"
-    "if(kind==='keydown'&amp;&amp;!e.repeat)document.documentElement.dispatchEvent(new KeyboardEvent('keydown',"
-    "{key:' ',code:'Space',shiftKey:e.shiftKey,bubbles:true}))},true)}"
-)
+def frame_html() -> str:
+    """The layer itself; sent once."""
+    here = resources.files("goshawk_dashboards")
+    style, script = (here.joinpath(name).read_text(encoding="utf-8") for name in ("overlay.css", "overlay.js"))
+    return f"<style>{style}</style>{_run(script)}"
 
 
-def marker(place: str) -> str:
-    """The button that follows this HTML is pinned at ``place``: STOP or STOP_ALL."""
-    return f'<div data-goshawk="{place}"></div>'
+def _run(script: str) -> str:
+    """HTML that runs a script when it is shown: a picture that cannot be one. (A script element would not run.)"""
+    return f'<img alt="" hidden src="data:," onerror="{escape(script)}">'
 
 
-def frame_html(fleet: bool) -> str:
-    """The style sheet and the key script; sent once. ``fleet``: there is a second button, Stop all."""
-    stop_left, stop_width = ("calc(50% - 156px)", "150px") if fleet else ("calc(50% - 120px)", "240px")
-    return f"""<style>
-{_box(STOP)}, {_box(STOP_ALL)} {{position: fixed; z-index: 40; bottom: 14px; margin: 0 !important;
-  padding: 0 !important}}
-{_box(STOP)} {{left: {stop_left}; width: {stop_width}}}
-{_box(STOP_ALL)} {{left: calc(50% + 6px); width: 150px}}
-{_box(STOP)} button, {_box(STOP_ALL)} button {{height: 48px !important; font-size: 17px; box-shadow: 0 2px 14px #000b}}
-{_box(STOP)} button::after {{content: "space" / ""; position: absolute; top: 18px; right: 10px; opacity: .75;
-  font: 11px system-ui}}
-{_box(STOP_ALL)} button::after {{content: "shift+space" / ""; position: absolute; bottom: 2px; right: 0; left: 0;
-  font: 10px system-ui; opacity: .75}}
-div[style*="display: none"]:has([data-goshawk="{STOP}"]) {{
-  display: block !important; height: 0 !important; visibility: visible !important; opacity: 1 !important}}
-.goshawk-top {{position: fixed; z-index: 39; top: 12px; left: 50%; transform: translateX(-50%); pointer-events: none;
-  width: max-content; max-width: max(300px, calc(100vw - 720px)); font: 600 15px/1.4 system-ui, sans-serif}}
-.goshawk-toast {{position: fixed; z-index: 39; bottom: 70px; left: 50%; transform: translateX(-50%);
-  pointer-events: none; width: max-content; max-width: max(300px, calc(100vw - 720px));
-  font: 600 14px/1.4 system-ui, sans-serif}}
-.goshawk-edge {{position: fixed; inset: 0; z-index: 38; pointer-events: none}}
-.goshawk-pulse {{animation: goshawk-pulse 1s ease-in-out infinite alternate}}
-@keyframes goshawk-pulse {{from {{opacity: 1}} to {{opacity: .55}}}}
-.goshawk-tip {{display: none}}
-.goshawk-hover:hover .goshawk-tip {{display: block}}
-{NARROW} {{
-  {_box(STOP)}, {_box(STOP_ALL)} {{bottom: auto; top: 8px}}
-  {_box(STOP)} {{left: 8px; width: {"calc(50vw - 12px)" if fleet else "calc(100vw - 16px)"}}}
-  {_box(STOP_ALL)} {{left: calc(50vw + 4px); width: calc(50vw - 12px)}}
-  .mantine-Notifications-root {{margin-top: 56px}}
-  .goshawk-top {{top: 64px; max-width: calc(100vw - 16px)}}
-  .goshawk-toast {{bottom: auto; top: 64px; max-width: calc(100vw - 16px)}}
-  .goshawk-top:has(.goshawk-alert) ~ .goshawk-toast {{display: none}}
-}}
-</style><img alt="" src="data:," style="display:none" onerror="{_KEY_SCRIPT}">"""
+def overlay_html(snap: Snapshot, shown: list[tuple[str, Alert]], *, fleet: bool = False) -> str:
+    """Alerts, each with the name of its vehicle (empty: the only one), the red edge, and the last command's outcome.
 
-
-def _box(place: str) -> str:
-    return f'div:has(> [data-goshawk="{place}"]) + div'
-
-
-def overlay_html(snap: Snapshot, shown: list[tuple[str, Alert]]) -> str:
-    """Alerts, each with the name of its vehicle (empty: the only one), the red edge, and the last command's outcome."""
+    ``fleet``: there are other vehicles, so Stop names the one it stops, and there is Stop all.
+    """
     severe = any(alert.severe and not alert.over for _, alert in shown)
     edge = (
         f'<div data-goshawk="edge" class="goshawk-edge goshawk-pulse" '
@@ -83,7 +40,10 @@ def overlay_html(snap: Snapshot, shown: list[tuple[str, Alert]]) -> str:
         else ""
     )
     lines = "".join(_alert(name, alert) for name, alert in shown)
-    return f'{edge}<div data-goshawk="alerts" class="goshawk-top">{lines}</div>{_toast(snap)}{_dimmed(snap)}'
+    news = f'{edge}<div data-goshawk="alerts" class="goshawk-top">{lines}</div>{_toast(snap)}{_dimmed(snap)}'
+    stop = f"Stop {snap.vehicle}" if fleet else "Stop"
+    template = f'<template data-stop="{escape(stop)}" data-fleet="{str(fleet).lower()}">{news}</template>'
+    return template + _run("window.goshawkOver && goshawkOver(this.previousElementSibling)")
 
 
 def _alert(name: str, alert: Alert) -> str:

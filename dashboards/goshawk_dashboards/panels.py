@@ -136,7 +136,7 @@ class LivePanels:
     def update(self, snaps: Sequence[Snapshot]) -> None:
         """Shows the snapshots' words, one a vehicle; cheap to call often, unchanged text is not sent."""
         snap = snaps[self.shown]
-        self._overlay.content = overlay.overlay_html(snap, self._alerts(snaps))
+        self._overlay.content = overlay.overlay_html(snap, self._alerts(snaps), fleet=len(snaps) > 1)
         if self._fleet is not None:
             self._fleet.content = fleet_html.fleet_html(snaps, snap.vehicle)
         self._status.content = html.status_html(snap)
