@@ -35,7 +35,7 @@ def test_the_stop_key_stops_even_while_an_input_has_the_focus(ground: Start, vis
     page = visit(g.dashboard.url).page
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
     # viser's own hotkeys do nothing while an input field has the focus.
-    page.locator("input").first.focus()
+    page.locator("input:visible").first.focus()
     assert page.evaluate("document.activeElement.tagName") == "INPUT"
     page.keyboard.press("Space")
     assert g.link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
@@ -80,11 +80,12 @@ def test_candidates_are_ranked_with_reasons_and_say_their_cost_under_the_mouse(g
     strip = page.locator('[data-goshawk="strip"]')
     expect(strip.locator("[data-candidate]")).to_have_count(15)
     expect(strip.locator("[data-candidate]").first).to_have_attribute("data-rejection", "none")
-    grey = strip.locator('[data-rejection="objectness"]').first
-    # The words are replaced under the mouse five times a second: what it is over is asked for, not a single element.
-    box = grey.bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 8)
+    # The words are replaced five times a second: where one stands is asked in one go.
+    x, y = page.evaluate(
+        "() => {const r = document.querySelector('[data-goshawk=strip] [data-rejection=objectness]')"
+        ".getBoundingClientRect(); return [r.x + r.width / 2, r.y + 8]}"
+    )
+    page.mouse.move(x, y)
     expect(strip.locator(".goshawk-tip:visible")).to_contain_text("cost")
 
 

@@ -31,6 +31,11 @@ def core_seconds_of_threads(pid: int) -> dict[str, float]:
     return total
 
 
+def waited_seconds(pid: int) -> float:
+    """Seconds that the threads of a process have been ready to run and had no core: large on a busy machine."""
+    return sum(int((task / "schedstat").read_text().split()[1]) for task in Path(f"/proc/{pid}/task").iterdir()) / 1e9
+
+
 def memory_mb(pid: int) -> float:
     """Memory of a process that is its own and in use, MB."""
     for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
