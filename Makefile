@@ -67,9 +67,11 @@ test-python: setup-test build
 
 test: lint test-rust test-python ## exactly what CI runs
 
-bench: setup setup-train ## speed, each figure against its yardstick
+bench: setup setup-train build ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
 	$(VENV)/bin/python -m goshawk_train.bench
+	$(VENV)/bin/python ground/station/benches/telemetry.py
+	$(VENV)/bin/python ground/station/benches/dashboard.py
 
 train: $(VENV)/.train build ## data set, training and export of both policies (hours; goes on where it stopped)
 	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1

@@ -6,8 +6,10 @@ Shape suffixes: N trajectories, S samples, 3 axes; coefficients are ascending po
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from goshawk_dashboards.snapshot import Array, PlanView
+from goshawk_dashboards import theme
+from goshawk_dashboards.snapshot import ELIGIBLE, Array, PlanView
 
 
 def coefficients_N63(
@@ -53,6 +55,19 @@ def plan_curves_NS3(plan: PlanView, samples: int = 24) -> Array:
         plan.duration_s,
     )
     return evaluate_NS3(coef_N63, np.linspace(0.0, plan.duration_s, samples))
+
+
+def choices_N(plan: PlanView) -> NDArray[np.bool_]:
+    """Which candidates were real choices: the one flown, and those that were merely dearer."""
+    return np.array([r in (ELIGIBLE, "cost") or k == plan.chosen for k, r in enumerate(plan.rejections)], dtype=bool)
+
+
+def colors_N3(plan: PlanView) -> NDArray[np.uint8]:
+    """Of each candidate: by cost if it was a real choice, grey if it was rejected for another reason."""
+    real_N = choices_N(plan)
+    out_N3 = np.tile(np.array(theme.REJECTED, dtype=np.uint8), (len(real_N), 1))
+    out_N3[real_N] = theme.cost_colors_N3(plan.cost_N[real_N])
+    return out_N3
 
 
 def segments_M23(curves_NS3: Array) -> Array:

@@ -1,77 +1,106 @@
-"""The panels beside the 3-D view: status, commands, readiness, link, vehicle, events, view options, picture, plots."""
+"""The panels beside the 3-D view: status, commands, readiness, links, events, view options; picture and plots."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-import numpy as np
 import viser
 
+from goshawk_dashboards import candidates_html, fleet_html, link_html, overlay, plots
 from goshawk_dashboards import panels_html as html
-from goshawk_dashboards import theme
+from goshawk_dashboards.alerts import Alert, AlertBoard
 from goshawk_dashboards.cameras import CameraMode
-from goshawk_dashboards.plots import LivePlots
-from goshawk_dashboards.scene import ViewOptions, decode_preview
-from goshawk_dashboards.snapshot import CommandView, Snapshot
+from goshawk_dashboards.commands import Commands, Watched
+from goshawk_dashboards.scene import PLAN_STALE_S, ViewOptions
+from goshawk_dashboards.snapshot import Snapshot
 
-DEFAULT_PROFILE = "default profile"
+MAX_ALERTS = 4
+"""Lines of the banner; the worst come first, and the rest is counted."""
 
 
 class LivePanels:
-    """Shows snapshots in a viser server's GUI; Start and Stop call what they were given."""
+    """Shows snapshots in a viser server's GUI. All viewers of a server see the same vehicle in full."""
 
     def __init__(
         self,
         server: viser.ViserServer,
+        vehicles: Sequence[Watched],
         *,
-        on_start: Callable[[str], CommandView],
-        on_stop: Callable[[], CommandView],
-        latest: Callable[[], Snapshot],
+        on_select: Callable[[], None],
         on_clear: Callable[[], None],
     ) -> None:
         self._server = server
-        self._on_start = on_start
-        self._on_stop = on_stop
-        self._latest = latest
+        self._vehicles = vehicles
+        self._boards = [AlertBoard() for _ in vehicles]
+        self._on_select = on_select
+        self.shown = 0
+        """Index of the vehicle shown in full."""
+        self._wanted = 0
         gui = server.gui
+        self._overlay = gui.add_html("")
+        self._fleet = self._make_fleet() if len(vehicles) > 1 else None
         self._status = gui.add_html("")
-        choices = tuple[str, ...]((DEFAULT_PROFILE,))
-        self._profile = gui.add_dropdown("Profile", choices, initial_value=DEFAULT_PROFILE)
-        start = gui.add_button("Start", color=(38, 150, 92), icon=viser.Icon.PLAYER_PLAY, hint="Asks before it starts")
-        stop = gui.add_button("Stop", color=(205, 52, 66), icon=viser.Icon.PLAYER_STOP, hint="At once, no question")
-        start.on_click(self._ask_start)
-
-        @stop.on_click
-        def _(_: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-            self._on_stop()
-
+        self.commands = Commands(server, vehicles, shown=lambda: self.shown)
         self._command = gui.add_html("")
         with gui.add_folder("Readiness"):
             self._readiness = gui.add_html("")
         with gui.add_folder("Link"):
             self._link = gui.add_html("")
+        self._radio_folder = gui.add_folder("Autopilot by radio", visible=False)
+        with self._radio_folder:
+            self._radio = gui.add_html("")
         with gui.add_folder("Events"):
             self._events = gui.add_html("")
         with gui.add_folder("Vehicle", expand_by_default=False):
             self._vehicle = gui.add_html("")
+        self._make_view_options(on_clear)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(340)
+        self._make_instruments()
+
+    def _make_fleet(self) -> viser.GuiHtmlHandle:
+        """A table of all vehicles, and two buttons for each."""
+        gui = self._server.gui
+        table = gui.add_html("")
+        with gui.add_folder("Vehicles"):
+            for k, vehicle in enumerate(self._vehicles):
+                group = gui.add_button_group(vehicle.name, ("Show", "Stop"))
+
+                @group.on_click
+                def _(event: viser.GuiEvent[viser.GuiButtonGroupHandle], k: int = k) -> None:
+                    if event.target.value == "Show":
+                        self.show(k)
+                    else:
+                        self._vehicles[k].on_stop()
+
+        return table
+
+    def _make_view_options(self, on_clear: Callable[[], None]) -> None:
+        gui = self._server.gui
         with gui.add_folder("View", expand_by_default=False):
             self._camera = gui.add_dropdown("Camera", ("Follow", "Chase", "Free"), initial_value="Follow")
             self._rejected = gui.add_checkbox("Rejected candidates", True)
+            self._detections = gui.add_checkbox("Detections", True)
             self._trails = gui.add_checkbox("Trails", True)
             self._frustum = gui.add_checkbox("Camera frustum", True)
             self._world = gui.add_checkbox("World (simulator)", True)
             self._truth = gui.add_checkbox("True target (simulator)", True)
             gui.add_button("Clear trails").on_click(lambda _: on_clear())
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(340)
-        instruments = gui.add_panel()
+
+    def _make_instruments(self) -> None:
+        server = self._server
+        instruments = server.gui.add_panel()
         with instruments.add_tab("Instruments", viser.Icon.CHART_LINE):
-            self._picture = gui.add_image(np.full((192, 320, 3), theme.BACKGROUND, dtype=np.uint8))
-            gui.add_html(_legend_html())
-            self.plots = LivePlots(server)
+            self._picture = server.gui.add_html("")
+            self._strip = server.gui.add_html("")
+            server.gui.add_html(plots.legend_html())
+            motion = plots.PlotGroup(server, plots.MOTION, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
+        with instruments.add_tab("Timing", viser.Icon.CLOCK):
+            effort = plots.PlotGroup(server, plots.EFFORT, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
+            timing = plots.PlotGroup(server, plots.TIMING, plots.TIMING_WINDOW_S, plots.health_stamp_ns)
+        self.plots = (motion, effort, timing)
         instruments.dock_left()
         instruments.set_width(340)
-        self._preview_seq: int | None = None
 
     @property
     def options(self) -> ViewOptions:
@@ -82,6 +111,7 @@ class LivePanels:
             trails=self._trails.value,
             truth=self._truth.value,
             frustum=self._frustum.value,
+            detections=self._detections.value,
         )
 
     @property
@@ -89,77 +119,48 @@ class LivePanels:
         """How the viewer's camera moves."""
         return self._camera.value
 
-    def update(self, snap: Snapshot) -> None:
-        """Shows one snapshot's words; cheap to call often, unchanged text is not sent."""
+    def show(self, k: int) -> None:
+        """Asks for the k-th vehicle in full, from any thread; it is shown from the next ``settle`` on."""
+        self._wanted = k
+
+    def settle(self) -> None:
+        """Changes the vehicle shown if another was asked for. Only who also draws may call it."""
+        wanted = self._wanted
+        if wanted == self.shown:
+            return
+        self.shown = wanted
+        for group in self.plots:
+            group.clear()
+        self._on_select()
+
+    def update(self, snaps: Sequence[Snapshot]) -> None:
+        """Shows the snapshots' words, one a vehicle; cheap to call often, unchanged text is not sent."""
+        snap = snaps[self.shown]
+        self._overlay.content = overlay.overlay_html(snap, self._alerts(snaps), fleet=len(snaps) > 1)
+        if self._fleet is not None:
+            self._fleet.content = fleet_html.fleet_html(snaps, snap.vehicle)
         self._status.content = html.status_html(snap)
+        self.commands.update(snap)
         self._command.content = html.command_html(snap)
         self._readiness.content = html.readiness_html(snap)
-        self._link.content = html.link_html(snap)
+        self._link.content = link_html.link_html(snap)
+        self._radio_folder.visible = snap.autopilot is not None
+        self._radio.content = link_html.radio_html(snap)
         self._vehicle.content = html.vehicle_html(snap)
         self._events.content = html.events_html(snap)
-        if snap.health is not None:
-            profiles = (DEFAULT_PROFILE, *snap.health.profiles)
-            if self._profile.options != profiles:
-                kept = self._profile.value if self._profile.value in profiles else DEFAULT_PROFILE
-                self._profile.options = profiles
-                self._profile.value = kept
-        if snap.preview is not None and snap.preview.seq != self._preview_seq:
-            self._preview_seq = snap.preview.seq
-            picture = decode_preview(snap.preview)
-            if picture is not None:
-                self._picture.image = enlarged(picture)
+        fresh = snap.fresh("plan", PLAN_STALE_S)
+        self._picture.content = candidates_html.picture_html(snap, fresh=fresh)
+        self._strip.content = candidates_html.strip_html(snap, fresh=fresh)
 
-    def _ask_start(self, event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-        gui = event.client.gui if event.client is not None else self._server.gui
-        profile = "" if self._profile.value == DEFAULT_PROFILE else self._profile.value
-        failing = html.failing_checks(self._latest())
-        modal = gui.add_modal("Start the flight?")
-        with modal:
-            if failing:
-                gui.add_markdown("**Not ready:**\n\n" + "\n".join(f"- {_plain(line)}" for line in failing))
-            else:
-                gui.add_markdown("Every check passes. The vehicle will arm and take off.")
-            go = gui.add_button(
-                "Start anyway" if failing else "Start now",
-                color=(205, 140, 30) if failing else (38, 150, 92),
-                icon=viser.Icon.PLAYER_PLAY,
-            )
-            cancel = gui.add_button("Cancel", color="gray")
-
-        @go.on_click
-        def _(_: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-            modal.close()
-            self._on_start(profile)
-
-        @cancel.on_click
-        def _(_: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-            modal.close()
-
-
-def enlarged(picture: np.ndarray, width: int = 320) -> np.ndarray:
-    """A small picture with each pixel repeated to about ``width``: what the network sees, not smoothed."""
-    times = max(1, width // picture.shape[1])
-    return picture.repeat(times, axis=0).repeat(times, axis=1)
-
-
-def _plain(text: str) -> str:
-    """Text from outside as Markdown that means nothing but itself."""
-    return "".join(f"\\{c}" if c in "\\`*_{}[]<>()#+-!|&" else c for c in text.replace("\n", " "))
-
-
-def _legend_html() -> str:
-    items = (
-        ("desired", theme.GOOD),
-        ("attitude", theme.VEHICLE),
-        ("disturbance", theme.DISTURBANCE),
-        ("measured", (205, 211, 220)),
-    )
-    return (
-        '<div style="font:11px system-ui;color:#aab3c0;padding:2px 8px;display:flex;flex-wrap:wrap;gap:2px 9px">'
-        + "".join(
-            f'<span><span style="display:inline-block;width:10px;height:3px;border-radius:2px;vertical-align:middle;'
-            f'background:{theme.css(c)}"></span> {name}</span>'
-            for name, c in items
-        )
-        + "</div>"
-    )
+    def _alerts(self, snaps: Sequence[Snapshot]) -> list[tuple[str, Alert]]:
+        """Of all vehicles, the severe first, each with its vehicle's name if there are several."""
+        found = [
+            (snap.vehicle if len(snaps) > 1 else "", alert)
+            for snap, board in zip(snaps, self._boards, strict=True)
+            for alert in board.update(snap)
+        ]
+        found.sort(key=lambda pair: (pair[1].over, not pair[1].severe))
+        if len(found) > MAX_ALERTS:
+            more = Alert(key="more", severe=False, text=f"and {len(found) - MAX_ALERTS} more")
+            return [*found[:MAX_ALERTS], ("", more)]
+        return found

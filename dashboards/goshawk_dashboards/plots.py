@@ -1,159 +1,234 @@
-"""Sliding-window plots of acceleration per axis and of speed, in bounded memory."""
+"""Sliding-window plots in bounded memory: motion from control samples, timing from heartbeats.
+
+A plot is a row of the tables below: its title, its lines, and how a snapshot gives their values.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import viser
 from viser import uplot
 
 from goshawk_dashboards import theme
-from goshawk_dashboards.snapshot import Array, ControlView, Snapshot
+from goshawk_dashboards.history import History
+from goshawk_dashboards.snapshot import Array, Snapshot
 
-WINDOW_S = 20.0
-SAMPLES = 400
-"""Kept per plot, 20 s at 20 Hz; at a higher rate the window gets shorter, never the memory larger."""
+MOTION_WINDOW_S = 20.0
+TIMING_WINDOW_S = 120.0
+MEASURED: theme.Rgb = (205, 211, 220)
+_NAN = float("nan")
 
-_SERIES: tuple[tuple[str, theme.Rgb, Callable[[ControlView], Array]], ...] = (
-    ("desired", theme.GOOD, lambda c: c.acc_des_world_3),
-    ("attitude", theme.VEHICLE, lambda c: c.acc_att_world_3),
-    ("disturbance", theme.DISTURBANCE, lambda c: c.acc_disturbance_world_3),
-    ("measured", (205, 211, 220), lambda c: c.acc_meas_world_3),
+
+@dataclass(frozen=True, kw_only=True)
+class Plot:
+    """One plot: ``values`` gives as many numbers as there are ``lines``, NaN where there is nothing to draw."""
+
+    title: str
+    lines: tuple[tuple[str, theme.Rgb], ...]
+    values: Callable[[Snapshot], Sequence[float]]
+    step: float | None
+    """The y axis goes from 0 to a multiple of this; None: at least -4 .. 4, growing with the data."""
+
+
+def _acceleration(axis: int) -> Callable[[Snapshot], Sequence[float]]:
+    def values(snap: Snapshot) -> Sequence[float]:
+        c = snap.control
+        if c is None:
+            return (_NAN,) * 4
+        kinds = (c.acc_des_world_3, c.acc_att_world_3, c.acc_disturbance_world_3, c.acc_meas_world_3)
+        return [float(acc_3[axis]) for acc_3 in kinds]
+
+    return values
+
+
+def _speeds(snap: Snapshot) -> Sequence[float]:
+    target_seen = snap.target is not None and snap.target.confirmed and snap.fresh("target", 1.0)
+    return (
+        _NAN if snap.control is None else float(np.linalg.norm(snap.control.vel_world_3)),
+        float(np.linalg.norm(snap.target.vel_world_3)) if snap.target is not None and target_seen else _NAN,
+    )
+
+
+def _thrust(snap: Snapshot) -> Sequence[float]:
+    return (_NAN if snap.control is None else 100.0 * snap.control.thrust_norm,)
+
+
+def _plan_age(snap: Snapshot) -> Sequence[float]:
+    age_s = None if snap.control is None else snap.control.plan_age_s
+    return (_NAN if age_s is None else 1e3 * age_s,)
+
+
+def _rates(*names: str) -> Callable[[Snapshot], Sequence[float]]:
+    def values(snap: Snapshot) -> Sequence[float]:
+        known = dict(snap.health.rates_hz) if snap.health is not None else {}
+        return [known.get(name, _NAN) for name in names]
+
+    return values
+
+
+def _latencies(snap: Snapshot) -> Sequence[float]:
+    known = {x.name: x for x in snap.health.latencies} if snap.health is not None else {}
+    parts = [known.get(name) for name in ("frame_to_plan", "inference")]
+    return [_NAN if x is None else value for x in parts for value in ((x.p50_ms, x.p99_ms) if x else (_NAN, _NAN))]
+
+
+def _round_trip(snap: Snapshot) -> Sequence[float]:
+    return (_NAN if snap.round_trip_s is None else 1e3 * snap.round_trip_s,)
+
+
+ACCELERATIONS: tuple[tuple[str, theme.Rgb], ...] = (
+    ("desired", theme.GOOD),
+    ("attitude", theme.VEHICLE),
+    ("disturbance", theme.DISTURBANCE),
+    ("measured", MEASURED),
+)
+MOTION = tuple(
+    Plot(title=f"acceleration {name}, m/s\u00b2", lines=ACCELERATIONS, values=_acceleration(axis), step=None)
+    for axis, name in enumerate(("east", "north", "up"))
+) + (
+    Plot(
+        title="speed, m/s: vehicle blue, target orange",
+        lines=(("vehicle", theme.VEHICLE), ("target", theme.TARGET)),
+        values=_speeds,
+        step=5.0,
+    ),
+)
+EFFORT = (
+    Plot(title="thrust, % of full", lines=(("thrust", theme.VEHICLE),), values=_thrust, step=25.0),
+    Plot(title="age of the plan flown, ms", lines=(("age", theme.VEHICLE),), values=_plan_age, step=50.0),
+)
+TIMING = (
+    Plot(
+        title="rates, Hz: camera green, planner blue",
+        lines=(("camera", theme.GOOD), ("planner", theme.VEHICLE)),
+        values=_rates("camera", "planner"),
+        step=20.0,
+    ),
+    Plot(
+        title="rates, Hz: controller green, odometry blue",
+        lines=(("controller", theme.GOOD), ("odometry", theme.VEHICLE)),
+        values=_rates("controller", "odometry"),
+        step=50.0,
+    ),
+    Plot(
+        title="frame to plan blue, its network green, p50 and p99 (pale), ms",
+        lines=(
+            ("frame to plan p50", theme.VEHICLE),
+            ("p99", (150, 190, 235)),
+            ("network p50", theme.GOOD),
+            ("p99", (160, 225, 190)),
+        ),
+        values=_latencies,
+        step=5.0,
+    ),
+    Plot(title="round trip over the link, ms", lines=(("rtt", theme.TARGET),), values=_round_trip, step=10.0),
 )
 
 
-_SPEED_STEP_MPS = 5.0
-_AT_LEAST_4: uplot.Scale = {
-    "range": {"min": {"pad": 0.1, "soft": -4.0, "mode": 1}, "max": {"pad": 0.1, "soft": 4.0, "mode": 1}}
-}
-"""A y axis of at least -4 .. 4 that grows with the data."""
+class PlotGroup:
+    """Plots that take a row each time ``stamp_ns`` changes, all from one history."""
 
-
-class History:
-    """The last ``capacity`` rows of ``columns`` values with their times; older rows are overwritten."""
-
-    def __init__(self, columns: int, capacity: int = SAMPLES) -> None:
-        self._rows = np.zeros((capacity, columns + 1))
-        self._count = 0
-
-    def __len__(self) -> int:
-        return min(self._count, len(self._rows))
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        plots: Sequence[Plot],
+        window_s: float,
+        stamp_ns: Callable[[Snapshot], int | None],
+    ) -> None:
+        self._plots = plots
+        self._window_s = window_s
+        self._stamp_ns = stamp_ns
+        self._last_ns: int | None = None
+        self._history = History(sum(len(plot.lines) for plot in plots))
+        self._tops = [plot.step or 0.0 for plot in plots]
+        self.handles = [_add(server, plot) for plot in plots]
 
     @property
     def nbytes(self) -> int:
         """Memory held, constant."""
-        return self._rows.nbytes
-
-    def add(self, time_s: float, values: Array) -> None:
-        """Takes one row; a time before the last one (another clock: a restart) forgets what was there."""
-        if len(self) and time_s < self.newest_s:
-            self._count = 0
-        self._rows[self._count % len(self._rows)] = (time_s, *values)
-        self._count += 1
-
-    @property
-    def newest_s(self) -> float:
-        """Time of the last row; needs at least one."""
-        return float(self._rows[(self._count - 1) % len(self._rows), 0])
-
-    def window(self, seconds: float) -> tuple[Array, Array]:
-        """Times relative to the newest row (<= 0), and rows x columns, of the last ``seconds``; oldest first."""
-        n = len(self)
-        if n == 0:
-            return np.zeros(0), np.zeros((0, self._rows.shape[1] - 1))
-        rows = (
-            np.roll(self._rows, -self._count, axis=0)[len(self._rows) - n :] if n == len(self._rows) else self._rows[:n]
-        )
-        ago = rows[:, 0] - rows[-1, 0]
-        inside = ago >= -seconds
-        return ago[inside], rows[inside, 1:]
-
-
-class LivePlots:
-    """Three acceleration plots and one of speed, fed by control samples in the vehicle's own time."""
-
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._history = History(len(_SERIES) * 3 + 2)
-        self._stamp_ns: int | None = None
-        self._speed_top_mps = _SPEED_STEP_MPS
-        acc_series: tuple[uplot.Series, ...] = (
-            _time_series(),
-            *(_series(name, color) for name, color, _ in _SERIES),
-        )
-        self._acc = [
-            _plot(server, f"acceleration {axis}, m/s\u00b2", acc_series, _AT_LEAST_4)
-            for axis in ("east", "north", "up")
-        ]
-        self._speed = _plot(
-            server,
-            "speed, m/s: vehicle blue, target orange",
-            (_time_series(), _series("vehicle", theme.VEHICLE), _series("target", theme.TARGET)),
-            {"range": (0.0, _SPEED_STEP_MPS)},
-        )
-
-    @property
-    def nbytes(self) -> int:
-        """Memory held by the history, constant."""
         return self._history.nbytes
 
+    def clear(self) -> None:
+        """Forgets everything."""
+        self._history.clear()
+        self._last_ns = None
+
     def sample(self, snap: Snapshot) -> None:
-        """Keeps the snapshot's control sample, once."""
-        control = snap.control
-        if control is None or control.stamp_ns == self._stamp_ns:
+        """Keeps the snapshot's values, once per stamp."""
+        stamp_ns = self._stamp_ns(snap)
+        if stamp_ns is None or stamp_ns == self._last_ns:
             return
-        self._stamp_ns = control.stamp_ns
-        target_speed = (
-            float(np.linalg.norm(snap.target.vel_world_3))
-            if snap.target is not None and snap.target.confirmed and snap.fresh("target", 1.0)
-            else float("nan")
-        )
-        accs = np.concatenate([get(control) for _, _, get in _SERIES])
-        speed = float(np.linalg.norm(control.vel_world_3))
-        self._history.add(control.stamp_ns * 1e-9, np.array([*accs, speed, target_speed]))
+        self._last_ns = stamp_ns
+        self._history.add(stamp_ns * 1e-9, np.array([value for plot in self._plots for value in plot.values(snap)]))
 
     def draw(self) -> None:
         """Sends the window to the viewers."""
-        ago, rows = self._history.window(WINDOW_S)
+        ago, rows = self._history.window(self._window_s)
         if len(ago) < 2:
             return
-        for axis, plot in enumerate(self._acc):
-            plot.data = (ago, *(np.ascontiguousarray(rows[:, 3 * k + axis]) for k in range(len(_SERIES))))
-        # The plot cannot find the range of a series with gaps by itself; steps, because a new range redraws it whole.
-        top = max(1.0, np.ceil(np.nanmax(rows[:, -2:]) / _SPEED_STEP_MPS)) * _SPEED_STEP_MPS
-        if top != self._speed_top_mps:
-            self._speed_top_mps = top
-            self._speed.scales = _scales({"range": (0.0, float(top))})
-        self._speed.data = (ago, np.ascontiguousarray(rows[:, -2]), np.ascontiguousarray(rows[:, -1]))
+        first = 0
+        for k, (plot, handle) in enumerate(zip(self._plots, self.handles, strict=True)):
+            lines = rows[:, first : first + len(plot.lines)]
+            first += len(plot.lines)
+            if plot.step is not None:
+                self._raise(k, plot.step, lines)
+            handle.data = (ago, *(np.ascontiguousarray(column) for column in lines.T))
+
+    def _raise(self, k: int, step: float, lines: Array) -> None:
+        """uPlot cannot find the range of a line with gaps by itself; in steps, since a new range redraws it whole."""
+        largest = float(np.nanmax(lines)) if np.isfinite(lines).any() else 0.0
+        top = max(1.0, float(np.ceil(largest / step))) * step
+        if top != self._tops[k]:
+            self._tops[k] = top
+            self.handles[k].scales = _scales(step, top)
 
 
-def _time_series() -> uplot.Series:
-    return {"label": "s"}
+def _scales(step: float | None, top: float) -> dict[str, uplot.Scale]:
+    at_least_4: uplot.Scale = {
+        "range": {"min": {"pad": 0.1, "soft": -4.0, "mode": 1}, "max": {"pad": 0.1, "soft": 4.0, "mode": 1}}
+    }
+    return {"x": {"time": False}, "y": at_least_4 if step is None else {"range": (0.0, top)}}
 
 
-def _series(label: str, color: theme.Rgb) -> uplot.Series:
-    return {"label": label, "stroke": theme.css(color), "width": 1.5, "points": {"show": False}}
-
-
-def _scales(y_scale: uplot.Scale) -> dict[str, uplot.Scale]:
-    return {"x": {"time": False}, "y": y_scale}
-
-
-def _plot(
-    server: viser.ViserServer,
-    title: str,
-    series: tuple[uplot.Series, ...],
-    y_scale: uplot.Scale,
-) -> viser.GuiUplotHandle:
+def _add(server: viser.ViserServer, plot: Plot) -> viser.GuiUplotHandle:
     line = {"show": True, "stroke": "#2a303b", "width": 1.0}
     axis: uplot.Axis = {"stroke": "#8b95a5", "grid": line, "ticks": line, "font": "11px system-ui", "gap": 2.0}  # type: ignore[typeddict-item]
+    series: list[uplot.Series] = [{"label": "s"}]
+    for label, color in plot.lines:
+        series.append({"label": label, "stroke": theme.css(color), "width": 1.5, "points": {"show": False}})
     return server.gui.add_uplot(
-        data=tuple(np.array([-1.0, 0.0]) if k == 0 else np.zeros(2) for k in range(len(series))),
-        series=series,
-        title=title,
-        scales=_scales(y_scale),
+        data=(np.array([-1.0, 0.0]), *(np.zeros(2) for _ in plot.lines)),
+        series=tuple(series),
+        title=plot.title,
+        scales=_scales(plot.step, plot.step or 0.0),
         axes=({**axis, "size": 22.0, "space": 40.0}, {**axis, "size": 38.0, "space": 20.0}),
         legend={"show": False},
-        height=100,
+        height=86,
         padding=(4, 10, 0, 0),
     )
+
+
+def legend_html() -> str:
+    """What the colours of the accelerations mean."""
+    return (
+        '<div style="font:11px system-ui;color:#aab3c0;padding:2px 8px;display:flex;flex-wrap:wrap;gap:2px 9px">'
+        + "".join(
+            f'<span><span style="display:inline-block;width:10px;height:3px;border-radius:2px;vertical-align:middle;'
+            f'background:{theme.css(c)}"></span> {name}</span>'
+            for name, c in ACCELERATIONS
+        )
+        + "</div>"
+    )
+
+
+def control_stamp_ns(snap: Snapshot) -> int | None:
+    """When motion was sampled, by the vehicle's clock."""
+    return None if snap.control is None else snap.control.stamp_ns
+
+
+def health_stamp_ns(snap: Snapshot) -> int | None:
+    """When timing was sampled, by the vehicle's clock."""
+    return None if snap.health is None else snap.health.stamp_ns

@@ -8,7 +8,6 @@ import viser
 from goshawk_dashboards import panels_html, review_html, review_tables, theme
 from goshawk_dashboards.cameras import CameraMode
 from goshawk_dashboards.flight import Flight
-from goshawk_dashboards.panels import enlarged
 from goshawk_dashboards.player import SPEEDS, Player
 from goshawk_dashboards.recorded import Mark, lattice_columns
 from goshawk_dashboards.review_html import Window
@@ -177,3 +176,9 @@ class ReviewPanels:
             picture = decode_preview(snap.preview)
             if picture is not None:
                 self._picture.image = enlarged(picture)
+
+
+def enlarged(picture: np.ndarray, width: int = 320) -> np.ndarray:
+    """A small picture with each pixel repeated to about ``width``: what the network sees, not smoothed."""
+    times = max(1, width // picture.shape[1])
+    return picture.repeat(times, axis=0).repeat(times, axis=1)

@@ -13,13 +13,15 @@ import viser
 from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards import curves, shapes, theme
-from goshawk_dashboards.snapshot import ELIGIBLE, Array, ControlView, PlanView, PreviewView, Snapshot, TargetView
+from goshawk_dashboards.snapshot import Array, ControlView, PlanView, PreviewView, Snapshot, TargetView
 from goshawk_dashboards.world_scene import WorldScene
 
 SAMPLES = 24
 """Points along a drawn trajectory."""
 VEHICLE_DRAWN = 3.0
 """The vehicle is drawn this many times its size: 155 mm cannot be seen across a forest."""
+LEAST_OBJECTNESS = 0.1
+"""A detection less sure than this is not drawn."""
 PLAN_STALE_S = 1.0
 CONTROL_STALE_S = 1.0
 TARGET_STALE_S = 1.0
@@ -34,6 +36,7 @@ class ViewOptions:
     trails: bool = True
     truth: bool = True
     frustum: bool = True
+    detections: bool = True
 
 
 def prepare(server: viser.ViserServer) -> None:
@@ -85,8 +88,20 @@ class LiveScene:
     def _make_vehicle(self) -> None:
         scene = self._server.scene
         self.vehicle = scene.add_frame(f"{self._root}/vehicle", show_axes=False, visible=False)
-        scene.add_mesh_trimesh(f"{self._root}/vehicle/model", shapes.quadrotor(VEHICLE_DRAWN, self._vehicle_rgb))
-        self._label = scene.add_label(f"{self._root}/vehicle/label", "STALE", position=(0.0, 0.0, 0.55), visible=False)
+        mesh = shapes.quadrotor(VEHICLE_DRAWN, self._vehicle_rgb)
+        self.model = scene.add_mesh_trimesh(f"{self._root}/vehicle/model", mesh)
+        self.ghost = scene.add_mesh_simple(
+            f"{self._root}/vehicle/ghost",
+            np.asarray(mesh.vertices),
+            np.asarray(mesh.faces),
+            color=theme.STALE,
+            opacity=0.35,
+            cast_shadow=False,
+            visible=False,
+        )
+        self._label = scene.add_label(
+            f"{self._root}/vehicle/label", "last seen here", position=(0.0, 0.0, 0.55), visible=False
+        )
         self._disturbance = scene.add_arrows(
             f"{self._root}/disturbance",
             np.zeros((1, 2, 3)),
@@ -120,6 +135,15 @@ class LiveScene:
     def _make_plan(self) -> None:
         scene = self._server.scene
         self.candidates: viser.LineSegmentsHandle | None = None
+        self.detections = scene.add_point_cloud(
+            f"{self._root}/plan/detections",
+            np.zeros((1, 3), dtype=np.float32),
+            np.zeros((1, 3), dtype=np.uint8),
+            point_size=0.09,
+            point_shape="circle",
+            precision="float32",  # viser's usual half precision is wrong by decimetres some 200 m out
+            visible=False,
+        )
         self.chosen = scene.add_line_segments(
             f"{self._root}/plan/chosen",
             np.zeros((SAMPLES - 1, 2, 3)),
@@ -170,7 +194,9 @@ class LiveScene:
         """Shows one snapshot."""
         if snap.control is not None:
             self._draw_vehicle(snap.control, snap.fresh("control", CONTROL_STALE_S), options)
-        self._draw_plan(snap.plan, snap.fresh("plan", PLAN_STALE_S), options)
+        plan_fresh = snap.fresh("plan", PLAN_STALE_S)
+        self._draw_detections(snap.plan, plan_fresh and options.detections)
+        self._draw_plan(snap.plan, plan_fresh, options)
         self._draw_camera(snap, options)
         self._draw_target(snap, options)
         truth = snap.truth if snap.fresh("sim_truth", CONTROL_STALE_S) else None
@@ -188,6 +214,16 @@ class LiveScene:
             trail.retrace(points_N3)
             line.points = trail.segments_M23().astype(np.float32)
 
+    def forget(self) -> None:
+        """Shows nothing of what was drawn: another vehicle is to be shown next."""
+        self.clear_trails()
+        self._plan_seq = self._preview_seq = None
+        for node in (self.vehicle, self.camera, self.chosen, self.target, self._truth, self._disturbance):
+            node.visible = False
+        self.detections.visible = self._vehicle_line.visible = self._target_line.visible = False
+        if self.candidates is not None:
+            self.candidates.visible = False
+
     def clear_trails(self) -> None:
         """Forgets where vehicle and target have been."""
         self._vehicle_trail.clear()
@@ -197,7 +233,8 @@ class LiveScene:
         self.vehicle.visible = True
         self.vehicle.position = control.pos_world_3
         self.vehicle.wxyz = control.world_from_body_4
-        self._label.visible = not fresh
+        self.model.visible = fresh
+        self.ghost.visible = self._label.visible = not fresh
         push_3 = control.acc_disturbance_world_3
         size = float(np.linalg.norm(push_3))
         self._disturbance.visible = fresh and size > 0.2
@@ -209,6 +246,22 @@ class LiveScene:
         if self._vehicle_trail.add(control.pos_world_3):
             self._vehicle_line.points = self._vehicle_trail.segments_M23().astype(np.float32)
         self._vehicle_line.visible = options.trails and len(self._vehicle_trail) > 1
+
+    def _draw_detections(self, plan: PlanView | None, shown: bool) -> None:
+        """Where the candidates' cells see the target, the surer the brighter, beside the filter's estimate."""
+        if plan is None or not shown or plan.target_pos_world_N3 is None:
+            self.detections.visible = False
+            return
+        sure_N1 = np.clip(plan.objectness_N, 0.0, 1.0)[:, None]
+        colors_N3 = sure_N1 * np.array(theme.vivid(theme.TARGET)) + (1.0 - sure_N1) * np.array(theme.BACKGROUND)
+        keep_N = plan.objectness_N > LEAST_OBJECTNESS
+        self.detections.visible = bool(keep_N.any())
+        if self.detections.visible:
+            # Always as many points as candidates: those left out lie on one that is kept.
+            first = int(np.flatnonzero(keep_N)[0])
+            index_N = np.where(keep_N, np.arange(len(keep_N)), first)
+            self.detections.points = plan.target_pos_world_N3[index_N].astype(np.float32)
+            self.detections.colors = colors_N3[index_N].astype(np.uint8)
 
     def _draw_plan(self, plan: PlanView | None, fresh: bool, options: ViewOptions) -> None:
         if plan is None or not fresh or len(plan.cost_N) == 0:
@@ -223,12 +276,7 @@ class LiveScene:
         # Drawn from the start state, and the node moved there: a viewer that is slow to take new curves still shows
         # the ones it has where the vehicle is.
         curves_NS3 = curves.plan_curves_NS3(plan, SAMPLES) - plan.start_pos_world_3
-        eligible_N = np.array([r == ELIGIBLE or k == plan.chosen for k, r in enumerate(plan.rejections)])
-        # A candidate that was merely dearer keeps its colour: it was a real choice.
-        dearer_N = np.array([r == "cost" for r in plan.rejections])
-        colored_N = eligible_N | dearer_N
-        colors_N3 = np.tile(np.array(theme.REJECTED, dtype=np.uint8), (len(plan.cost_N), 1))
-        colors_N3[colored_N] = theme.cost_colors_N3(plan.cost_N[colored_N])
+        colored_N, colors_N3 = curves.choices_N(plan), curves.colors_N3(plan)
         shown_NS3 = (
             curves_NS3 if options.rejected else np.where(colored_N[:, None, None], curves_NS3, curves_NS3[:, :1])
         )

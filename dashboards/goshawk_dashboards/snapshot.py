@@ -16,6 +16,10 @@ Array = NDArray[np.float64]
 
 ELIGIBLE = "none"
 """The rejection of the candidate that is flown."""
+STALE_S = 1.5
+"""A vehicle not heard for this long is stale: three times the heartbeat's period, and the link's lease is 2 s."""
+FLYING = frozenset({"takeoff", "track", "navigate", "search", "hold", "stopping"})
+"""The modes in which the vehicle is in the air."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -224,6 +228,39 @@ class CommandView:
     text: str
     mode: str | None
     """The vehicle's mode when it replied; None without a reply."""
+    pending: bool = False
+    """Sent, and still waiting for the reply."""
+    at_s: float | None = None
+    """When it was sent, by the ground's monotonic clock."""
+    took_s: float | None = None
+    """From the press to the reply; None while there is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutopilotView:
+    """What the autopilot says over its own telemetry radio, beside the vehicle's link."""
+
+    source: str
+    """Where it is listened for, such as udpin:0.0.0.0:14550."""
+    age_s: float | None
+    """Seconds since its last heartbeat; None: none yet."""
+    mode: str = ""
+    """Its flight mode in the autopilot's words."""
+    armed: bool = False
+    battery_fraction: float | None = None
+    battery_v: float | None = None
+    loss_fraction: float | None = None
+    """Lost of sent, by MAVLink's sequence numbers; None: too few messages."""
+    radio_rssi: tuple[int, int] | None = None
+    """The radio's own account of its signal, (here, remote), 0..254; None: the radio says nothing."""
+    rate_hz: float = 0.0
+    """Messages a second."""
+    failsafe: bool = False
+    """Its heartbeat says critical or emergency."""
+    texts: tuple[tuple[str, str], ...] = ()
+    """The newest status texts, newest last, as (severity, text); bounded."""
+    trouble: str = ""
+    """Why nothing can be heard, one line; empty: all is well."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -249,6 +286,10 @@ class Snapshot:
     """The newest last; bounded."""
     channels: tuple[ChannelView, ...] = ()
     command: CommandView | None = None
+    round_trip_s: float | None = None
+    """The newest round trip over the link to the vehicle's own process; None: not measured, or unanswered."""
+    autopilot: AutopilotView | None = None
+    """None: no telemetry radio is configured."""
 
     def age_s(self, channel: str) -> float | None:
         """Seconds since the channel's last sample; None if none came."""
@@ -269,3 +310,20 @@ class Snapshot:
         if self.control is not None and (health_age is None or (control_age or 0.0) <= health_age):
             return self.control.mode
         return self.health.mode if self.health is not None else None
+
+    @property
+    def heard_age_s(self) -> float | None:
+        """Seconds since anything at all came from the vehicle itself; None: nothing ever did."""
+        ages = [c.age_s for c in self.channels if c.name != "sim_truth" and c.age_s is not None]
+        return min(ages) if ages else None
+
+    @property
+    def stale(self) -> bool:
+        """Whether what is known is no longer what is."""
+        age_s = self.heard_age_s
+        return age_s is None or age_s > STALE_S
+
+    @property
+    def flying(self) -> bool:
+        """Whether the vehicle was in the air when it was last heard."""
+        return self.mode in FLYING

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from goshawk_dashboards import theme
+from goshawk_dashboards.commands import Watched
 from goshawk_dashboards.live import LiveDashboard, PortBusyError
 from goshawk_dashboards.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
 from viser import BatchedMeshHandle
@@ -52,15 +53,18 @@ def truth(moving: BoxesView) -> TruthView:
     )
 
 
+def watched(name: str, snap: Make) -> Watched:
+    """A vehicle that answers at once."""
+    return Watched(name=name, latest=snap, on_start=lambda _: _command("start"), on_stop=lambda: _command("stop"))
+
+
 @pytest.fixture
 def live(snap: Make) -> Iterator[LiveDashboard]:
     """A dashboard whose own thread is not running: the tests tick it."""
     dashboard = LiveDashboard(
         host="127.0.0.1",
         port=_free_port(),
-        latest=snap,
-        on_start=lambda _: _command("start"),
-        on_stop=lambda: _command("stop"),
+        vehicles=[watched("goshawk", snap)],
     )
     yield dashboard
     dashboard.close()
@@ -172,11 +176,57 @@ def test_a_busy_port_is_an_error_and_not_another_port(live: LiveDashboard, snap:
         LiveDashboard(
             host="127.0.0.1",
             port=live.server.get_port(),
-            latest=snap,
-            on_start=lambda _: _command("start"),
-            on_stop=lambda: _command("stop"),
+            vehicles=[watched("goshawk", snap)],
         )
 
 
 def test_an_empty_snapshot_can_be_shown(live: LiveDashboard, snap: Make) -> None:
     live.tick(Snapshot(now_s=1.0, vehicle="goshawk", endpoint="tcp/x:1", linked=False, alive=False))
+
+
+def test_the_last_pose_of_a_silent_vehicle_is_a_ghost(live: LiveDashboard, snap: Make) -> None:
+    live.tick(snap())
+    assert live.scene.model.visible
+    assert not live.scene.ghost.visible
+    live.tick(snap(age_s=3.0))
+    assert not live.scene.model.visible
+    assert live.scene.ghost.visible
+    assert live.scene.vehicle.visible
+
+
+def test_detections_stand_beside_the_estimate_and_weak_ones_are_left_out(live: LiveDashboard, snap: Make) -> None:
+    base = snap()
+    assert base.plan is not None
+    seen_N3 = np.tile([14.0, 1.0, 1.0], (15, 1)) + 0.1 * np.arange(15)[:, None]
+    objectness_N = np.where(np.arange(15) == 7, 0.9, 0.01)
+    live.tick(replace(base, plan=replace(base.plan, target_pos_world_N3=seen_N3, objectness_N=objectness_N)))
+    assert live.scene.detections.visible
+    np.testing.assert_allclose(live.scene.detections.points, np.tile(seen_N3[7], (15, 1)), atol=1e-5)
+    live.tick(snap(age_s=3.0))
+    assert not live.scene.detections.visible
+
+
+def test_the_vehicle_asked_for_is_shown_and_the_other_leaves_the_scene(snap: Make) -> None:
+    vehicles = [watched("alpha", snap), watched("bravo", snap)]
+    dashboard = LiveDashboard(host="127.0.0.1", port=_free_port(), vehicles=vehicles)
+    try:
+        quiet = Snapshot(now_s=100.0, vehicle="bravo", endpoint="tcp/x:1", linked=False, alive=False)
+        dashboard.tick(snap(vehicle="alpha"), quiet)
+        assert dashboard.scene.vehicle.visible
+        dashboard.panels.show(1)
+        dashboard.panels.settle()
+        dashboard.tick(snap(vehicle="alpha"), quiet)
+        assert not dashboard.scene.vehicle.visible
+        assert not dashboard.scene.chosen.visible
+    finally:
+        dashboard.close()
+
+
+def test_memory_of_the_plots_is_constant(live: LiveDashboard, snap: Make) -> None:
+    base = snap()
+    assert base.control is not None
+    before = [group.nbytes for group in live.panels.plots]
+    for k in range(1500):
+        for group in live.panels.plots:
+            group.sample(replace(base, control=replace(base.control, stamp_ns=k * 50_000_000)))
+    assert [group.nbytes for group in live.panels.plots] == before

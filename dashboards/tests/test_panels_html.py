@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from goshawk_dashboards import link_html
 from goshawk_dashboards import panels_html as html
 from goshawk_dashboards.snapshot import CommandView, EventView, Snapshot
 
@@ -78,7 +79,7 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
     render = (
         html.status_html,
         html.readiness_html,
-        html.link_html,
+        link_html.link_html,
         html.vehicle_html,
         html.events_html,
         html.command_html,
@@ -90,7 +91,7 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
 def test_loss_and_malformed_payloads_are_shown(snap: Make) -> None:
     base = snap()
     lossy = replace(base.channels[0], loss_fraction=0.25, malformed=4)
-    words = html.link_html(replace(base, channels=(lossy,)))
+    words = link_html.link_html(replace(base, channels=(lossy,)))
     assert "25.0 %" in words
     assert "4 malformed" in words
 

@@ -91,12 +91,12 @@ class Visit:
 
 
 @pytest.fixture
-def visit(browser: Browser) -> Iterator[Callable[[str], Visit]]:
+def visit(browser: Browser) -> Iterator[Callable[..., Visit]]:
     """Opens an address in a fresh page, small, for the software renderer's sake."""
     pages: list[Page] = []
 
-    def open_page(url: str) -> Visit:
-        page = browser.new_page(viewport={"width": 1100, "height": 640})
+    def open_page(url: str, width: int = 1100, height: int = 640) -> Visit:
+        page = browser.new_page(viewport={"width": width, "height": height})
         pages.append(page)
         page.set_default_timeout(60_000)
         seen = Visit(page=page)
@@ -117,30 +117,39 @@ class Ground:
     vehicle: subprocess.Popen[str]
     link: GroundLink
     dashboard: LiveDashboard
+    others: list[tuple[subprocess.Popen[str], GroundLink]] = field(default_factory=list)
+    """Further vehicles of the same dashboard, and their links."""
+
+
+def start_vehicle(name: str, *flags: str) -> tuple[subprocess.Popen[str], GroundLink]:
+    """A stand-in vehicle that listens, and a link to it."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    command = [sys.executable, str(FAKE), "--listen", endpoint, "--vehicle", name, *flags]
+    vehicle = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert vehicle.stdout is not None
+    assert vehicle.stdout.readline() == "listening\n"
+    return vehicle, GroundLink(vehicle=name, connect=endpoint)
 
 
 @pytest.fixture
 def ground() -> Iterator[Callable[..., Ground]]:
-    """Starts a stand-in vehicle with the given flags, and a ground station for it."""
+    """Starts stand-in vehicles with the given flags, one a name, and a ground station for them."""
     started: list[Ground] = []
 
-    def start(*flags: str) -> Ground:
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
-        vehicle = subprocess.Popen(
-            [sys.executable, str(FAKE), "--listen", endpoint, *flags], stdout=subprocess.PIPE, text=True
-        )
-        assert vehicle.stdout is not None
-        assert vehicle.stdout.readline() == "listening\n"
-        link = GroundLink(connect=endpoint)
-        ground = Ground(vehicle=vehicle, link=link, dashboard=serve_dashboard(link, host="127.0.0.1", port=free_port()))
+    def start(*flags: str, names: tuple[str, ...] = ("goshawk",)) -> Ground:
+        (vehicle, link), *others = (start_vehicle(name, *flags) for name in names)
+        links = [link, *(other for _, other in others)]
+        dashboard = serve_dashboard(*links, host="127.0.0.1", port=free_port())
+        ground = Ground(vehicle=vehicle, link=link, dashboard=dashboard, others=others)
         started.append(ground)
         return ground
 
     yield start
     for ground in started:
         ground.dashboard.close()
-        ground.link.close()
-        ground.vehicle.terminate()
-        ground.vehicle.wait(timeout=10)
-        if ground.vehicle.stdout is not None:
-            ground.vehicle.stdout.close()
+        for vehicle, link in ((ground.vehicle, ground.link), *ground.others):
+            link.close()
+            vehicle.terminate()
+            vehicle.wait(timeout=10)
+            if vehicle.stdout is not None:
+                vehicle.stdout.close()

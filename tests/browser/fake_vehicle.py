@@ -239,7 +239,7 @@ class FakeVehicle:
             profile="normal",
             policy_sha256="c0ffee" * 10,
             version="0.1.0-fake",
-            battery_fraction=0.83,
+            battery_fraction=self.args.battery,
             log_path="logs/fake.mcap",
             autopilot="OFFBOARD" if ready else "HOLD",
             profiles=["normal", "fast"],
@@ -365,6 +365,7 @@ def main() -> None:
     parser.add_argument("--lose", type=float, default=0.0, help="share of samples not sent, their seq used up")
     parser.add_argument("--malformed", action="store_true", help="send rubbish beside the telemetry")
     parser.add_argument("--not-ready", action="store_true", help="stay idle")
+    parser.add_argument("--battery", type=float, default=0.83, help="its fraction, 0 … 1")
     parser.add_argument("--mute", action="store_true", help="answer no command")
     args = parser.parse_args()
     stop = threading.Event()

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import signal
 import threading
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -136,26 +137,46 @@ def _literal(text: str) -> str:
     return text.replace("[", r"\[")
 
 
-@app.command(epilog="Examples: goshawk ground | goshawk ground --connect tcp/192.168.1.7:7447 --port 9000")
+@app.command(
+    epilog="Examples: goshawk ground | goshawk ground --connect tcp/192.168.1.7:7447 --autopilot udpin:0.0.0.0:14550 | "
+    "goshawk ground --vehicle alpha@tcp/192.168.1.7:7447 --vehicle bravo@tcp/192.168.1.8:7447"
+)
 def ground(
-    vehicle: Vehicle = DEFAULT_VEHICLE,
-    connect: Connect = DEFAULT_CONNECT,
+    vehicle: Annotated[
+        list[str] | None, typer.Option(help="NAME, or NAME@ENDPOINT; give it again for several vehicles.")
+    ] = None,
+    connect: Annotated[str, typer.Option(help="The endpoint of each vehicle named without one.")] = DEFAULT_CONNECT,
+    autopilot: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Listen to the autopilot's own telemetry radio, read only: udpin:0.0.0.0:14550 or /dev/ttyUSB0,57600; "
+            "NAME@… for one of several vehicles."
+        ),
+    ] = None,
     host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
     port: Port = 8080,
     as_json: Json = False,
 ) -> None:
-    """Serve the live dashboard until Ctrl-C."""
-    from goshawk_ground.serve import serve_dashboard  # viser takes a second to import: only where it is used
+    """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space all."""
+    from goshawk_ground import fleet  # viser takes a second to import: only where it is used
+    from goshawk_ground.serve import serve_dashboard
 
-    with open_link(vehicle, connect) as link:
+    with ExitStack() as stack:
         try:
-            dashboard = serve_dashboard(link, host=host, port=port)
+            endpoints = fleet.places(vehicle or [DEFAULT_VEHICLE], connect)
+            sources = fleet.radio_sources(autopilot or [], list(endpoints))
+            links, radios = fleet.open_all(stack, endpoints, sources)
+        except LinkError as error:
+            fail(str(error), NO_REPLY)
+        try:
+            dashboard = serve_dashboard(*links, host=host, port=port, radios=radios)
         except OSError as error:
             fail(f"{error}; choose another with --port", NO_REPLY)
         if as_json:
-            typer.echo(json.dumps({"url": dashboard.url, "vehicle": vehicle, "connect": connect}))
+            typer.echo(json.dumps({"url": dashboard.url, "vehicles": endpoints}))
         else:
-            typer.echo(f"dashboard: {dashboard.url}  (vehicle '{vehicle}' at {connect}; Ctrl-C ends)")
+            words = ", ".join(f"'{name}' at {endpoint}" for name, endpoint in endpoints.items())
+            typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")
         wait_for_interrupt()
         dashboard.close()
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-import uuid
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, Self
@@ -22,7 +21,9 @@ from goshawk_dashboards import decode
 from goshawk_dashboards.snapshot import CommandView, EventView, Snapshot, WorldView
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
+from goshawk_ground import round_trip
 from goshawk_ground.channel import ChannelStats
+from goshawk_ground.command_client import CommandClient
 from goshawk_ground.dial import LinkError, client_config, open_when_reachable
 
 EVENTS = 200
@@ -60,6 +61,8 @@ class GroundLink:
         self._alive = False
         self._world: WorldView | None = None
         self._command: CommandView | None = None
+        self._commands = CommandClient(self, self._take_command)
+        self._round_trip_s: float | None = None
         self._closing = threading.Event()
         client_config(connect)
         try:
@@ -98,13 +101,15 @@ class GroundLink:
         alive = liveliness.declare_subscriber(self._keys["alive_air"], self._take_alive, history=True)
         self._declared += [*rings.values(), alive]
         self._session = session
-        world = threading.Thread(target=self._watch_world, name="sim-world", daemon=True)
-        world.start()
+        helpers = [threading.Thread(target=f, daemon=True) for f in (self._watch_world, self._watch_round_trip)]
+        for helper in helpers:
+            helper.start()
         while not self._closing.wait(DRAIN_PERIOD_S):
             for name, ring in rings.items():
                 while (sample := ring.try_recv()) is not None:
                     self._take(name, sample)
-        world.join(timeout=2.5)
+        for helper in helpers:
+            helper.join(timeout=2.5)
 
     # ---- telemetry ----
 
@@ -142,7 +147,13 @@ class GroundLink:
                 events=tuple(self._events),
                 channels=tuple(stats.view(now_s) for stats in self._stats.values()),
                 command=self._command,
+                round_trip_s=self._round_trip_s,
             )
+
+    @property
+    def closing(self) -> bool:
+        """Whether ``close`` was called."""
+        return self._closing.is_set()
 
     @property
     def linked(self) -> bool:
@@ -196,7 +207,7 @@ class GroundLink:
             if truth is None or (asked_stamp_ns is not None and truth.stamp_ns >= asked_stamp_ns):
                 continue
             stamp_ns = truth.stamp_ns
-            for message in self._ask("sim_world", None, 2.0):
+            for message in self.ask("sim_world", None, 2.0):
                 with contextlib.suppress(decode.MalformedError):
                     if not isinstance(message, goshawk_pb2.SimWorld):
                         continue
@@ -205,58 +216,31 @@ class GroundLink:
                         self._world = world
                     asked_stamp_ns = stamp_ns
 
+    def _watch_round_trip(self) -> None:
+        session = self._session
+        while session is not None and not self._closing.wait(round_trip.PERIOD_S):
+            took_s = round_trip.measure_s(session, self._keys["alive_air"])
+            with self._lock:
+                self._round_trip_s = took_s
+
     # ---- commands ----
 
     def start(self, profile: str = "", *, timeout_s: float = 5.0) -> CommandView:
         """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Returns what became of it."""
-        command_id = str(uuid.uuid4())
-        return self._command_view("start", goshawk_pb2.StartRequest(command_id=command_id, profile=profile), timeout_s)
+        return self._commands.start(profile, timeout_s)
 
     def stop(self, *, timeout_s: float = 5.0) -> CommandView:
         """Asks for the flight to end. Returns what became of it."""
-        return self._command_view("stop", goshawk_pb2.StopRequest(command_id=str(uuid.uuid4())), timeout_s)
+        return self._commands.stop(timeout_s)
 
-    def _command_view(
-        self, verb: str, request: goshawk_pb2.StartRequest | goshawk_pb2.StopRequest, timeout_s: float
-    ) -> CommandView:
-        reply = self._command_reply(f"cmd_{verb}", request, timeout_s)
-        if reply is None:
-            view = CommandView(
-                verb=verb,
-                command_id=request.command_id,
-                answered=False,
-                accepted=False,
-                text=self.why_silent(timeout_s),
-                mode=None,
-            )
-        else:
-            view = CommandView(
-                verb=verb,
-                command_id=request.command_id,
-                answered=True,
-                accepted=reply.accepted,
-                text=_one_line(reply.reason) or ("accepted" if reply.accepted else "refused without a reason"),
-                mode=decode.mode_name(reply.mode),
-            )
+    def _take_command(self, view: CommandView) -> None:
+        """A late reply to an older command never replaces news of a newer one."""
         with self._lock:
-            self._command = view
-        return view
+            kept = self._command
+            if kept is None or (kept.at_s or 0.0) <= (view.at_s or 0.0):
+                self._command = view
 
-    def _command_reply(self, key: str, request: Any, timeout_s: float) -> goshawk_pb2.CommandReply | None:
-        """Asks until it is answered or time is up. The id stays the same, so the vehicle acts once at most."""
-        deadline = time.monotonic() + timeout_s
-        while (left_s := deadline - time.monotonic()) > 0.0 and not self._closing.is_set():
-            if not self.linked:
-                time.sleep(min(0.05, left_s))
-                continue
-            # One attempt is short, so that a request lost on a weak link is soon sent again.
-            for reply in self._ask(key, request, min(left_s, max(0.5, timeout_s / 3.0))):
-                if isinstance(reply, goshawk_pb2.CommandReply) and reply.command_id == request.command_id:
-                    return reply
-            time.sleep(min(0.1, max(0.0, deadline - time.monotonic())))
-        return None
-
-    def _ask(self, key: str, request: Message | None, timeout_s: float) -> Iterator[Message]:
+    def ask(self, key: str, request: Message | None, timeout_s: float) -> Iterator[Message]:
         """The well-formed replies to one query."""
         row = KEYS[key]
         session = self._session
@@ -294,7 +278,3 @@ class GroundLink:
             f"'{self.vehicle}' is alive but did not answer within {waited_s:g} s: the link may be too weak; it may "
             "still act, watch `goshawk status`"
         )
-
-
-def _one_line(text: object) -> str:
-    return " ".join(str(text).split())

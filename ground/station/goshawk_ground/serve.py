@@ -1,14 +1,39 @@
-"""Puts a link and the live dashboard together."""
+"""Puts links, radios and the live dashboard together."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from goshawk_dashboards.commands import Watched
 from goshawk_dashboards.live import LiveDashboard
+from goshawk_dashboards.snapshot import Snapshot
 
 from goshawk_ground.link import GroundLink
+from goshawk_ground.radio import Radio
 
 
-def serve_dashboard(link: GroundLink, *, host: str, port: int) -> LiveDashboard:
-    """A running dashboard of the link. Raises PortBusyError (an OSError) if the port is taken."""
-    dashboard = LiveDashboard(host=host, port=port, latest=link.snapshot, on_start=link.start, on_stop=link.stop)
+def serve_dashboard(
+    *links: GroundLink, host: str, port: int, radios: Mapping[str, Radio] | None = None
+) -> LiveDashboard:
+    """A running dashboard of the links' vehicles, and of the radios of some of them, by the vehicle's name.
+
+    Raises PortBusyError (an OSError) if the port is taken.
+    """
+    vehicles = watched(links, radios or {})
+    dashboard = LiveDashboard(host=host, port=port, vehicles=vehicles)
     dashboard.start()
     return dashboard
+
+
+def watched(links: Sequence[GroundLink], radios: Mapping[str, Radio]) -> list[Watched]:
+    """What the dashboard needs of each vehicle."""
+    return [_watched(link, radios.get(link.vehicle)) for link in links]
+
+
+def _watched(link: GroundLink, radio: Radio | None) -> Watched:
+    def latest() -> Snapshot:
+        snap = link.snapshot()
+        return snap if radio is None else replace(snap, autopilot=radio.view())
+
+    return Watched(name=link.vehicle, latest=latest, on_start=link.start, on_stop=link.stop)

@@ -32,7 +32,9 @@ def navigate() -> Config:
 def small(config: Config) -> Config:
     """A network and batches small enough for tests."""
     torch.set_num_threads(1)  # two that spin starve each other beside other work
-    training = dataclasses.replace(config.training, batch=8, states=2, samples=8 * 40, validate_frames=16, learning_rate=2e-3)
+    training = dataclasses.replace(
+        config.training, batch=8, states=2, samples=8 * 40, validate_frames=16, learning_rate=2e-3
+    )
     network = dataclasses.replace(config.network, channels=(8, 16, 32, 64), head_channels=32)
     return dataclasses.replace(config, training=training, network=network)
 

@@ -1,0 +1,148 @@
+"""What one vehicle's telemetry costs, preview aside: bytes on the wire, and a core on board.
+
+    python telemetry.py [--seconds 20]
+
+The simulator, the real onboard process and a ground that subscribes to all but the preview, over real Zenoh; between
+vehicle and ground a proxy counts the bytes of the TCP stream, Zenoh's own included. On board it is the core time of the
+telemetry thread (which encodes, judges readiness, makes the preview and feeds the recorder, so it is more than the
+telemetry alone) and of Zenoh's sending threads. If this machine is too busy to plan at 60 Hz, both figures are scaled
+to 60 Hz by the rate that was reached, which is printed. The keys: `telemetry_kBps`, `telemetry_core_fraction`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import zenoh
+from common import ROOT, core_seconds_of_threads, free_port, record, verdict
+from goshawk_ground.dial import client_config
+from goshawk_ground.link import GroundLink
+from goshawk_proto import key_expression
+
+CHANNELS = ("plan", "control", "target", "health", "event")
+FULL_HZ = 60.0
+TARGET_KBPS = 150.0
+TARGET_CORE = 0.02
+SENDING = ("telemetry", "tx")
+"""How the names of the threads on board begin that telemetry costs."""
+
+
+class CountingProxy:
+    """Passes one TCP connection on, and counts what the far side sends."""
+
+    def __init__(self, port: int, far_port: int) -> None:
+        self.received = 0
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self._far_port = far_port
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        near, _ = self._listener.accept()
+        far = socket.create_connection(("127.0.0.1", self._far_port))
+        for end in (near, far):
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        threading.Thread(target=self._pump, args=(near, far, False), daemon=True).start()
+        self._pump(far, near, True)
+
+    def _pump(self, source: socket.socket, sink: socket.socket, count: bool) -> None:
+        try:
+            while data := source.recv(65536):
+                self.received += len(data) if count else 0
+                sink.sendall(data)
+        except OSError:
+            pass  # an end has gone: the measurement is over
+
+
+def start(stack: ExitStack, folder: Path, zenoh_port: int) -> int:
+    """The vehicle and the simulator, ended with the stack; the vehicle's process id."""
+    mavlink = free_port(socket.SOCK_DGRAM)
+    endpoint = f"tcp/127.0.0.1:{zenoh_port}"
+    bins = ROOT / "target/release"
+    commands = (
+        [
+            str(bins / "goshawk-air"), "run", "--config", str(ROOT / "air/vehicles/sim.toml"), "--listen", endpoint,
+            "--mavlink-bind", f"127.0.0.1:{mavlink}", "--log-dir", str(folder),
+        ],
+        [
+            str(bins / "goshawk-sim"), "serve", "--seed", "3", "--spacing", "6", "--speed", "2", "--distance", "400",
+            "--connect", endpoint, "--mavlink-port", str(mavlink),
+        ],
+    )  # fmt: skip
+    pids = []
+    for k, command in enumerate(commands):
+        output = stack.enter_context((folder / f"{k}.out").open("wb"))
+        try:
+            process = subprocess.Popen(command, stdout=output, stderr=output)
+        except OSError as error:
+            raise SystemExit(f"cannot run {command[0]}: {error.strerror}; `make build` makes it") from error
+        stack.callback(lambda p=process: (p.terminate(), p.wait(timeout=20)))
+        pids.append(process.pid)
+    return pids[0]
+
+
+def main() -> None:
+    """Flies, measures and records."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=20.0, help="how long to measure, in flight")
+    seconds = parser.parse_args().seconds
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        port, proxied = free_port(), free_port()
+        pid = start(stack, folder, port)
+        pilot = stack.enter_context(GroundLink(connect=f"tcp/127.0.0.1:{port}"))
+        if pilot.wait_for(lambda s: s.mode == "ready", 60) is None or not pilot.start(timeout_s=10).accepted:
+            raise SystemExit("the vehicle did not start: " + pilot.why_silent(60))
+        if pilot.wait_for(lambda s: s.mode == "track" and s.plan is not None, 40) is None:
+            raise SystemExit("the vehicle never tracked its target")
+        vehicle = pilot.vehicle
+        pilot.close()
+        proxy = CountingProxy(proxied, port)
+        session = stack.enter_context(zenoh.open(client_config(f"tcp/127.0.0.1:{proxied}")))
+        counts = dict.fromkeys(CHANNELS, 0)
+
+        def count(name: str) -> None:
+            counts[name] += 1
+
+        kept = [
+            session.declare_subscriber(key_expression(name, vehicle), lambda _, name=name: count(name))
+            for name in CHANNELS
+        ]
+        time.sleep(2.0)
+        report(pid, proxy, counts, seconds)
+        for subscriber in kept:
+            subscriber.undeclare()
+
+
+def report(pid: int, proxy: CountingProxy, counts: dict[str, int], seconds: float) -> None:
+    """Watches for a while, then prints and records."""
+    began_s, bytes_before, counts_before = time.monotonic(), proxy.received, dict(counts)
+    before = core_seconds_of_threads(pid)
+    time.sleep(seconds)
+    after, took_s = core_seconds_of_threads(pid), time.monotonic() - began_s
+    rates = {name: (counts[name] - counts_before[name]) / took_s for name in CHANNELS}
+    if rates["plan"] < 1.0:
+        raise SystemExit("the flight ended before it was measured")
+    scale = max(1.0, FULL_HZ / rates["plan"])
+    kbps = scale * (proxy.received - bytes_before) / took_s / 1000.0
+    spent = {n: (s - before.get(n, 0.0)) / took_s for n, s in after.items()}
+    parts = {n: scale * s for n, s in spent.items() if n.startswith(SENDING)}
+    share = sum(parts.values())
+    print(f"telemetry of one vehicle in flight, without preview, {took_s:.0f} s over real Zenoh")
+    print("  rates reached       " + ", ".join(f"{name} {hz:.1f} Hz" for name, hz in rates.items()))
+    print(f"  bytes on the wire   {kbps:8.1f} kB/s at 60 Hz   target {TARGET_KBPS:.0f}: {verdict(kbps <= TARGET_KBPS)}")
+    print(f"  share of a core     {100 * share:8.2f} % at 60 Hz      target 2 %: {verdict(share <= TARGET_CORE)}")
+    print("  of which            " + ", ".join(f"{n} {100 * s:.2f} %" for n, s in sorted(parts.items())))
+    print(f"  the whole process   {100 * scale * sum(spent.values()):8.1f} % (yardstick)")
+    record("telemetry_kBps", round(kbps, 1))
+    record("telemetry_core_fraction", round(share, 4))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""What an operator relies on: Stop within reach whatever the page does, alerts, and several vehicles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from playwright.sync_api import Page, expect
+
+Start = Callable[..., Any]
+Visit = Callable[..., Any]
+
+
+def flying(g: Any) -> None:
+    """Takes off, and waits until it tracks."""
+    assert g.link.wait_for(lambda s: s.mode == "ready", 20)
+    assert g.link.start().accepted
+    assert g.link.wait_for(lambda s: s.mode == "track", 20)
+
+
+def reachable(page: Page, name: str) -> None:
+    """The button is in the window, and nothing lies over its middle."""
+    button = page.get_by_role("button", name=name, exact=True)
+    expect(button).to_be_in_viewport(ratio=1)
+    on_top = button.evaluate(
+        "b => {const r = b.getBoundingClientRect();"
+        "return b.contains(document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2))}"
+    )
+    assert on_top, f"something lies over {name}"
+
+
+def test_the_stop_key_stops_even_while_an_input_has_the_focus(ground: Start, visit: Visit) -> None:
+    g = ground()
+    flying(g)
+    page = visit(g.dashboard.url).page
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    # viser's own hotkeys do nothing while an input field has the focus.
+    page.locator("input:visible").first.focus()
+    assert page.evaluate("document.activeElement.tagName") == "INPUT"
+    page.keyboard.press("Space")
+    assert g.link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+    expect(page.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
+
+
+def test_stop_stays_within_reach_when_the_panel_is_scrolled_and_on_a_phone(ground: Start, visit: Visit) -> None:
+    g = ground()
+    flying(g)
+    page = visit(g.dashboard.url).page
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    page.locator('[data-goshawk="events"]').scroll_into_view_if_needed()
+    reachable(page, "Stop")
+
+    phone = visit(g.dashboard.url, width=390, height=844).page
+    expect(phone.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    reachable(phone, "Stop")
+    phone.get_by_text("Goshawk", exact=True).click()  # folds the sheet
+    expect(phone.locator('[data-goshawk="status"]')).to_be_hidden()
+    reachable(phone, "Stop")
+    phone.get_by_role("button", name="Stop", exact=True).click()
+    assert g.link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+
+
+def test_a_vehicle_that_falls_silent_in_flight_is_an_alert_and_a_ghost(ground: Start, visit: Visit) -> None:
+    g = ground()
+    flying(g)
+    page = visit(g.dashboard.url).page
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    expect(page.locator('[data-goshawk="edge"]')).to_have_count(0)
+    g.vehicle.kill()
+    expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("VEHICLE SILENT")
+    expect(page.locator('[data-goshawk="edge"]')).to_be_visible()
+    assert g.dashboard.scene.ghost.visible
+    assert not g.dashboard.scene.model.visible
+
+
+def test_candidates_are_ranked_with_reasons_and_say_their_cost_under_the_mouse(ground: Start, visit: Visit) -> None:
+    g = ground()
+    flying(g)
+    page = visit(g.dashboard.url).page
+    strip = page.locator('[data-goshawk="strip"]')
+    expect(strip.locator("[data-candidate]")).to_have_count(15)
+    expect(strip.locator("[data-candidate]").first).to_have_attribute("data-rejection", "none")
+    # The words are replaced five times a second: where one stands is asked in one go.
+    x, y = page.evaluate(
+        "() => {const r = document.querySelector('[data-goshawk=strip] [data-rejection=objectness]')"
+        ".getBoundingClientRect(); return [r.x + r.width / 2, r.y + 8]}"
+    )
+    page.mouse.move(x, y)
+    expect(strip.locator(".goshawk-tip:visible")).to_contain_text("cost")
+
+
+def test_several_vehicles_are_seen_at_once_and_each_and_all_can_be_stopped(ground: Start, visit: Visit) -> None:
+    g = ground(names=("alpha", "bravo", "charlie"))
+    links = [g.link, *(link for _, link in g.others)]
+    for link in links:
+        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.start().accepted
+    for link in links:
+        assert link.wait_for(lambda s: s.mode == "track", 20)
+    page = visit(g.dashboard.url, height=900).page
+    rows = page.locator('[data-goshawk="fleet"] [data-vehicle]')
+    expect(rows).to_have_count(3)
+    expect(page.locator('[data-goshawk="fleet"] [data-mode="track"]')).to_have_count(3)
+    reachable(page, "Stop alpha")
+
+    page.get_by_role("button", name="Show", exact=True).nth(1).click()
+    reachable(page, "Stop bravo")
+    expect(page.locator('[data-vehicle="bravo"]')).to_have_attribute("data-shown", "true")
+    page.keyboard.press("Space")
+    assert links[1].wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+    assert [links[0].snapshot().mode, links[2].snapshot().mode] == ["track", "track"]
+
+    reachable(page, "Stop all")
+    page.get_by_role("button", name="Stop all", exact=True).click()
+    for link in links:
+        assert link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
