@@ -207,7 +207,8 @@ impl<'a> Lockstep<'a> {
 
     fn control(&mut self, now: Time, witness: &mut dyn Witness) {
         let command = (self.mode == Mode::Ready).then(|| Command::Start(self.profile()));
-        let output = self.onboard.control(now, self.autopilot.status(self.quad.state().on_ground), command);
+        let status = self.autopilot.status(self.quad.state().on_ground, self.quad.battery_fraction());
+        let output = self.onboard.control(now, status, command);
         self.autopilot.take(now, &output);
         self.mode = output.mode;
         if output.reply == Some(Ok(())) {
