@@ -129,7 +129,8 @@ mod tests {
         touchdown_time: 0.4,
         on_stop: StopAction::Land,
     };
-    const FLYING: AutopilotStatus = AutopilotStatus { connected: true, armed: true, offboard: true, landed: None, battery: None };
+    const FLYING: AutopilotStatus =
+        AutopilotStatus { connected: true, armed: true, offboard: true, landed: None, battery: None };
 
     /// Steps of 10 ms at a constant vertical speed, after a first one that ends the braking.
     fn descend(landing: &mut Landing, now: &mut Time, climb: f64, seconds: f64) -> Vec<Request> {

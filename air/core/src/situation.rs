@@ -94,9 +94,8 @@ impl Controller {
             Mode::Track => !flyable && self.hover.is_stopped(),
             _ => !confirmed,
         };
-        let at_goal = odometry
-            .zip(flight.goal_world)
-            .is_some_and(|(o, goal)| (goal - o.pos_world).norm() < mission.goal_radius);
+        let at_goal =
+            odometry.zip(flight.goal_world).is_some_and(|(o, goal)| (goal - o.pos_world).norm() < mission.goal_radius);
         happened
             .with(Cause::NoPlan, planning && self.plans.silence(now) > ladder.no_plan_land)
             .with(Cause::CaughtUp, gap.is_some_and(|(gap, opening)| gap < mission.hold_distance && opening < 0.0))

@@ -187,11 +187,9 @@ mod tests {
     #[test]
     fn stop_does_what_the_vehicle_file_says_once_it_flies() {
         let to = |mode, situation| transition(mode, only(Cause::StopCommand), &situation).map(|to| to.0);
-        for (on_stop, there) in [
-            (StopAction::Land, Mode::Stopping),
-            (StopAction::Hover, Mode::Hold),
-            (StopAction::HandOver, Mode::Fault),
-        ] {
+        for (on_stop, there) in
+            [(StopAction::Land, Mode::Stopping), (StopAction::Hover, Mode::Hold), (StopAction::HandOver, Mode::Fault)]
+        {
             let chase = Situation { on_stop, ..CHASE };
             for mode in [Mode::Track, Mode::Navigate, Mode::Search] {
                 assert_eq!(to(mode, chase), Some(there));

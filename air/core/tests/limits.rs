@@ -155,11 +155,9 @@ fn a_silent_autopilot_before_arming_ends_the_take_off() {
 fn a_profile_beyond_the_limits_is_refused() {
     let mut sim = limited(|_| {});
     sim.run(0.5);
-    for profile in [
-        Profile { speed: 12.5, ..track() },
-        Profile { height: 21.0, ..track() },
-        navigate(Vec3::new(101.0, 0.0, 1.0)),
-    ] {
+    for profile in
+        [Profile { speed: 12.5, ..track() }, Profile { height: 21.0, ..track() }, navigate(Vec3::new(101.0, 0.0, 1.0))]
+    {
         assert_eq!(sim.tick(Some(Command::Start(profile))).reply, Some(Err(Refusal::BeyondLimits)));
     }
     assert_eq!(sim.mode(), Mode::Ready);

@@ -96,7 +96,12 @@ fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (String,
             OnStop::Hover => "stopping; a second stop lands",
             OnStop::HandOver => "handing over to the autopilot",
         };
-        (v1::StopRequest::decode(payload).map_err(malformed)?.command_id, String::new(), Command::Stop, accepted.to_owned())
+        (
+            v1::StopRequest::decode(payload).map_err(malformed)?.command_id,
+            String::new(),
+            Command::Stop,
+            accepted.to_owned(),
+        )
     };
     if id.is_empty() || id.len() > 64 {
         return Err((id.chars().take(64).collect(), "command_id must have 1 to 64 bytes".to_owned()));

@@ -44,13 +44,7 @@ pub struct Facts {
 
 /// Every readiness check with its reason. `battery_start`: the charge that a flight begins with at least, 0..1.
 #[must_use]
-pub fn checks(
-    facts: &Facts,
-    autopilot: &Status,
-    refused: (u64, u64),
-    battery_start: f64,
-    now: Time,
-) -> Vec<v1::Check> {
+pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_start: f64, now: Time) -> Vec<v1::Check> {
     let age = |stamp: Option<Time>| stamp.map(|stamp| now.since(stamp));
     let check = |name: &str, problem: Option<String>| v1::Check {
         name: name.to_owned(),
