@@ -73,6 +73,8 @@ fn control() -> Control {
         yaw_des_rad: 15.5,
         plan_seq: Some(16000),
         plan_age_s: Some(17.5),
+        hover_thrust: 40.5,
+        attitude_lag_s: 41.5,
     }
 }
 

@@ -64,7 +64,13 @@ impl Status {
     /// What the controller wants to know of it.
     #[must_use]
     pub fn core(&self) -> AutopilotStatus {
-        AutopilotStatus { connected: self.connected, armed: self.armed, offboard: self.offboard, landed: self.landed }
+        AutopilotStatus {
+            connected: self.connected,
+            armed: self.armed,
+            offboard: self.offboard,
+            landed: self.landed,
+            battery: self.battery_fraction,
+        }
     }
 }
 

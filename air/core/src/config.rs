@@ -2,6 +2,10 @@
 //! because every value is a safety limit or a property of one airframe. Typical values are those of the paper's vehicle.
 
 use crate::error::{ConfigError, check, not_negative, positive};
+use crate::lag::LagConfig;
+use crate::limits::LimitsConfig;
+use crate::mission::StopAction;
+use crate::thrust::ThrustConfig;
 use crate::types::{GRAVITY, Newtons, NormalisedThrust};
 
 /// Everything that the controller needs to know.
@@ -9,10 +13,14 @@ use crate::types::{GRAVITY, Newtons, NormalisedThrust};
 pub struct ControllerConfig {
     /// The airframe.
     pub vehicle: VehicleModel,
+    /// Bounds of the hover thrust that is learnt in flight.
+    pub thrust: ThrustConfig,
     /// Disturbance observer (eq. 14-15).
     pub observer: ObserverConfig,
     /// Lead over the attitude loop's lag.
     pub lead: LeadConfig,
+    /// Bounds of the lag that is learnt in flight.
+    pub lag: LagConfig,
     /// Yaw limits and the search.
     pub yaw: YawConfig,
     /// Braking and position hold.
@@ -21,6 +29,8 @@ pub struct ControllerConfig {
     pub ladder: LadderConfig,
     /// Take-off, holding distance, landing.
     pub mission: MissionConfig,
+    /// What no flight may exceed.
+    pub limits: LimitsConfig,
 }
 
 /// The airframe as the controller sees it.
@@ -28,7 +38,7 @@ pub struct ControllerConfig {
 pub struct VehicleModel {
     /// Take-off mass, kg (0.85).
     pub mass: f64,
-    /// Normalised thrust that hovers, 0..1.
+    /// Normalised thrust that hovers, 0..1; where the estimate begins.
     pub hover_thrust: f64,
     /// Least normalised thrust in flight; keeps attitude authority (0.05).
     pub min_thrust: f64,
@@ -38,12 +48,12 @@ pub struct VehicleModel {
     pub max_tilt: f64,
 }
 
-/// Gains of the high-gain observer (eq. 15).
+/// Gains of the high-gain observer (eq. 15). See `disturbance.rs` for the region in which the loop is stable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObserverConfig {
     /// alpha1 (3).
     pub alpha1: f64,
-    /// alpha2 (2).
+    /// alpha2 (2); at most alpha1² / 2.
     pub alpha2: f64,
     /// zeta, s (0.2).
     pub zeta: f64,
@@ -54,7 +64,7 @@ pub struct ObserverConfig {
 /// Lead: f̈ + tau·f⃛.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeadConfig {
-    /// The attitude loop's first-order lag, s; 0: no lead.
+    /// The attitude loop's first-order lag, s; where the estimate begins.
     pub tau: f64,
     /// Largest lead, m/s² (6).
     pub limit: f64,
@@ -118,6 +128,8 @@ pub struct MissionConfig {
     pub request_period: f64,
     /// When an unanswered request becomes a fault, s (5).
     pub request_timeout: f64,
+    /// How long the thrust rises before the vehicle leaves the ground, at most, s (2).
+    pub takeoff_ramp: f64,
     /// Climb speed at take-off, m/s (1).
     pub climb_speed: f64,
     /// Horizontal distance to the target at which to hold, m (2).
@@ -136,6 +148,8 @@ pub struct MissionConfig {
     pub slow_height: f64,
     /// How long the vertical speed must be near zero, while commanded down, to count as touch-down, s (0.4).
     pub touchdown_time: f64,
+    /// What Stop does.
+    pub on_stop: StopAction,
 }
 
 impl VehicleModel {
@@ -159,6 +173,9 @@ impl ControllerConfig {
     /// The first value that cannot be flown with, by name.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.validate_vehicle()?;
+        self.thrust.validate(&self.vehicle)?;
+        self.lag.validate(self.lead.tau)?;
+        self.limits.validate()?;
         self.validate_loops()?;
         self.validate_ladder()?;
         self.validate_mission()
@@ -178,10 +195,11 @@ impl ControllerConfig {
     fn validate_loops(&self) -> Result<(), ConfigError> {
         let o = &self.observer;
         positive("observer.alpha1", o.alpha1)?;
-        positive("observer.alpha2", o.alpha2)?;
+        check("observer.alpha2", o.alpha2, "above 0 and at most alpha1^2 / 2, or the observer overshoots", |x| {
+            x > 0.0 && x <= 0.5 * o.alpha1 * o.alpha1
+        })?;
         positive("observer.zeta", o.zeta)?;
         not_negative("observer.limit", o.limit)?;
-        check("lead.tau", self.lead.tau, "0 to 1 s", |x| (0.0..=1.0).contains(&x))?;
         not_negative("lead.limit", self.lead.limit)?;
         let y = &self.yaw;
         positive("yaw.max_rate", y.max_rate)?;
@@ -213,6 +231,7 @@ impl ControllerConfig {
         check("mission.stream_before_offboard", m.stream_before_offboard, "at least 1 s", |x| x >= 1.0)?;
         positive("mission.request_period", m.request_period)?;
         positive("mission.request_timeout", m.request_timeout)?;
+        positive("mission.takeoff_ramp", m.takeoff_ramp)?;
         positive("mission.climb_speed", m.climb_speed)?;
         positive("mission.hold_distance", m.hold_distance)?;
         check("mission.resume_distance", m.resume_distance, "above hold_distance", |x| x > m.hold_distance)?;
@@ -228,10 +247,10 @@ impl ControllerConfig {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn config() -> ControllerConfig {
+    pub(crate) fn config() -> ControllerConfig {
         ControllerConfig {
             vehicle: VehicleModel {
                 mass: 0.85,
@@ -240,8 +259,10 @@ mod tests {
                 max_thrust: 1.0,
                 max_tilt: 45_f64.to_radians(),
             },
+            thrust: ThrustConfig { least: 0.13, most: 0.42 },
             observer: ObserverConfig { alpha1: 3.0, alpha2: 2.0, zeta: 0.2, limit: 6.0 },
             lead: LeadConfig { tau: 0.1, limit: 6.0 },
+            lag: LagConfig { least: 0.04, most: 0.35 },
             yaw: YawConfig {
                 max_rate: 2.5,
                 max_acc: 10.0,
@@ -263,6 +284,7 @@ mod tests {
                 stream_before_offboard: 1.2,
                 request_period: 1.0,
                 request_timeout: 5.0,
+                takeoff_ramp: 2.0,
                 climb_speed: 1.0,
                 hold_distance: 2.0,
                 resume_distance: 3.0,
@@ -272,6 +294,15 @@ mod tests {
                 touchdown_speed: 0.35,
                 slow_height: 1.0,
                 touchdown_time: 0.4,
+                on_stop: StopAction::Land,
+            },
+            limits: LimitsConfig {
+                fence_radius: 100.0,
+                ceiling: 20.0,
+                max_speed: 12.0,
+                max_time: 600.0,
+                battery_start: 0.3,
+                battery_land: 0.15,
             },
         }
     }
@@ -280,12 +311,18 @@ mod tests {
     fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
         assert_eq!(config().validate(), Ok(()));
         type Spoil = fn(&mut ControllerConfig);
-        let spoiled: [(&str, Spoil); 10] = [
+        let spoiled: [(&str, Spoil); 16] = [
             ("vehicle.mass", |c| c.vehicle.mass = 0.0),
             ("vehicle.hover_thrust", |c| c.vehicle.hover_thrust = 1.0),
             ("vehicle.min_thrust", |c| c.vehicle.min_thrust = 0.0),
             ("vehicle.max_tilt", |c| c.vehicle.max_tilt = 1.6),
             ("observer.zeta", |c| c.observer.zeta = f64::NAN),
+            ("observer.alpha2", |c| c.observer.alpha2 = 4.6),
+            ("thrust.least", |c| c.thrust.least = 0.26),
+            ("thrust.most", |c| c.thrust.most = 0.24),
+            ("lag.least", |c| c.lag.least = 0.11),
+            ("lag.most", |c| c.lag.most = 0.09),
+            ("limits.battery_start", |c| c.limits.battery_start = 0.1),
             ("yaw.search_rate", |c| c.yaw.search_rate = 9.0),
             ("ladder.odometry_stale", |c| c.ladder.odometry_stale = f64::INFINITY),
             ("mission.resume_distance", |c| c.mission.resume_distance = 1.9),

@@ -9,12 +9,13 @@ use crate::hover::Hover;
 use crate::interface::{
     AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Transition,
 };
-use crate::landing::{Landing, Phase};
-use crate::mission::{Cause, Facts, Mode, transition};
-use crate::motion::Motion;
+use crate::landing::Landing;
+use crate::mission::{Cause, Mode, StopAction};
+use crate::motion::{Commanded, Motion};
 use crate::plans::Plans;
 use crate::takeoff::{Stage, Takeoff};
-use crate::types::{Newtons, Odometry, Task, Time, Vec3};
+use crate::transitions::transition;
+use crate::types::{Odometry, Task, Time, Vec3};
 use crate::yaw::{YawPlanner, yaw_of};
 use nalgebra::Rotation3;
 
@@ -31,7 +32,7 @@ pub struct Controller {
     pub(crate) hover: Hover,
     pub(crate) flight: Option<Flight>,
     /// Commanded in the last step.
-    pub(crate) force: Newtons,
+    pub(crate) commanded: Commanded,
     /// The sweep's direction; its sign counts.
     pub(crate) sweep: f64,
     /// In Fault: the autopilot is asked to take over; when last.
@@ -47,20 +48,21 @@ pub(crate) struct Flight {
     pub(crate) goal_world: Option<Vec3>,
     pub(crate) takeoff: Takeoff,
     pub(crate) landing: Landing,
-    was_offboard: bool,
-    was_armed: bool,
+    pub(crate) begun: Time,
+    pub(crate) was_offboard: bool,
+    pub(crate) was_armed: bool,
+    /// It has left the ground.
+    pub(crate) lifted: bool,
+    /// Stopped by the operator, to be hovered.
+    pub(crate) held: bool,
+    /// The battery has been low since then.
+    pub(crate) battery_low: Option<Time>,
 }
 
-/// A fault is shown at least this long, s.
-const FAULT_SHOWN: f64 = 3.0;
 /// A step longer than this is taken as this, s.
 const LONGEST_STEP: f64 = 0.1;
 /// A target counts as seen for this long, s: a few frames and the planner's time.
 const SEEN_NOW: f64 = 0.15;
-/// The climb is over this near the height, m, and below this speed, m/s.
-const HEIGHT_REACHED: (f64, f64) = (0.2, 0.5);
-/// A climb may take twice its time and this much more, s.
-const CLIMB_GRACE: f64 = 8.0;
 
 impl Flight {
     fn new(profile: Profile, start: &Odometry, now: Time) -> Self {
@@ -71,12 +73,18 @@ impl Flight {
             goal_world: profile.goal.map(|goal| start.pos_world + world_from_start * goal),
             takeoff: Takeoff::new(now),
             landing: Landing::new(now),
+            begun: now,
             was_offboard: false,
             was_armed: false,
+            lifted: false,
+            held: false,
+            battery_low: None,
         }
     }
 
-    fn observe(&mut self, autopilot: &AutopilotStatus) {
+    fn observe(&mut self, now: Time, autopilot: &AutopilotStatus, battery_land: f64) {
+        let low = autopilot.battery.is_some_and(|charge| charge < battery_land);
+        self.battery_low = self.battery_low.or(Some(now)).filter(|_| low);
         self.was_offboard |= autopilot.offboard && self.takeoff.stage() != Stage::Stream;
         self.was_armed |= autopilot.armed && self.takeoff.stage() != Stage::Stream;
     }
@@ -98,12 +106,12 @@ impl Controller {
             mode: Mode::Idle,
             entered: Time(0),
             last_step: None,
-            motion: Motion::new(config.observer),
+            motion: Motion::new(&config),
             plans: Plans::new(Time(0)),
             yaw: YawPlanner::new(config.yaw),
             hover: Hover::default(),
             flight: None,
-            force: Newtons(0.0),
+            commanded: Commanded::default(),
             sweep: 1.0,
             handing_back: false,
             asked_back: None,
@@ -129,15 +137,19 @@ impl Controller {
         self.last_step = Some(now);
         self.take_odometry(input);
         if let Some(flight) = &mut self.flight {
-            flight.observe(&input.autopilot);
+            flight.observe(now, &input.autopilot, self.config.limits.battery_land);
         }
         if let Some(plan) = input.plan.filter(|_| self.planning().is_some()) {
             self.plans.take(plan);
         }
         let readiness = self.readiness(now, input);
         let reply = input.command.map(|command| self.answer(&command, readiness));
-        let facts = self.facts(now, input, readiness, reply);
-        let transition = transition(self.mode, &facts).map(|(to, cause)| self.enter(now, to, cause, input.command));
+        let happened = self.happened(now, input, readiness, reply);
+        let transition = transition(self.mode, happened, &self.situation())
+            .map(|(to, cause)| self.enter(now, to, cause, input.command));
+        if let (Some(Command::Stop), Some(flight)) = (input.command, &mut self.flight) {
+            flight.held = self.config.mission.on_stop == StopAction::Hover;
+        }
         let mut output = self.fly(now, dt, input);
         (output.transition, output.reply, output.readiness) = (transition, reply, readiness);
         output
@@ -145,7 +157,7 @@ impl Controller {
 
     fn take_odometry(&mut self, input: &ControllerInput) {
         let Some(odometry) = input.odometry else { return };
-        let Some(jump) = self.motion.take(odometry, self.force.0 / self.config.vehicle.mass) else { return };
+        let Some(jump) = self.motion.take(odometry, &self.commanded) else { return };
         // The frame moved, the vehicle did not: move along whatever is remembered in it.
         self.hover.shift(jump.pos_world);
         self.plans.shift(jump.pos_world);
@@ -164,6 +176,8 @@ impl Controller {
             Err(Refusal::NotOnGround)
         } else if self.motion.fresh(now, self.config.ladder.odometry_stale).is_none() {
             Err(Refusal::OdometryStale)
+        } else if autopilot.battery.is_some_and(|charge| charge < self.config.limits.battery_start) {
+            Err(Refusal::BatteryLow)
         } else if !input.ready {
             Err(Refusal::ChecksFailed)
         } else {
@@ -177,77 +191,13 @@ impl Controller {
             (Command::Start(_), mode) if mode.has_authority() => Err(Refusal::Flying),
             (Command::Start(_), Mode::Fault) => Err(Refusal::Faulted),
             (Command::Start(profile), _) if !profile.is_valid() => Err(Refusal::BadProfile),
+            (Command::Start(profile), _) if self.config.limits.exceeded_by(profile).is_some() => {
+                Err(Refusal::BeyondLimits)
+            }
             (Command::Start(_), Mode::Ready) => readiness,
             // The next step will have moved on to Ready; ask again.
             (Command::Start(_), _) => readiness.and(Err(Refusal::ChecksFailed)),
         }
-    }
-
-    fn facts(
-        &self,
-        now: Time,
-        input: &ControllerInput,
-        readiness: Result<(), Refusal>,
-        reply: Option<Result<(), Refusal>>,
-    ) -> Facts {
-        let accepted = reply == Some(Ok(()));
-        let (ladder, mission) = (&self.config.ladder, &self.config.mission);
-        let flight = self.flight.as_ref();
-        let task = flight.map_or(Task::Track, |f| f.profile.task);
-        let odometry = self.motion.fresh(now, ladder.odometry_stale);
-        let frames = self.plans.frames_arrive(ladder, now);
-        let flyable = self.plans.flyable(ladder, task, now).is_some();
-        let confirmed = self.plans.target().is_some_and(|target| target.confirmed);
-        let gap = odometry.and_then(|o| self.gap(now, o)).filter(|_| confirmed);
-        let distance = |goal: &Vec3| odometry.map(|o| (goal - o.pos_world).norm());
-        let goal_distance = flight.and_then(|f| f.goal_world.as_ref().and_then(distance));
-        let climbing = flight.filter(|f| f.takeoff.stage() == Stage::Climb);
-        Facts {
-            task,
-            start: accepted && matches!(input.command, Some(Command::Start(_))),
-            stop: accepted && input.command == Some(Command::Stop),
-            ready: readiness.is_ok(),
-            was_armed: flight.is_some_and(|f| f.was_armed),
-            disarmed: flight.is_some_and(|f| f.was_armed && !input.autopilot.armed),
-            mode_taken: flight.is_some_and(|f| f.was_offboard && !input.autopilot.offboard),
-            odometry_lost: self.odometry_lost(now),
-            refused: flight.and_then(|f| f.takeoff.refused(mission, now)),
-            takeoff_timeout: climbing
-                .is_some_and(|f| f.takeoff.elapsed(now) > 2.0 * f.profile.height / mission.climb_speed + CLIMB_GRACE),
-            height_reached: climbing.zip(odometry).is_some_and(|(f, o)| {
-                (o.pos_world.z - f.height()).abs() < HEIGHT_REACHED.0 && o.vel_world.norm() < HEIGHT_REACHED.1
-            }),
-            target_chosen: flyable && confirmed,
-            target_lost: frames
-                && match self.mode {
-                    Mode::Track => !flyable && self.hover.is_stopped(),
-                    _ => !confirmed,
-                },
-            caught_up: gap.is_some_and(|(gap, opening)| gap < mission.hold_distance && opening < 0.0),
-            moved_off: gap.is_some_and(|(gap, _)| gap > mission.resume_distance),
-            goal_reached: goal_distance.is_some_and(|d| d < mission.goal_radius),
-            no_plan: self.plans.silence(now) > ladder.no_plan_land,
-            search_timeout: self.mode == Mode::Search && now.since(self.entered) > mission.search_timeout,
-            fault_over: !input.autopilot.armed && now.since(self.entered) > FAULT_SHOWN,
-        }
-    }
-
-    /// Horizontal distance to the target (m) and how fast it opens (m/s).
-    fn gap(&self, now: Time, odometry: &Odometry) -> Option<(f64, f64)> {
-        let target = self.plans.target_at(now)?;
-        let line = (target.pos - odometry.pos_world).xy();
-        let opening = (target.vel - odometry.vel_world).xy().dot(&line) / line.norm().max(1e-6);
-        Some((line.norm(), opening))
-    }
-
-    /// Before the climb stale odometry ends the flight at once; in the air only after the descent without it.
-    fn odometry_lost(&self, now: Time) -> bool {
-        let Some(flight) = &self.flight else { return false };
-        let ladder = &self.config.ladder;
-        let grace =
-            if self.mode == Mode::Takeoff && flight.takeoff.stage() != Stage::Climb { 0.0 } else { ladder.hand_back };
-        let on_ground = self.mode == Mode::Stopping && flight.landing.phase() == Phase::Cut;
-        !on_ground && self.motion.age(now).is_none_or(|age| age > ladder.odometry_stale + grace)
     }
 
     fn enter(&mut self, now: Time, to: Mode, cause: Cause, command: Option<Command>) -> Transition {
@@ -268,13 +218,14 @@ impl Controller {
             }
             Mode::Stopping => {
                 if let Some(flight) = &mut self.flight {
-                    flight.landing = Landing::new(now);
+                    flight.landing = if flight.lifted { Landing::new(now) } else { Landing::on_ground(now) };
                 }
             }
             Mode::Idle | Mode::Ready | Mode::Landed | Mode::Fault => self.flight = None,
             _ => {}
         }
-        let ours = matches!(cause, Cause::OdometryLost | Cause::OffboardRefused | Cause::ArmRefused);
+        // Whoever took the mode, or the motors, has them already.
+        let ours = !matches!(cause, Cause::ModeTakenAway | Cause::Disarmed);
         self.handing_back = to == Mode::Fault && ours;
         self.asked_back = None;
         Transition { from, to, cause }
@@ -303,7 +254,7 @@ impl Controller {
         let wanted = match self.mode {
             Mode::Takeoff => flight.takeoff.stage() == Stage::Climb,
             Mode::Track | Mode::Navigate | Mode::Search => true,
-            Mode::Hold => profile.task == Task::Track,
+            Mode::Hold => profile.task == Task::Track && !flight.held,
             _ => false,
         };
         wanted.then_some(PlanningDemand { task: profile.task, speed: profile.speed, goal_world: flight.goal_world })

@@ -10,6 +10,14 @@
 //! Between two odometry samples take u as constant and v as linear, so that w = Δv/Δt - u is constant. Then
 //! e = v - v̂ and q = d̂ - w obey (e, q)' = M (e, q) with M = [-a -1; b 0], and one step is the matrix exponential of
 //! M Δt: exact, and stable for every Δt because M's eigenvalues have real parts below zero.
+//!
+//! Stability in the loop. The model u takes the attitude that was measured, so that the attitude loop's lag is no error
+//! of it, and the estimate is the disturbance through G(s) = b / (s² + a s + b), whatever is commanded. What closes a
+//! loop is thrust that is not what it is believed to be, F (1 + ε): ε times the commanded acceleration, which contains
+//! -d̂, is a disturbance too, and comes back through the thrust's lag L: the loop gain is ε G L. |L| <= 1, and
+//! |G| <= 1 at every frequency if and only if a² >= 2 b, that is alpha1² >= 2 alpha2, which the configuration must fulfil.
+//! So by the small gain theorem the loop is stable for every |ε| < 1, any lag, any zeta > 0: a thrust from nothing to
+//! twice what it is believed to be, more than what the bounds of the hover thrust leave.
 
 use crate::config::ObserverConfig;
 use crate::lead::cap;
@@ -139,6 +147,44 @@ mod tests {
             observer.disturbance()
         };
         assert!((run(1) - run(400)).norm() < 1e-12);
+    }
+
+    /// One axis in closed loop: thrust that is 1 + epsilon of what it is believed to be, with a lag, holds a velocity
+    /// against a push. The largest acceleration error of the last second of 60.
+    fn loop_error(config: ObserverConfig, epsilon: f64, lag: f64) -> f64 {
+        let (mut observer, dt) = (Observer::new(ObserverConfig { limit: 1e9, ..config }), 0.01);
+        let (mut vel, mut believed, mut worst) = (0.0, 0.0, 0.0_f64);
+        for k in 0..6000 {
+            observer.step(dt, Vec3::x() * vel, Vec3::x() * believed);
+            let command = -observer.disturbance().x;
+            believed += (command - believed) * (1.0 - (-dt / lag).exp());
+            let acc = (1.0 + epsilon) * believed + 1.0;
+            vel += acc * dt;
+            if k >= 5900 {
+                worst = worst.max(acc.abs());
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn within_its_gains_region_the_loop_is_stable_for_thrust_from_a_tenth_to_nearly_twice() {
+        for (alpha1, alpha2) in [(3.0, 2.0), (2.0, 2.0), (6.0, 2.0), (1.0, 0.5)] {
+            for zeta in [0.1, 0.2, 0.5] {
+                for (epsilon, lag) in [(-0.9, 0.05), (-0.5, 0.3), (0.0, 0.1), (0.5, 0.3), (0.9, 0.05), (0.9, 0.3)] {
+                    let config = ObserverConfig { alpha1, alpha2, zeta, limit: 6.0 };
+                    let error = loop_error(config, epsilon, lag);
+                    assert!(error < 0.02, "{alpha1}, {alpha2}, {zeta}, {epsilon}, {lag}: {error}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn outside_its_gains_region_or_beyond_twice_the_thrust_it_is_not() {
+        let ringing = ObserverConfig { alpha1: 1.0, alpha2: 4.0, zeta: 0.2, limit: 6.0 };
+        assert!(loop_error(ringing, 0.9, 0.05) > 1.0);
+        assert!(loop_error(PAPER, 4.0, 0.3) > 1.0);
     }
 
     #[test]

@@ -15,6 +15,17 @@ pub struct FlatCommand {
     pub acc_att_world: Vec3,
 }
 
+impl FlatCommand {
+    /// The thrust that, along the body z axis of a vehicle still at `world_from_body`, comes nearest to the demanded
+    /// force: its projection. ‖F‖, right once the attitude is there, until then pushes where nobody wants it.
+    #[must_use]
+    pub fn force_along(&self, vehicle: &VehicleModel, world_from_body: &Rot) -> Newtons {
+        let force = self.acc_att_world + GRAVITY * Vec3::z();
+        let along = vehicle.mass * force.dot(&(world_from_body * Vec3::z()));
+        Newtons(along.max(vehicle.force(NormalisedThrust(vehicle.min_thrust)).0))
+    }
+}
+
 /// Attitude and thrust for `acc_world` under the lumped disturbance `acc_disturbance_world` (both m/s²) at `yaw` (rad).
 ///
 /// Limits keep the vertical first: height before course. The vertical part of F is cut to what the thrust range allows,
@@ -133,6 +144,17 @@ mod tests {
             prop_assert!((m.matrix().determinant() - 1.0).abs() < 1e-9);
             prop_assert!((m.matrix().transpose() * m.matrix() - Matrix3::identity()).norm() < 1e-9);
         }
+    }
+
+    #[test]
+    fn while_the_attitude_lags_the_thrust_holds_the_height() {
+        let command = flat_command(&VEHICLE, Vec3::x() * 8.0, Vec3::zeros(), 0.0);
+        let weight = 0.85 * GRAVITY;
+        assert!((command.force_along(&VEHICLE, &Rot::identity()).0 - weight).abs() < 1e-9);
+        assert!((command.force_along(&VEHICLE, &command.world_from_body).0 - command.force.0).abs() < 1e-9);
+        let upside_down = Rot::from_axis_angle(&Vec3::x_axis(), 3.0);
+        let least = VEHICLE.force(NormalisedThrust(VEHICLE.min_thrust));
+        assert_eq!(command.force_along(&VEHICLE, &upside_down), least);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::interface::{ControllerInput, ControllerOutput, Request};
 use crate::landing::Phase;
 use crate::lead::lead;
 use crate::mission::{Fallback, Mode};
+use crate::motion::Commanded;
 use crate::takeoff::{Stage, repeat};
 use crate::types::{AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3};
 use crate::yaw::{YawGoal, toward, yaw_of};
@@ -20,13 +21,13 @@ struct Intent {
     plan: Option<(u64, f64)>,
 }
 
-/// Above the start, m: off the ground.
-const LIFTED: f64 = 0.15;
+/// Off the ground: above the start by this, m, or rising at this, m/s.
+const LIFTED: (f64, f64) = (0.15, 0.3);
+/// The take-off's thrust rises to this, over the greatest hover thrust that the vehicle file allows.
+const RAMP_END: f64 = 1.25;
 /// A target unseen for longer than this, s, that should be nearer than this, m, has left the image at its side.
 const SLIPPED_AFTER: f64 = 0.3;
 const SLIPPED_WITHIN: f64 = 4.0;
-/// A climb that has not lifted by then needs the observer to find the missing thrust, s.
-const LONGEST_UNAIDED_CLIMB: f64 = 1.0;
 
 impl Controller {
     /// The output of the current mode; transition, reply and readiness are the caller's.
@@ -42,18 +43,24 @@ impl Controller {
         }
         let stale = self.config.ladder.odometry_stale;
         let Some(odometry) = self.motion.fresh(now, stale).copied() else {
-            return self.descend_blind(dt, request);
+            return self.descend_blind(now, dt, request);
         };
-        if !self.lifted(now, &odometry) {
-            self.motion.reset_observer();
+        if let Some(thrust) = self.ramp(now, &odometry) {
+            self.rest();
+            return self.spool(thrust, request);
         }
         self.watch_side(now);
         let goal = self.yaw_goal(now, &odometry);
         let yaw = self.yaw.step(dt, goal);
         let intent = self.intent(now, &odometry);
         let disturbance = self.motion.observer().disturbance();
-        let command = flat_command(&self.config.vehicle, intent.acc_world, disturbance, yaw);
-        self.output(request, &intent, &command, yaw)
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
+        command.force = command.force_along(&vehicle, &odometry.world_from_body);
+        // A descent may already stand on the ground, which says nothing of how the vehicle flies.
+        let descends = self.flight.as_ref().is_some_and(|flight| flight.landing.phase() != Phase::Brake);
+        let free = self.mode != Mode::Stopping || !descends;
+        self.output(now, request, &intent, &command, yaw, free)
     }
 
     /// Take-off's, landing's and the fault's requests.
@@ -80,8 +87,8 @@ impl Controller {
 
     /// On the ground, or without authority: the observer and the yaw plan follow the vehicle.
     fn rest(&mut self) {
-        self.motion.reset_observer();
-        self.force = Newtons(0.0);
+        self.motion.rest();
+        self.commanded = Commanded::default();
         if let Some(odometry) = self.motion.last() {
             self.yaw.reset(yaw_of(&odometry.world_from_body));
         }
@@ -95,12 +102,21 @@ impl Controller {
         })
     }
 
-    fn lifted(&self, now: Time, odometry: &Odometry) -> bool {
-        self.mode != Mode::Takeoff
-            || self.flight.as_ref().is_some_and(|flight| {
-                odometry.pos_world.z > flight.start_world.z + LIFTED
-                    || flight.takeoff.elapsed(now) > LONGEST_UNAIDED_CLIMB
-            })
+    /// Before the vehicle has left the ground: the thrust to try next, which rises until it lifts. How much that takes
+    /// is what the vehicle file may have wrong.
+    fn ramp(&mut self, now: Time, odometry: &Odometry) -> Option<NormalisedThrust> {
+        let (thrust, ramp) = (&self.config.thrust, self.config.mission.takeoff_ramp);
+        let takes_off = self.mode == Mode::Takeoff;
+        let flight = self.flight.as_mut().filter(|flight| takes_off && !flight.lifted)?;
+        let end = (RAMP_END * thrust.most).min(self.config.vehicle.max_thrust);
+        let tried = NormalisedThrust(end * (flight.takeoff.elapsed(now) / ramp).min(1.0));
+        let height = odometry.pos_world.z - flight.start_world.z;
+        if height < LIFTED.0 && odometry.vel_world.z < LIFTED.1 {
+            return Some(tried);
+        }
+        flight.lifted = true;
+        self.motion.lift_off(tried);
+        None
     }
 
     fn intent(&mut self, now: Time, odometry: &Odometry) -> Intent {
@@ -114,7 +130,8 @@ impl Controller {
                     self.hover.reset();
                     let age = now.since(flown.stamp);
                     let reference = flown.quintic.at(age);
-                    let acc_world = lead(&self.config.lead, reference.acc, flown.quintic.jerk(age));
+                    let led = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
+                    let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
                     return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
                 }
                 let reference = self.hover.step(hold, pos, vel);
@@ -185,28 +202,33 @@ impl Controller {
     }
 
     /// Odometry is stale: level, slightly below hover thrust.
-    fn descend_blind(&mut self, dt: f64, request: Option<Request>) -> ControllerOutput {
+    fn descend_blind(&mut self, now: Time, dt: f64, request: Option<Request>) -> ControllerOutput {
         // What is remembered of the place is worthless when odometry comes back.
         self.hover.reset();
         let yaw = self.yaw.step(dt, YawGoal::Keep);
         let acc_world = Vec3::new(0.0, 0.0, -self.config.ladder.descend_acc);
         // Of the disturbance only the vertical part stays: it corrects the hover thrust and tilts nothing.
         let vertical = Vec3::new(0.0, 0.0, self.motion.observer().disturbance().z);
-        let command = flat_command(&self.config.vehicle, acc_world, vertical, yaw);
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let command = flat_command(&vehicle, acc_world, vertical, yaw);
         let reference = FlatState { acc: acc_world, ..FlatState::default() };
         let intent = Intent { reference, acc_world, fallback: Fallback::OdometryStaleDescend, plan: None };
-        self.output(request, &intent, &command, yaw)
+        self.output(now, request, &intent, &command, yaw, false)
     }
 
     fn output(
         &mut self,
+        now: Time,
         request: Option<Request>,
         intent: &Intent,
         command: &FlatCommand,
         yaw: f64,
+        free: bool,
     ) -> ControllerOutput {
-        let thrust = self.config.vehicle.normalised(command.force);
-        self.force = command.force;
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let thrust = vehicle.normalised(command.force);
+        self.commanded = Commanded { thrust, acc: vehicle.force(thrust).0 / vehicle.mass, free };
+        self.motion.command(now, &command.world_from_body);
         ControllerOutput {
             fallback: intent.fallback,
             setpoint: Some(AttitudeThrust { world_from_body: command.world_from_body, thrust }),
@@ -223,10 +245,18 @@ impl Controller {
 
     /// Level, no thrust.
     fn on_ground(&self, request: Option<Request>) -> ControllerOutput {
+        self.spool(NormalisedThrust(0.0), request)
+    }
+
+    /// Level on the ground, with a thrust that does not lift.
+    fn spool(&self, thrust: NormalisedThrust, request: Option<Request>) -> ControllerOutput {
         let world_from_body = Rot::from_axis_angle(&Vec3::z_axis(), self.yaw.yaw());
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let force = vehicle.force(thrust);
         ControllerOutput {
-            setpoint: Some(AttitudeThrust { world_from_body, thrust: NormalisedThrust(0.0) }),
-            acc_att_world: Vec3::new(0.0, 0.0, -GRAVITY),
+            setpoint: Some(AttitudeThrust { world_from_body, thrust }),
+            acc_att_world: Vec3::new(0.0, 0.0, force.0 / vehicle.mass - GRAVITY),
+            thrust: force,
             ..self.silent(request)
         }
     }
@@ -244,6 +274,8 @@ impl Controller {
             acc_disturbance_world: self.motion.observer().disturbance(),
             acc_meas_world: self.motion.observer().acceleration(),
             thrust: Newtons(0.0),
+            hover_thrust: self.motion.vehicle(&self.config.vehicle).hover_thrust,
+            attitude_lag: self.motion.lead(&self.config.lead).tau,
             yaw_des: self.yaw.yaw(),
             plan_seq: None,
             plan_age: None,

@@ -31,7 +31,7 @@ impl Profile {
 pub enum Command {
     /// Take off and fly the profile. Accepted in `Ready`.
     Start(Profile),
-    /// Brake and land. Accepted always; harmless on the ground.
+    /// End the flight as the vehicle file says: land, hover or hand over. Accepted always; harmless on the ground.
     Stop,
 }
 
@@ -47,6 +47,9 @@ pub enum Refusal {
     /// No fresh odometry.
     #[error("not ready: odometry is missing or stale; check the state estimator")]
     OdometryStale,
+    /// The battery is too low to begin.
+    #[error("not ready: the battery is low; change or charge it")]
+    BatteryLow,
     /// A readiness check outside the core fails.
     #[error("not ready: a readiness check fails; see the checks")]
     ChecksFailed,
@@ -59,10 +62,13 @@ pub enum Refusal {
     /// The profile cannot be flown.
     #[error("the profile is invalid: speed and height must be above 0, and navigation needs a goal")]
     BadProfile,
+    /// The profile asks for more than the vehicle file's limits allow.
+    #[error("the profile goes beyond the vehicle's limits: compare its speed, height and goal with [limits]")]
+    BeyondLimits,
 }
 
 /// The autopilot's state as last reported.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AutopilotStatus {
     /// Its heartbeat is fresh.
     pub connected: bool,
@@ -72,6 +78,8 @@ pub struct AutopilotStatus {
     pub offboard: bool,
     /// Its landed detector; none: unknown.
     pub landed: Option<bool>,
+    /// Charge left, 0..=1; none: not measured.
+    pub battery: Option<f64>,
 }
 
 /// What one step sees.
@@ -147,6 +155,10 @@ pub struct ControllerOutput {
     pub acc_meas_world: Vec3,
     /// Commanded collective force.
     pub thrust: Newtons,
+    /// The normalised thrust that hovers, as learnt.
+    pub hover_thrust: f64,
+    /// The attitude loop's lag, as learnt, s.
+    pub attitude_lag: f64,
     /// Desired yaw, rad, -pi..=pi.
     pub yaw_des: f64,
     /// The plan flown; none: no plan is flown.

@@ -45,6 +45,12 @@ impl Landing {
         Self { phase: Phase::Brake, since: now, moved: false, still_since: None, asked: None }
     }
 
+    /// Begins at `now` on the ground: the vehicle never left it.
+    #[must_use]
+    pub fn on_ground(now: Time) -> Self {
+        Self { phase: Phase::Cut, ..Self::new(now) }
+    }
+
     /// Where it is.
     #[must_use]
     pub fn phase(&self) -> Phase {
@@ -105,11 +111,13 @@ impl Landing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mission::StopAction;
 
     const MISSION: MissionConfig = MissionConfig {
         stream_before_offboard: 1.2,
         request_period: 1.0,
         request_timeout: 5.0,
+        takeoff_ramp: 2.0,
         climb_speed: 1.0,
         hold_distance: 2.0,
         resume_distance: 3.0,
@@ -119,8 +127,10 @@ mod tests {
         touchdown_speed: 0.35,
         slow_height: 1.0,
         touchdown_time: 0.4,
+        on_stop: StopAction::Land,
     };
-    const FLYING: AutopilotStatus = AutopilotStatus { connected: true, armed: true, offboard: true, landed: None };
+    const FLYING: AutopilotStatus =
+        AutopilotStatus { connected: true, armed: true, offboard: true, landed: None, battery: None };
 
     /// Steps of 10 ms at a constant vertical speed, after a first one that ends the braking.
     fn descend(landing: &mut Landing, now: &mut Time, climb: f64, seconds: f64) -> Vec<Request> {

@@ -15,17 +15,22 @@ mod flight;
 pub mod history;
 pub mod hover;
 pub mod interface;
+pub mod lag;
 pub mod landing;
 pub mod lattice;
 pub mod lead;
+pub mod limits;
 pub mod mission;
 pub mod motion;
 pub mod planner;
 pub mod plans;
 pub mod quintic;
 pub mod select;
+mod situation;
 pub mod takeoff;
 pub mod target;
+pub mod thrust;
+pub mod transitions;
 pub mod types;
 pub mod yaw;
 
@@ -39,10 +44,13 @@ pub use history::History;
 pub use interface::{
     AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request, Transition,
 };
-pub use mission::{Cause, Fallback, Mode};
+pub use lag::LagConfig;
+pub use limits::LimitsConfig;
+pub use mission::{Cause, Fallback, Mode, StopAction};
 pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PolicyModel};
 pub use select::SelectConfig;
 pub use target::TargetConfig;
+pub use thrust::ThrustConfig;
 pub use types::{
     ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,
     Odometry, Plan, Rejection, Rot, TargetEstimate, Task, Time, Vec3,

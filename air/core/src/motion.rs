@@ -1,8 +1,11 @@
-//! The vehicle's motion as the controller believes it: accepts odometry, notices jumps, feeds the observer.
+//! The vehicle's motion as the controller believes it: accepts odometry, notices jumps, and feeds what is learnt of it:
+//! the disturbance, the hover thrust, the attitude loop's lag.
 
-use crate::config::ObserverConfig;
+use crate::config::{ControllerConfig, LeadConfig, VehicleModel};
 use crate::disturbance::Observer;
-use crate::types::{GRAVITY, Odometry, Time, Vec3};
+use crate::lag::AttitudeLag;
+use crate::thrust::HoverThrust;
+use crate::types::{GRAVITY, NormalisedThrust, Odometry, Rot, Time, Vec3};
 use crate::yaw::{wrap, yaw_of};
 
 /// The odometry's frame moved against the world.
@@ -14,23 +17,43 @@ pub struct Jump {
     pub yaw: f64,
 }
 
-/// Last accepted odometry and the disturbance observer.
+/// What was commanded since the last odometry.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Commanded {
+    /// As the autopilot took it.
+    pub thrust: NormalisedThrust,
+    /// Collective thrust per unit mass that was believed of it, m/s².
+    pub acc: f64,
+    /// The vehicle flies freely and follows what is sent, so that its motion tells of itself.
+    pub free: bool,
+}
+
+/// Last accepted odometry, and what was learnt.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
     last: Option<Odometry>,
     observer: Observer,
+    hover_thrust: HoverThrust,
+    lag: AttitudeLag,
 }
 
 /// A position farther from where the last velocity leads is a jump even if the estimator does not say so, m.
 const UNANNOUNCED_JUMP: f64 = 1.0;
+/// Cosine of the tilt beyond which the vertical says little of the thrust.
+const LEAST_UPRIGHT: f64 = 0.5;
 /// Samples farther apart are not one step of the observer, s.
 const LONGEST_STEP: f64 = 0.2;
 
 impl Motion {
     /// Has seen nothing.
     #[must_use]
-    pub fn new(config: ObserverConfig) -> Self {
-        Self { last: None, observer: Observer::new(config) }
+    pub fn new(config: &ControllerConfig) -> Self {
+        Self {
+            last: None,
+            observer: Observer::new(config.observer),
+            hover_thrust: HoverThrust::new(config.thrust, config.vehicle.hover_thrust),
+            lag: AttitudeLag::new(config.lag, config.lead.tau),
+        }
     }
 
     /// The observer.
@@ -39,14 +62,37 @@ impl Motion {
         &self.observer
     }
 
-    /// Forgets the disturbance: on the ground.
-    pub fn reset_observer(&mut self) {
-        self.observer.reset();
+    /// `vehicle` with the hover thrust that was learnt.
+    #[must_use]
+    pub fn vehicle(&self, vehicle: &VehicleModel) -> VehicleModel {
+        VehicleModel { hover_thrust: self.hover_thrust.get(), ..*vehicle }
     }
 
-    /// Accepts `odometry` if it is finite and newer. `thrust_acc`: collective thrust per unit mass (m/s²) commanded since
-    /// the last one. Returns a jump of the frame.
-    pub fn take(&mut self, odometry: &Odometry, thrust_acc: f64) -> Option<Jump> {
+    /// `lead` with the lag that was learnt.
+    #[must_use]
+    pub fn lead(&self, lead: &LeadConfig) -> LeadConfig {
+        LeadConfig { tau: self.lag.get(), ..*lead }
+    }
+
+    /// Forgets the disturbance: on the ground. What was learnt of the vehicle itself stays.
+    pub fn rest(&mut self) {
+        self.observer.reset();
+        self.hover_thrust.skip();
+        self.lag.skip();
+    }
+
+    /// The vehicle has just left the ground at `thrust`.
+    pub fn lift_off(&mut self, thrust: NormalisedThrust) {
+        self.hover_thrust.restart(thrust);
+    }
+
+    /// From `now` on the attitude is commanded to be `world_from_body`.
+    pub fn command(&mut self, now: Time, world_from_body: &Rot) {
+        self.lag.command(now, world_from_body * Vec3::z());
+    }
+
+    /// Accepts `odometry` if it is finite and newer. Returns a jump of the frame.
+    pub fn take(&mut self, odometry: &Odometry, commanded: &Commanded) -> Option<Jump> {
         let parts = [&odometry.pos_world, &odometry.vel_world, &odometry.ang_vel_body];
         let finite = parts.iter().all(|v| v.iter().all(|x| x.is_finite()));
         // A quaternion that is not of unit length is no attitude.
@@ -59,12 +105,33 @@ impl Motion {
         let dt = self.last.map_or(0.0, |last| odometry.stamp.since(last.stamp));
         if jump.is_some() || dt > LONGEST_STEP {
             self.observer.rebase(odometry.vel_world);
+            self.hover_thrust.skip();
+            self.lag.skip();
         } else {
-            let model = odometry.world_from_body * Vec3::z() * thrust_acc - Vec3::z() * GRAVITY;
+            let model = odometry.world_from_body * Vec3::z() * commanded.acc - Vec3::z() * GRAVITY;
             self.observer.step(dt, odometry.vel_world, model);
+            self.learn(odometry, dt, commanded);
         }
         self.last = Some(*odometry);
         jump
+    }
+
+    fn learn(&mut self, odometry: &Odometry, dt: f64, commanded: &Commanded) {
+        let axis_world = odometry.world_from_body * Vec3::z();
+        let Some(last) = self.last.filter(|_| commanded.free) else {
+            self.hover_thrust.skip();
+            return;
+        };
+        // The thrust whose vertical part is what was felt vertically: wind and drag, which are mostly level, do not enter,
+        // as they would along the body's axis, which leans against them.
+        let upright = 0.5 * ((last.world_from_body * Vec3::z()).z + axis_world.z);
+        if upright > LEAST_UPRIGHT {
+            let acc_up = (odometry.vel_world.z - last.vel_world.z) / dt;
+            self.hover_thrust.step(dt, commanded.thrust, (acc_up + GRAVITY) / upright);
+        } else {
+            self.hover_thrust.skip();
+        }
+        self.lag.measure(odometry.stamp, axis_world);
     }
 
     /// The last accepted odometry, however old.
@@ -101,9 +168,9 @@ fn jump(last: &Odometry, new: &Odometry) -> Option<Jump> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::types::Rot;
+    use crate::config::tests::config;
 
-    const CONFIG: ObserverConfig = ObserverConfig { alpha1: 3.0, alpha2: 2.0, zeta: 0.2, limit: 6.0 };
+    const HOVER: Commanded = Commanded { thrust: NormalisedThrust(0.25), acc: GRAVITY, free: true };
 
     fn at(stamp: f64, x: f64) -> Odometry {
         Odometry {
@@ -118,8 +185,8 @@ mod tests {
 
     #[test]
     fn odometry_that_is_not_finite_or_not_newer_is_ignored() {
-        let mut motion = Motion::new(CONFIG);
-        motion.take(&at(1.0, 0.0), GRAVITY);
+        let mut motion = Motion::new(&config());
+        motion.take(&at(1.0, 0.0), &HOVER);
         for bad in [
             Odometry { pos_world: Vec3::new(f64::NAN, 0.0, 0.0), ..at(1.1, 0.0) },
             Odometry {
@@ -128,7 +195,7 @@ mod tests {
             },
             at(0.9, 3.0),
         ] {
-            motion.take(&bad, GRAVITY);
+            motion.take(&bad, &HOVER);
             assert_eq!(motion.last(), Some(&at(1.0, 0.0)));
         }
         assert!(motion.fresh(Time::from_secs(1.15), 0.2).is_some());
@@ -137,20 +204,20 @@ mod tests {
 
     #[test]
     fn jumps_are_noticed_announced_or_not_and_flight_is_none() {
-        let mut motion = Motion::new(CONFIG);
-        assert_eq!(motion.take(&at(1.0, 0.0), GRAVITY), None);
-        assert_eq!(motion.take(&at(1.02, 0.1), GRAVITY), None);
-        let jump = motion.take(&at(1.04, 4.2), GRAVITY).unwrap();
+        let mut motion = Motion::new(&config());
+        assert_eq!(motion.take(&at(1.0, 0.0), &HOVER), None);
+        assert_eq!(motion.take(&at(1.02, 0.1), &HOVER), None);
+        let jump = motion.take(&at(1.04, 4.2), &HOVER).unwrap();
         assert!((jump.pos_world - Vec3::new(4.0, 0.0, 0.0)).norm() < 1e-9);
         let turned =
             Odometry { reset_counter: 1, world_from_body: Rot::from_axis_angle(&Vec3::z_axis(), 0.3), ..at(1.06, 4.3) };
-        let jump = motion.take(&turned, GRAVITY).unwrap();
+        let jump = motion.take(&turned, &HOVER).unwrap();
         assert!(jump.pos_world.norm() < 1e-9 && (jump.yaw - 0.3).abs() < 1e-9);
     }
 
     #[test]
     fn a_jump_is_no_disturbance() {
-        let mut motion = Motion::new(CONFIG);
+        let mut motion = Motion::new(&config());
         for k in 0..100 {
             let t = 0.02 * f64::from(k);
             let jumped = if k < 50 { 0.0 } else { 7.0 };
@@ -159,7 +226,7 @@ mod tests {
                 reset_counter: u32::from(k >= 50),
                 ..at(t, (5.0 + jumped) * t)
             };
-            motion.take(&odometry, GRAVITY);
+            motion.take(&odometry, &HOVER);
             assert!(motion.observer().disturbance().norm() < 1e-9);
         }
     }

@@ -39,6 +39,27 @@ fn an_expired_plan_brakes_then_holds_then_lands() {
 }
 
 #[test]
+fn every_rung_takes_over_within_two_steps_of_its_deadline() {
+    let ladder = common::config().ladder;
+    let late = |sim: &mut Loop, deadline: f64, since: f64, there: &dyn Fn(&Loop) -> bool| {
+        sim.until(30.0, |s| there(s));
+        let late = sim.seconds() - since - deadline;
+        assert!((-0.03..=0.011).contains(&late), "{late} s after its deadline of {deadline} s");
+    };
+    // Of odometry each sample is 10 ms from the next, of frames 30 ms.
+    let mut sim = navigating();
+    sim.odometry_works = false;
+    let since = sim.seconds();
+    late(&mut sim, ladder.odometry_stale, since, &|s| s.out().fallback == Fallback::OdometryStaleDescend);
+    late(&mut sim, ladder.odometry_stale + ladder.hand_back, since, &|s| s.out().fallback == Fallback::HandBack);
+    let mut sim = navigating();
+    sim.frames = Frames::None;
+    let since = sim.seconds();
+    late(&mut sim, ladder.plan_stale, since, &|s| s.out().fallback == Fallback::PlanExpiredBrake);
+    late(&mut sim, ladder.no_plan_land, since, &|s| s.mode() == Mode::Stopping);
+}
+
+#[test]
 fn a_chase_brakes_sooner_when_frames_stop_than_when_they_miss() {
     for (frames, braking) in [(Frames::None, true), (Frames::Blank, false)] {
         let mut sim = Loop::new();

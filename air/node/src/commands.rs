@@ -15,7 +15,7 @@ use zenoh::query::Query;
 
 use crate::bus::{Bus, BusError};
 use crate::clock;
-use crate::config::Vehicle;
+use crate::config::{OnStop, Vehicle};
 use crate::shared::{PendingCommand, Report, Shared, lock};
 
 const REMEMBERED: usize = 64;
@@ -75,25 +75,38 @@ struct Parsed {
     id: String,
     profile: String,
     command: Command,
+    /// What is answered if the controller accepts it.
+    accepted: String,
 }
 
 fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (String, String)> {
     let malformed = |_| (String::new(), "malformed request".to_owned());
-    let (id, profile, command) = if key == Key::CmdStart {
+    let (id, profile, command, accepted) = if key == Key::CmdStart {
         let m = v1::StartRequest::decode(payload).map_err(malformed)?;
         let name = if m.profile.is_empty() { vehicle.default_profile.clone() } else { m.profile };
         let Some(profile) = vehicle.profile(Some(&name)) else {
             let known = vehicle.profile_names().join(", ");
             return Err((m.command_id, format!("no profile {name:?}: the vehicle file has {known}")));
         };
-        (m.command_id, name, Command::Start(profile))
+        let accepted = format!("taking off with profile {name}");
+        (m.command_id, name, Command::Start(profile), accepted)
     } else {
-        (v1::StopRequest::decode(payload).map_err(malformed)?.command_id, String::new(), Command::Stop)
+        let accepted = match vehicle.mission.on_stop {
+            OnStop::Land => "stopping and landing",
+            OnStop::Hover => "stopping; a second stop lands",
+            OnStop::HandOver => "handing over to the autopilot",
+        };
+        (
+            v1::StopRequest::decode(payload).map_err(malformed)?.command_id,
+            String::new(),
+            Command::Stop,
+            accepted.to_owned(),
+        )
     };
     if id.is_empty() || id.len() > 64 {
         return Err((id.chars().take(64).collect(), "command_id must have 1 to 64 bytes".to_owned()));
     }
-    Ok(Parsed { id, profile, command })
+    Ok(Parsed { id, profile, command, accepted })
 }
 
 fn decide(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
@@ -120,10 +133,7 @@ fn ask_controller(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
         Ok(()) => v1::CommandReply {
             command_id: parsed.id.clone(),
             accepted: true,
-            reason: match parsed.command {
-                Command::Start(_) => format!("taking off with profile {}", parsed.profile),
-                Command::Stop => "stopping and landing".to_owned(),
-            },
+            reason: parsed.accepted.clone(),
             mode: v1::Mode::Unspecified.into(),
         },
         Err(why) => refusal(parsed.id.clone(), why.to_string()),

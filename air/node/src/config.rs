@@ -4,9 +4,9 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use goshawk_core::{
-    CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig,
-    ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, TargetConfig, Task, Vec3, VehicleModel,
-    YawConfig,
+    CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
+    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, StopAction,
+    TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, YawConfig,
 };
 use serde::Deserialize;
 
@@ -60,7 +60,8 @@ pub struct Vehicle {
     yaw: Yaw,
     hold: Hold,
     ladder: Ladder,
-    mission: Mission,
+    pub mission: Mission,
+    pub limits: Limits,
     profile: Vec<ProfileRow>,
     /// The file's own text, for the log.
     #[serde(skip)]
@@ -81,7 +82,7 @@ macro_rules! section {
 }
 
 section! { /** The airframe. */ Airframe {
-    mass_kg: f64, hover_thrust: f64, min_thrust: f64, max_thrust: f64, max_tilt_deg: f64,
+    mass_kg: f64, hover_thrust: f64, hover_thrust_range: [f64; 2], min_thrust: f64, max_thrust: f64, max_tilt_deg: f64,
 } }
 section! { /** The camera as mounted. */ Camera { hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3] } }
 section! { /** Where the autopilot is. */ Autopilot {
@@ -98,7 +99,9 @@ section! { /** Detection, the chase and the target filter. */ Planner {
     target_max_speed_mps: f64, target_max_distance_m: f64, reacquire_margin_m: f64,
 } }
 section! { /** Disturbance observer. */ Observer { alpha1: f64, alpha2: f64, zeta_s: f64, limit_mps2: f64 } }
-section! { /** Lead over the attitude loop's lag. */ Lead { attitude_lag_s: f64, limit_mps2: f64 } }
+section! { /** Lead over the attitude loop's lag. */ Lead {
+    attitude_lag_s: f64, attitude_lag_range_s: [f64; 2], limit_mps2: f64,
+} }
 section! { /** Yaw limits and the search. */ Yaw {
     max_rate_radps: f64, max_acc_radps2: f64, lag_s: f64, search_rate_radps: f64, search_delay_s: f64,
     along_velocity_speed_mps: f64,
@@ -111,10 +114,25 @@ section! { /** The fallback ladder's timings. */ Ladder {
     hand_back_s: f64,
 } }
 section! { /** Take-off, holding, landing. */ Mission {
-    stream_before_offboard_s: f64, request_period_s: f64, request_timeout_s: f64, climb_speed_mps: f64,
-    hold_distance_m: f64, resume_distance_m: f64, goal_radius_m: f64, search_timeout_s: f64, descent_speed_mps: f64,
-    touchdown_speed_mps: f64, slow_height_m: f64, touchdown_time_s: f64,
+    stream_before_offboard_s: f64, request_period_s: f64, request_timeout_s: f64, takeoff_ramp_s: f64,
+    climb_speed_mps: f64, hold_distance_m: f64, resume_distance_m: f64, goal_radius_m: f64, search_timeout_s: f64, descent_speed_mps: f64,
+    touchdown_speed_mps: f64, slow_height_m: f64, touchdown_time_s: f64, on_stop: OnStop,
 } }
+section! { /** What no flight may exceed. */ Limits {
+    fence_radius_m: f64, ceiling_m: f64, max_speed_mps: f64, max_time_s: f64, battery_start: f64, battery_land: f64,
+} }
+
+/// What Stop does.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum OnStop {
+    /// Brake and land.
+    Land,
+    /// Brake and hold the place; a second Stop lands.
+    Hover,
+    /// Hand over to the autopilot.
+    HandOver,
+}
 
 /// The policy file and how to run it.
 #[derive(Clone, Debug, Deserialize)]
@@ -205,7 +223,15 @@ impl Vehicle {
         if self.profile(None).is_none() {
             return Err(format!("default_profile {:?} is none of the profiles", self.default_profile));
         }
-        self.controller_config().validate().map_err(|e: ConfigError| e.to_string())
+        let config = self.controller_config();
+        config.validate().map_err(|e: ConfigError| e.to_string())?;
+        for row in &self.profile {
+            let beyond = self.profile(Some(&row.name)).and_then(|profile| config.limits.exceeded_by(&profile));
+            if let Some(why) = beyond {
+                return Err(format!("profile {}: {why}", row.name));
+            }
+        }
+        Ok(())
     }
 
     /// `path` as written in the file, resolved against the file's folder.
@@ -279,6 +305,7 @@ impl Vehicle {
     #[must_use]
     pub fn controller_config(&self) -> ControllerConfig {
         let (a, o, y, h, l, m) = (&self.airframe, &self.observer, &self.yaw, &self.hold, &self.ladder, &self.mission);
+        let limits = &self.limits;
         ControllerConfig {
             vehicle: VehicleModel {
                 mass: a.mass_kg,
@@ -287,8 +314,10 @@ impl Vehicle {
                 max_thrust: a.max_thrust,
                 max_tilt: a.max_tilt_deg.to_radians(),
             },
+            thrust: ThrustConfig { least: a.hover_thrust_range[0], most: a.hover_thrust_range[1] },
             observer: ObserverConfig { alpha1: o.alpha1, alpha2: o.alpha2, zeta: o.zeta_s, limit: o.limit_mps2 },
             lead: LeadConfig { tau: self.lead.attitude_lag_s, limit: self.lead.limit_mps2 },
+            lag: LagConfig { least: self.lead.attitude_lag_range_s[0], most: self.lead.attitude_lag_range_s[1] },
             yaw: YawConfig {
                 max_rate: y.max_rate_radps,
                 max_acc: y.max_acc_radps2,
@@ -316,6 +345,7 @@ impl Vehicle {
                 stream_before_offboard: m.stream_before_offboard_s,
                 request_period: m.request_period_s,
                 request_timeout: m.request_timeout_s,
+                takeoff_ramp: m.takeoff_ramp_s,
                 climb_speed: m.climb_speed_mps,
                 hold_distance: m.hold_distance_m,
                 resume_distance: m.resume_distance_m,
@@ -325,6 +355,19 @@ impl Vehicle {
                 touchdown_speed: m.touchdown_speed_mps,
                 slow_height: m.slow_height_m,
                 touchdown_time: m.touchdown_time_s,
+                on_stop: match m.on_stop {
+                    OnStop::Land => StopAction::Land,
+                    OnStop::Hover => StopAction::Hover,
+                    OnStop::HandOver => StopAction::HandOver,
+                },
+            },
+            limits: LimitsConfig {
+                fence_radius: limits.fence_radius_m,
+                ceiling: limits.ceiling_m,
+                max_speed: limits.max_speed_mps,
+                max_time: limits.max_time_s,
+                battery_start: limits.battery_start,
+                battery_land: limits.battery_land,
             },
         }
     }
@@ -373,8 +416,14 @@ mod tests {
 
     #[test]
     fn a_missing_safety_limit_is_refused() {
-        let error = edited("max_tilt_deg = 45.0\n", "\n").unwrap_err().to_string();
-        assert!(error.contains("max_tilt_deg"), "{error}");
+        let text = std::fs::read_to_string(shipped()).unwrap();
+        let limits = text.split("[limits]\n").nth(1).unwrap().lines().take_while(|line| line.contains('='));
+        let limits: Vec<&str> = limits.chain(["max_tilt_deg = 45.0", "max_thrust = 0.95"]).collect();
+        assert_eq!(limits.len(), 8);
+        for line in limits {
+            let error = edited(&format!("{line}\n"), "\n").unwrap_err().to_string();
+            assert!(error.contains(line.split(' ').next().unwrap()), "{error}");
+        }
     }
 
     #[test]
@@ -387,6 +436,10 @@ mod tests {
             ("default_profile = \"chase\"", "default_profile = \"nap\"", "nap"),
             ("listen = [\"tcp/0.0.0.0:7447\"]", "listen = []", "network.listen"),
             ("task = \"track\"", "task = \"navigate\"", "goal_m"),
+            ("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.40, 0.55]", "thrust.least"),
+            ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "lag.most"),
+            ("on_stop = \"land\"", "on_stop = \"loiter\"", "loiter"),
+            ("max_speed_mps = 20.0", "max_speed_mps = 5.0", "profile chase: its speed"),
         ] {
             let error = edited(from, to).unwrap_err().to_string();
             assert!(error.contains(name), "{error}");

@@ -126,6 +126,8 @@ pub fn control(
         yaw_des_rad: output.yaw_des,
         plan_seq: output.plan_seq,
         plan_age_s: output.plan_age,
+        hover_thrust: output.hover_thrust,
+        attitude_lag_s: output.attitude_lag,
     }
 }
 

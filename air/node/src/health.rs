@@ -10,7 +10,6 @@ use crate::stats::{Quantiles, RateMeter, Window};
 const FRAME_STALE_S: f64 = 0.3;
 const ODOMETRY_STALE_S: f64 = 0.15;
 const PLAN_STALE_S: f64 = 0.5;
-const BATTERY_LEAST: f64 = 0.2;
 
 /// Newest facts of every part, gathered by the telemetry thread.
 #[derive(Default)]
@@ -43,9 +42,9 @@ pub struct Facts {
     pub controller_late: Window,
 }
 
-/// Every readiness check with its reason.
+/// Every readiness check with its reason. `battery_start`: the charge that a flight begins with at least, 0..1.
 #[must_use]
-pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), now: Time) -> Vec<v1::Check> {
+pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_start: f64, now: Time) -> Vec<v1::Check> {
     let age = |stamp: Option<Time>| stamp.map(|stamp| now.since(stamp));
     let check = |name: &str, problem: Option<String>| v1::Check {
         name: name.to_owned(),
@@ -62,8 +61,8 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), now: Time)
         check("policy", policy_problem(facts, age(facts.plan))),
         check(
             "battery",
-            autopilot.battery_fraction.filter(|f| *f < BATTERY_LEAST).map(|f| {
-                format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, BATTERY_LEAST * 100.0)
+            autopilot.battery_fraction.filter(|f| *f < battery_start).map(|f| {
+                format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, battery_start * 100.0)
             }),
         ),
         check("recorder", facts.recorder_failed.clone()),
@@ -136,7 +135,7 @@ mod tests {
     }
 
     fn failing(facts: &Facts, status: &Status, now: Time) -> Vec<(String, String)> {
-        checks(facts, status, (0, 0), now).into_iter().filter(|c| !c.ok).map(|c| (c.name, c.reason)).collect()
+        checks(facts, status, (0, 0), 0.2, now).into_iter().filter(|c| !c.ok).map(|c| (c.name, c.reason)).collect()
     }
 
     #[test]

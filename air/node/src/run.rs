@@ -69,6 +69,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         vehicle: vehicle.name.clone(),
         profiles: vehicle.profile_names(),
         policy_sha256: policy.sha256().to_owned(),
+        battery_start: vehicle.limits.battery_start,
     };
     let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, identity)?;
     let _alive = bus.declare_alive()?;

@@ -33,6 +33,8 @@ pub struct Identity {
     pub profiles: Vec<String>,
     /// Of the policy file.
     pub policy_sha256: String,
+    /// The vehicle file's `limits.battery_start`.
+    pub battery_start: f64,
 }
 
 struct Publishers {
@@ -241,7 +243,8 @@ impl Telemetry {
             self.event(v1::Severity::Info, "autopilot", text.text);
         }
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
-        let checks = health::checks(&self.facts, &self.link.status(now), refused, now);
+        let (status, battery_start) = (self.link.status(now), self.identity.battery_start);
+        let checks = health::checks(&self.facts, &status, refused, battery_start, now);
         for check in &checks {
             let before = self.checks.iter().find(|c| c.name == check.name).map(|c| c.ok);
             match (before, check.ok) {

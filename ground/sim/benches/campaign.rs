@@ -13,7 +13,7 @@ use goshawk_core::types::{NetworkOutput, Task};
 use goshawk_policy::{Contract, Policy, PolicyError};
 use goshawk_sim::evader::Course;
 use goshawk_sim::sensors::Sensors;
-use goshawk_sim::trial::{Network, PilotKind, TrialConfig, Unwatched, WorldSource, fly_trial};
+use goshawk_sim::trial::{Difference, Network, PilotKind, TrialConfig, Unwatched, WorldSource, fly_trial};
 
 const FLIGHTS: u64 = 6;
 const TARGET: f64 = 10.0;
@@ -56,7 +56,7 @@ fn main() -> color_eyre::Result<()> {
             course: Course::Goal,
             wind_mps: 0.0,
             sensors: Sensors::default(),
-            spread: 0.0,
+            airframe: Difference::default(),
             moving: 0,
             seed,
         };

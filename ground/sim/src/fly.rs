@@ -24,7 +24,9 @@ use crate::evader::Course;
 use crate::sensor::mix;
 use crate::sensors::Sensors;
 use crate::trial::airframe::Mount;
-use crate::trial::{Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial};
+use crate::trial::{
+    Difference, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial,
+};
 use files::Files;
 use log::{FlightLog, LogError};
 pub use pick::Pick;
@@ -57,8 +59,8 @@ pub struct Campaign {
     pub height_m: f64,
     /// Camera and odometry.
     pub sensors: Sensors,
-    /// How far each airframe is from the vehicle file: relative standard deviation of its parameters.
-    pub spread: f64,
+    /// How each airframe differs from the vehicle file.
+    pub airframe: Difference,
     /// Moving obstacles in each flight.
     pub moving: usize,
     /// Flights at once.
@@ -248,7 +250,7 @@ impl Campaign {
             course: self.course.clone(),
             wind_mps: cell.wind_mps,
             sensors: self.sensors,
-            spread: self.spread,
+            airframe: self.airframe,
             moving: cell.moving,
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),

@@ -1,6 +1,7 @@
 //! A quadrotor as a rigid body: four lagging rotors in X, drag, a sagging battery, the ground, and the inner loops of
 //! its autopilot. In: attitude and normalised thrust, as the real autopilot takes them. Deterministic.
 
+mod load;
 mod loops;
 mod mixer;
 mod parameters;
@@ -9,6 +10,7 @@ mod wind;
 use goshawk_core::types::{AttitudeThrust, GRAVITY, Rot, Vec3};
 use nalgebra::{UnitQuaternion, Vector3};
 
+pub use load::LoadParameters;
 pub use parameters::{BatteryParameters, LoopParameters, QuadrotorParameters};
 pub use wind::Wind;
 
@@ -47,6 +49,7 @@ pub struct Quadrotor {
     rate_loop: loops::RateLoop,
     saturated: bool,
     mixer: mixer::Mixer,
+    load: Option<load::Load>,
 }
 
 impl Quadrotor {
@@ -63,12 +66,13 @@ impl Quadrotor {
                 ang_vel_body: Vec3::zeros(),
                 on_ground: false,
             },
-            parameters,
             rotor_speed: [0.0; 4],
             charge: 1.0,
             rate_loop: loops::RateLoop::default(),
             saturated: false,
             mixer,
+            load: parameters.load.map(|load| load::Load::new(load, pos_world)),
+            parameters,
         }
     }
 
@@ -116,7 +120,10 @@ impl Quadrotor {
                 p.rotor_drag_npmps.component_mul(&air_body) + air_body * (p.body_drag_npmps2 * air_body.norm());
             -(s.world_from_body * drag_body)
         };
-        let force_world = s.world_from_body * (Vector3::z() * thrust_n) + drag_world;
+        let load_world = self.load.as_mut().map_or_else(Vec3::zeros, |load| {
+            load.step(dt_s, s.pos_world, s.vel_world, ground_m(s.pos_world.x, s.pos_world.y))
+        });
+        let force_world = s.world_from_body * (Vector3::z() * thrust_n) + drag_world + load_world;
         s.acc_world = force_world / p.mass_kg - Vector3::z() * GRAVITY;
         s.pos_world += s.vel_world * dt_s + s.acc_world * (0.5 * dt_s * dt_s);
         s.vel_world += s.acc_world * dt_s;

@@ -3,6 +3,7 @@
 
 pub mod airframe;
 mod autopilot;
+mod difference;
 pub mod estimator;
 pub mod judge;
 mod lockstep;
@@ -23,6 +24,7 @@ use crate::quadrotor::QuadrotorState;
 use crate::sensor::RgbdImage;
 use crate::sensors::Sensors;
 use crate::world::{Part, World, WorldError};
+pub use difference::{Difference, DifferenceError};
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
 pub use scene::{Scene, SceneConfig, WorldSource};
@@ -117,8 +119,8 @@ pub struct TrialConfig {
     pub wind_mps: f64,
     /// Camera and odometry.
     pub sensors: Sensors,
-    /// How far the airframe is from the vehicle file: relative standard deviation of its parameters.
-    pub spread: f64,
+    /// How the airframe differs from the vehicle file.
+    pub airframe: Difference,
     /// Moving obstacles.
     pub moving: usize,
     /// Everything random is drawn from it.

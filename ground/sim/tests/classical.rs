@@ -5,7 +5,9 @@ use goshawk_air::config::Vehicle;
 use goshawk_core::types::Task;
 use goshawk_sim::evader::Course;
 use goshawk_sim::sensors::Sensors;
-use goshawk_sim::trial::{Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial};
+use goshawk_sim::trial::{
+    Difference, Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_trial,
+};
 use std::path::Path;
 
 fn fly(task: Task) -> Result<Flight, TrialError> {
@@ -20,7 +22,7 @@ fn fly(task: Task) -> Result<Flight, TrialError> {
         course: Course::Goal,
         wind_mps: 1.0,
         sensors: Sensors::default(),
-        spread: 0.0,
+        airframe: Difference::default(),
         moving: 0,
         seed: 2,
     };

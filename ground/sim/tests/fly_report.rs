@@ -14,7 +14,7 @@ use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::report::Report;
 use goshawk_sim::fly::{Campaign, CampaignError, Pick, page, pick, table};
 use goshawk_sim::sensors::Sensors;
-use goshawk_sim::trial::{Network, Outcome, PilotKind, WorldSource};
+use goshawk_sim::trial::{Difference, Network, Outcome, PilotKind, WorldSource};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
@@ -69,7 +69,7 @@ fn campaign(task: Task) -> Campaign {
         worlds: vec![WorldSource::Forest { spacing_m: 7.0 }],
         course: Course::Goal,
         sensors: Sensors::default(),
-        spread: 0.0,
+        airframe: Difference::default(),
         moving: 0,
         trials: 2,
         seed: 5,

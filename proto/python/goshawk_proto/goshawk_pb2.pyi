@@ -172,7 +172,7 @@ class Plan(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., frame_ns: _Optional[int] = ..., ready_ns: _Optional[int] = ..., start_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_cam: _Optional[_Union[Quat, _Mapping]] = ..., duration_s: _Optional[float] = ..., alpha: _Optional[float] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., chosen: _Optional[int] = ...) -> None: ...
 
 class Control(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "acc_meas_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s")
+    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "acc_meas_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
@@ -190,6 +190,8 @@ class Control(_message.Message):
     YAW_DES_RAD_FIELD_NUMBER: _ClassVar[int]
     PLAN_SEQ_FIELD_NUMBER: _ClassVar[int]
     PLAN_AGE_S_FIELD_NUMBER: _ClassVar[int]
+    HOVER_THRUST_FIELD_NUMBER: _ClassVar[int]
+    ATTITUDE_LAG_S_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     mode: Mode
@@ -207,7 +209,9 @@ class Control(_message.Message):
     yaw_des_rad: float
     plan_seq: int
     plan_age_s: float
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ...) -> None: ...
+    hover_thrust: float
+    attitude_lag_s: float
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ...) -> None: ...
 
 class Target(_message.Message):
     __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "covariance", "confirmed", "since_seen_s")

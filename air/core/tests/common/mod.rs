@@ -15,8 +15,10 @@ pub fn config() -> ControllerConfig {
             max_thrust: 1.0,
             max_tilt: 45_f64.to_radians(),
         },
+        thrust: ThrustConfig { least: 0.13, most: 0.42 },
         observer: ObserverConfig { alpha1: 3.0, alpha2: 2.0, zeta: 0.2, limit: 6.0 },
         lead: LeadConfig { tau: 0.1, limit: 6.0 },
+        lag: LagConfig { least: 0.04, most: 0.35 },
         yaw: YawConfig {
             max_rate: 2.5,
             max_acc: 10.0,
@@ -38,6 +40,7 @@ pub fn config() -> ControllerConfig {
             stream_before_offboard: 1.2,
             request_period: 1.0,
             request_timeout: 5.0,
+            takeoff_ramp: 2.0,
             climb_speed: 1.0,
             hold_distance: 2.0,
             resume_distance: 3.0,
@@ -47,6 +50,15 @@ pub fn config() -> ControllerConfig {
             touchdown_speed: 0.35,
             slow_height: 1.0,
             touchdown_time: 0.4,
+            on_stop: StopAction::Land,
+        },
+        limits: LimitsConfig {
+            fence_radius: 100.0,
+            ceiling: 20.0,
+            max_speed: 12.0,
+            max_time: 600.0,
+            battery_start: 0.3,
+            battery_land: 0.15,
         },
     }
 }
@@ -143,6 +155,8 @@ pub struct Loop {
     pub accepts_arming: bool,
     pub has_landed_detector: bool,
     pub frames: Frames,
+    /// How much sooner than they should plans want to be there; 1: as the demand says.
+    pub haste: f64,
     /// What the filter believes of the target's velocity.
     pub target_vel: Vec3,
     pub odometry_works: bool,
@@ -178,11 +192,18 @@ impl Loop {
             heaviness: 1.0,
             attitude: Rot::from_axis_angle(&Vec3::z_axis(), 0.5),
             lag: 0.1,
-            autopilot: AutopilotStatus { connected: true, armed: false, offboard: false, landed: Some(true) },
+            autopilot: AutopilotStatus {
+                connected: true,
+                armed: false,
+                offboard: false,
+                landed: Some(true),
+                battery: None,
+            },
             accepts_offboard: true,
             accepts_arming: true,
             has_landed_detector: true,
             frames: Frames::None,
+            haste: 1.0,
             target_vel: Vec3::zeros(),
             odometry_works: true,
             odometry_offset: Vec3::zeros(),
@@ -331,7 +352,7 @@ impl Loop {
             let line = aim - pos;
             let reach = line.norm().min(10.0);
             let direction = line.try_normalize(1e-6).unwrap_or_default();
-            FlatState { pos: pos + direction * reach, vel: direction * 2.0, acc: Vec3::zeros() }
+            FlatState { pos: pos + direction * reach, vel: direction * (2.0 * self.haste), acc: Vec3::zeros() }
         });
         let candidate = Candidate { end, cost: 1.0, objectness: 1.0, target_world: target, rejection: None };
         let estimate = target.map(|at| TargetEstimate {
@@ -349,7 +370,7 @@ impl Loop {
             stamp: self.now,
             start: FlatState { pos, vel: self.vel, acc: self.out().acc_des_world },
             world_from_cam: self.attitude,
-            duration: 10.0 / (alpha * 6.0),
+            duration: 10.0 / (alpha * 6.0 * self.haste),
             alpha,
             candidates: [candidate; ANCHORS],
             chosen: aim.map(|_| 7),

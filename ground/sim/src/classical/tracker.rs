@@ -3,8 +3,8 @@
 
 use goshawk_core::flatness::flat_command;
 use goshawk_core::lead::{cap, lead};
-use goshawk_core::motion::Motion;
-use goshawk_core::types::{AttitudeThrust, FlatState, Odometry, Time, Vec3};
+use goshawk_core::motion::{Commanded, Motion};
+use goshawk_core::types::{AttitudeThrust, FlatState, NormalisedThrust, Odometry, Time, Vec3};
 use goshawk_core::{ControllerConfig, ControllerOutput, Mode};
 
 /// Acceleration for an error of position, 1/s², and of velocity, 1/s, and the most of both, m/s².
@@ -26,8 +26,9 @@ pub struct Reference {
 pub struct Tracker {
     config: ControllerConfig,
     motion: Motion,
-    /// Commanded thrust over mass, m/s².
-    thrust_acc: f64,
+    commanded: Commanded,
+    /// On the ground: the thrust last tried.
+    spooled: Option<NormalisedThrust>,
 }
 
 /// The motion carried on to `now` at its velocity.
@@ -40,12 +41,12 @@ impl Tracker {
     /// A tracker for a vehicle.
     #[must_use]
     pub fn new(config: ControllerConfig) -> Self {
-        Self { motion: Motion::new(config.observer), config, thrust_acc: 0.0 }
+        Self { motion: Motion::new(&config), config, commanded: Commanded::default(), spooled: None }
     }
 
     /// A state estimate has come: the observer learns from it.
     pub fn take_odometry(&mut self, odometry: &Odometry) {
-        self.motion.take(odometry, self.thrust_acc);
+        self.motion.take(odometry, &self.commanded);
     }
 
     /// Replaces what the controller commands. It goes on deciding what to do and where to look; the observer here is the
@@ -53,29 +54,36 @@ impl Tracker {
     pub fn command(&mut self, now: Time, reference: Option<&Reference>, output: &mut ControllerOutput) {
         let on_ground = matches!(output.mode, Mode::Takeoff) && output.acc_disturbance_world == Vec3::zeros();
         if output.thrust.0 <= 0.0 || on_ground {
-            self.motion.reset_observer();
+            self.motion.rest();
+            self.commanded = Commanded::default();
+            self.spooled = output.setpoint.map(|setpoint| setpoint.thrust);
+            return;
         }
-        self.thrust_acc = output.thrust.0 / self.config.vehicle.mass;
-        let Some(odometry) = self.motion.last().filter(|_| output.thrust.0 > 0.0) else { return };
+        if let Some(thrust) = self.spooled.take() {
+            self.motion.lift_off(thrust);
+        }
+        let Some(odometry) = self.motion.last().copied() else { return };
         let mut acc_world = output.acc_des_world;
         if let Some(Reference { flat, jerk }) = reference {
-            let position = (flat.pos - carried(odometry, now)) * POSITION_GAIN;
+            let position = (flat.pos - carried(&odometry, now)) * POSITION_GAIN;
             let feedback = cap(position + (flat.vel - odometry.vel_world) * VELOCITY_GAIN, FEEDBACK_MPS2);
             output.flat = *flat;
             output.acc_des_world = flat.acc + feedback;
-            acc_world = lead(&self.config.lead, output.acc_des_world, *jerk);
+            acc_world = lead(&self.motion.lead(&self.config.lead), output.acc_des_world, *jerk);
         }
         let observer = self.motion.observer();
-        let vehicle = &self.config.vehicle;
-        let command = flat_command(vehicle, acc_world, observer.disturbance(), output.yaw_des);
-        output.setpoint = Some(AttitudeThrust {
-            world_from_body: command.world_from_body,
-            thrust: vehicle.normalised(command.force),
-        });
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let command = flat_command(&vehicle, acc_world, observer.disturbance(), output.yaw_des);
+        let thrust = vehicle.normalised(command.force_along(&vehicle, &odometry.world_from_body));
+        output.setpoint = Some(AttitudeThrust { world_from_body: command.world_from_body, thrust });
         output.acc_att_world = command.acc_att_world;
         output.acc_disturbance_world = observer.disturbance();
         output.acc_meas_world = observer.acceleration();
-        output.thrust = command.force;
-        self.thrust_acc = command.force.0 / vehicle.mass;
+        output.thrust = vehicle.force(thrust);
+        output.hover_thrust = vehicle.hover_thrust;
+        output.attitude_lag = self.motion.lead(&self.config.lead).tau;
+        let free = output.mode != Mode::Stopping;
+        self.commanded = Commanded { thrust, acc: output.thrust.0 / vehicle.mass, free };
+        self.motion.command(now, &command.world_from_body);
     }
 }

@@ -20,7 +20,7 @@ use super::{Campaign, Logs, Pick, page, pick, table};
 use crate::evader::Course;
 use crate::moving::MovingArgs;
 use crate::sensors::SensorArgs;
-use crate::trial::{Network, Outcome, PilotKind, WorldSource};
+use crate::trial::{Difference, Network, Outcome, PilotKind, WorldSource};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -47,6 +47,8 @@ pub enum PilotName {
                   goshawk-sim fly --task navigate --pilot classical --speed 3,5 --spacing 5\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --report report   # then open report/index.html\n  \
                   goshawk-sim fly --task track --speed 5 --moving 8   # eight posts and boxes cross the way\n  \
+                  goshawk-sim fly --task track --speed 4 --airframe hover_thrust=0.5 --airframe attitude_lag_s=0.2   # the \
+                  vehicle file is wrong\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --only 1:4 --log logs\n\n\
                   Exit status:\n  0    the campaign was flown, however its flights ended\n  \
                   1    it could not be flown, or what it found not written\n  2    the command line is wrong\n  \
@@ -95,6 +97,10 @@ pub struct FlyArgs {
     /// Let each flight's airframe differ from the vehicle file: relative standard deviation of mass, thrust, drag, …
     #[arg(long, value_name = "FRACTION", default_value_t = 0.0)]
     spread: f64,
+    /// What the airframe truly is, whatever the vehicle file says, such as hover_thrust=0.5; may be repeated. Keys:
+    /// mass_kg, hover_thrust, attitude_lag_s, load_kg (which hangs on half a metre of line).
+    #[arg(long, value_name = "KEY=NUMBER")]
+    airframe: Vec<String>,
     #[command(flatten)]
     moving: MovingArgs,
     #[command(flatten)]
@@ -195,7 +201,7 @@ impl FlyArgs {
             speed_margin_mps: self.speed_margin,
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
             sensors: self.sensors.load()?,
-            spread: self.spread,
+            airframe: Difference { spread: self.spread, ..Difference::parse(&self.airframe)? },
             moving: self.moving.moving,
             threads: self.threads,
             only: self.only.clone(),

@@ -1,5 +1,6 @@
 //! What a quadrotor is made of: the numbers of the rigid body, the rotors, the battery and the inner loops.
 
+use super::load::LoadParameters;
 use goshawk_core::types::{GRAVITY, Newtons, NormalisedThrust, Vec3};
 
 /// A quadrotor's physical numbers and the gains of its autopilot's inner loops.
@@ -32,6 +33,8 @@ pub struct QuadrotorParameters {
     pub battery: BatteryParameters,
     /// Attitude and rate loops.
     pub loops: LoopParameters,
+    /// What hangs below; none: nothing.
+    pub load: Option<LoadParameters>,
 }
 
 /// How the battery's state limits thrust.
@@ -115,6 +118,7 @@ impl Default for QuadrotorParameters {
             hover_thrust: NormalisedThrust(0.4),
             battery: BatteryParameters { hover_endurance_s: 420.0, discharge_drop: 0.14, load_drop: 0.10 },
             loops: LoopParameters::default(),
+            load: None,
         }
     }
 }

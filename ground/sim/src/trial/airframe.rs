@@ -59,6 +59,14 @@ impl Mount {
     }
 }
 
+/// The motors lift `factor` times the weight that they lifted: a stronger motor hovers at less, and the curve from
+/// normalised thrust to force keeps its shape.
+pub(super) fn motors_lift(vehicle: &mut QuadrotorParameters, factor: f64) {
+    let hover = vehicle.hover_thrust.0 * factor.powf(-1.0 / vehicle.thrust_exponent());
+    vehicle.thrust_to_weight *= factor;
+    vehicle.hover_thrust = NormalisedThrust(hover.clamp(0.05, 0.9));
+}
+
 /// An airframe that differs from `nominal` as one vehicle does from its data sheet: mass, thrust, rotor lag, drag,
 /// inertia, and the inner loops' gains each off by a factor e^(`spread` · n), n drawn from a normal distribution cut at 2.
 #[must_use]
@@ -67,11 +75,8 @@ pub fn spread(nominal: &QuadrotorParameters, spread: f64, seed: u64) -> Quadroto
     let mut factor = || (spread * rng.sample::<f64, _>(StandardNormal).clamp(-2.0, 2.0)).exp();
     let mut vehicle = nominal.clone();
     vehicle.mass_kg *= factor();
-    // A stronger motor hovers at less: the curve from normalised thrust to force keeps its shape.
     let thrust = factor() * nominal.mass_kg / vehicle.mass_kg;
-    vehicle.thrust_to_weight *= thrust;
-    let hover = nominal.hover_thrust.0 * thrust.powf(-1.0 / nominal.thrust_exponent());
-    vehicle.hover_thrust = NormalisedThrust(hover.clamp(0.05, 0.9));
+    motors_lift(&mut vehicle, thrust);
     vehicle.rotor_lag_s *= factor();
     vehicle.rotor_drag_npmps *= factor();
     vehicle.body_drag_npmps2 *= factor();

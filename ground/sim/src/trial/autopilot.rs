@@ -41,8 +41,9 @@ impl Obliging {
         self.followed.filter(|_| self.armed)
     }
 
-    /// Its state, given whether the vehicle stands.
-    pub(super) fn status(&self, on_ground: bool) -> AutopilotStatus {
-        AutopilotStatus { connected: true, armed: self.armed, offboard: self.offboard, landed: Some(on_ground) }
+    /// Its state, given whether the vehicle stands and the battery's charge.
+    pub(super) fn status(&self, on_ground: bool, battery: f64) -> AutopilotStatus {
+        let (armed, offboard) = (self.armed, self.offboard);
+        AutopilotStatus { connected: true, armed, offboard, landed: Some(on_ground), battery: Some(battery) }
     }
 }

@@ -7,7 +7,7 @@ use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Rot, Task, Time, Vec3};
 use goshawk_core::{Cause, Command, Mode, Plan, Profile};
 
-use super::airframe::{Mount, airframe, spread};
+use super::airframe::{Mount, airframe};
 use super::autopilot::Obliging;
 use super::estimator::Estimator;
 use super::judge::{Contact, Exposure, Follower, Judge, clearance, in_view};
@@ -72,7 +72,7 @@ pub(super) struct Lockstep<'a> {
 impl<'a> Lockstep<'a> {
     pub(super) fn new(config: &TrialConfig, vehicle: &Vehicle, scene: &'a Scene, onboard: Box<dyn Pilot + 'a>) -> Self {
         let mount = Mount::of(vehicle);
-        let parameters = spread(&airframe(vehicle), config.spread, mix(config.seed, 16));
+        let parameters = config.airframe.apply(&airframe(vehicle), mix(config.seed, 16));
         let start = scene.vehicle_start(&parameters);
         Self {
             config: config.clone(),
@@ -207,7 +207,8 @@ impl<'a> Lockstep<'a> {
 
     fn control(&mut self, now: Time, witness: &mut dyn Witness) {
         let command = (self.mode == Mode::Ready).then(|| Command::Start(self.profile()));
-        let output = self.onboard.control(now, self.autopilot.status(self.quad.state().on_ground), command);
+        let status = self.autopilot.status(self.quad.state().on_ground, self.quad.battery_fraction());
+        let output = self.onboard.control(now, status, command);
         self.autopilot.take(now, &output);
         self.mode = output.mode;
         if output.reply == Some(Ok(())) {

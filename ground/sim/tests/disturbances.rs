@@ -1,0 +1,84 @@
+//! What the disturbance observer cancels in closed loop, against the same vehicle without one.
+#![allow(clippy::unwrap_used, reason = "test helpers too")]
+
+mod common;
+
+use common::{Constant, config, contract, vehicle};
+use goshawk_air::config::Vehicle;
+use goshawk_core::types::{Task, Time, Vec3};
+use goshawk_core::{ControllerOutput, Mode, Odometry};
+use goshawk_sim::trial::{Difference, TrialConfig, Truth, Witness, fly_trial};
+
+/// Where the vehicle was while it should have held its place.
+#[derive(Default)]
+struct Held {
+    since: Option<Time>,
+    anchor: Vec3,
+    offsets: Vec<Vec3>,
+}
+
+/// After the take-off the hold settles for so long, s.
+const SETTLES_S: f64 = 3.0;
+
+impl Witness for Held {
+    fn control(&mut self, now: Time, output: &ControllerOutput, _odometry: Option<&Odometry>) {
+        if output.mode == Mode::Navigate {
+            self.since.get_or_insert(now);
+            self.anchor = output.flat.pos;
+        }
+    }
+
+    fn truth(&mut self, now: Time, truth: &Truth<'_>) {
+        if self.since.is_some_and(|since| now.since(since) > SETTLES_S) {
+            self.offsets.push(truth.vehicle.pos_world - self.anchor);
+        }
+    }
+}
+
+/// Root mean square distance from the place that is held, m: horizontal and vertical.
+fn hold(airframe: Difference, wind_mps: f64, vehicle: &Vehicle) -> (f64, f64) {
+    // At this speed a navigation that goes nowhere is given up after half a minute.
+    let mut config = TrialConfig { airframe, wind_mps, ..config(Task::Navigate, 15.0, 12.0, 4) };
+    config.sensors.odometry.drift_m = 0.0;
+    config.sensors.odometry.velocity_bias_mps = 0.0;
+    let mut held = Held::default();
+    let mut nowhere = Constant(contract("navigate"), f32::NAN);
+    fly_trial(&config, vehicle, Some(&mut nowhere), &mut held).unwrap();
+    assert!(held.offsets.len() > 300, "{}", held.offsets.len());
+    let rms = |of: &dyn Fn(&Vec3) -> f64| {
+        (held.offsets.iter().map(|o| of(o).powi(2)).sum::<f64>() / held.offsets.len() as f64).sqrt()
+    };
+    (rms(&|o| o.xy().norm()), rms(&|o| o.z))
+}
+
+/// The vehicle file with an observer that may find nothing, and a hover thrust that may not be learnt.
+fn without_observer() -> Vehicle {
+    let text = vehicle()
+        .text
+        .replace("limit_mps2 = 6.0\n\n[lead]", "limit_mps2 = 0.0\n\n[lead]")
+        .replace("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.35, 0.35]");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bare.toml");
+    std::fs::write(&path, text).unwrap();
+    let bare = Vehicle::load(&path).unwrap();
+    assert_eq!(bare.controller_config().observer.limit, 0.0);
+    bare
+}
+
+#[test]
+fn drag_gusts_a_fifth_more_mass_and_a_hanging_load_are_cancelled() {
+    let (with, without) = (vehicle(), without_observer());
+    let plain = Difference::default();
+    for (name, airframe, wind_mps) in [
+        ("wind of 3 m/s with its gusts", plain, 5.0),
+        ("20 % more mass", Difference { mass_kg: Some(1.02), ..plain }, 0.0),
+        ("20 % less mass", Difference { mass_kg: Some(0.68), ..plain }, 0.0),
+        ("a load of 150 g", Difference { load_kg: Some(0.15), ..plain }, 0.0),
+    ] {
+        let (level, up) = hold(airframe, wind_mps, &with);
+        let (bare_level, bare_up) = hold(airframe, wind_mps, &without);
+        println!("{name:30} level {level:.3} (without {bare_level:.3}) m, vertical {up:.3} (without {bare_up:.3}) m");
+        assert!(level < 0.15 && up < 0.1, "{name}: {level}, {up} m");
+        assert!(level.hypot(up) < 0.5 * bare_level.hypot(bare_up), "{name}: no better than without");
+    }
+}
