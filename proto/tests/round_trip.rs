@@ -154,6 +154,39 @@ fn log_header() -> LogHeader {
     }
 }
 
+fn planner_input() -> PlannerInput {
+    PlannerInput {
+        seq: 1000,
+        odometry: Some(odometry()),
+        acc_world: vec3(),
+        speed_mps: 4.5,
+        goal_world: vec3(),
+        state: vec![6.5, 60.0],
+        prediction: vec![7.5, 70.0],
+    }
+}
+
+fn start_profile() -> StartProfile {
+    StartProfile { navigate: true, speed_mps: 2.5, height_m: 3.5, goal_m: vec3() }
+}
+
+fn controller_input() -> ControllerInput {
+    ControllerInput {
+        seq: 1000,
+        stamp_ns: 2000,
+        plan_seq: Some(3000),
+        connected: true,
+        armed: true,
+        offboard: true,
+        landed: Some(true),
+        ready: true,
+        start: Some(start_profile()),
+        stop: true,
+        odometry_ns: Some(11_000),
+        battery: Some(12.5),
+    }
+}
+
 fn sim_truth() -> SimTruth {
     SimTruth {
         stamp_ns: 1000,
@@ -246,10 +279,13 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
                 height: 40,
                 hfov_rad: 5.5,
                 vfov_rad: 6.5,
-                rgb_jpeg: vec![7, 0, 255],
                 depth_png: vec![8, 0, 255],
+                rgb_png: vec![60, 0, 255],
             },
         ),
+        entry("PlannerInput", planner_input()),
+        entry("ControllerInput", controller_input()),
+        entry("StartProfile", start_profile()),
         entry(
             "CommandRecord",
             CommandRecord { stamp_ns: 1000, verb: text("verb"), profile: text("profile"), reply: Some(reply()) },

@@ -16,7 +16,7 @@ use mavlink::MessageData;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 /// How long the receiver waits for a datagram before it looks at the clock.
@@ -83,7 +83,11 @@ impl Endpoint {
     }
 
     pub(crate) fn status(&self, now: Time) -> Status {
-        let mut status = self.lock().view.status(now);
+        self.counted(self.lock().view.status(now))
+    }
+
+    /// `status` with the counters that lie outside the lock.
+    pub(crate) fn counted(&self, mut status: Status) -> Status {
         status.counters.sent = self.sent.load(Ordering::Relaxed);
         status.counters.send_errors = self.send_errors.load(Ordering::Relaxed);
         status
@@ -99,12 +103,29 @@ impl Endpoint {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// As [`Self::lock`], but none while another thread holds it.
+    pub(crate) fn try_lock(&self) -> Option<MutexGuard<'_, State>> {
+        match self.state.try_lock() {
+            Ok(state) => Some(state),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        }
+    }
+
+    pub(crate) fn encoder(&self) -> &Encoder {
+        &self.encoder
+    }
+
     pub(crate) fn now(&self) -> Time {
         (self.clock)()
     }
 
     pub(crate) fn send(&self, peer: SocketAddr, message: &MavMessage) -> Result<(), AutopilotError> {
-        match self.socket.send_to(self.encoder.encode(message).raw_bytes(), peer) {
+        self.send_bytes(peer, self.encoder.encode(message).raw_bytes())
+    }
+
+    pub(crate) fn send_bytes(&self, peer: SocketAddr, bytes: &[u8]) -> Result<(), AutopilotError> {
+        match self.socket.send_to(bytes, peer) {
             Ok(_) => {
                 self.sent.fetch_add(1, Ordering::Relaxed);
                 Ok(())

@@ -22,7 +22,7 @@ pub use commands::{Ack, Command, Outcome};
 pub use config::{HeartbeatKind, LinkConfig, StreamRates};
 pub use error::AutopilotError;
 pub use events::AutopilotEvent;
-pub use link::AutopilotLink;
+pub use link::{AutopilotLink, Glance};
 pub use mode::Px4Mode;
 pub use status::{Counters, Imu, Status, StatusText};
 pub use view::View;

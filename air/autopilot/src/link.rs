@@ -10,9 +10,21 @@ use crate::messages::{AttitudeTargetTypemask, MavMessage, SET_ATTITUDE_TARGET_DA
 use crate::status::{Imu, Status, StatusText};
 use goshawk_core::Request;
 use goshawk_core::types::{AttitudeThrust, Odometry, Time};
+use mavlink::MAVLinkV2MessageRaw;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread::JoinHandle;
+
+/// What a control step wants of the link, from one look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glance {
+    /// The autopilot's state.
+    pub status: Status,
+    /// Newest odometry in our clock; none: nothing usable came yet.
+    pub odometry: Option<Odometry>,
+    /// Where setpoints go; none: not known yet.
+    pub peer: Option<SocketAddr>,
+}
 
 /// The link to the autopilot. Its own thread receives, keeps heartbeat and clocks going and repeats commands; sending
 /// and reading are for the control thread and return at once.
@@ -69,12 +81,39 @@ impl AutopilotLink {
         self.endpoint.lock().view.imu()
     }
 
+    /// All that a control step wants to know, without waiting: none while another thread of ours is at the state, which
+    /// takes microseconds; then what the last glance said is as good.
+    #[must_use]
+    pub fn glance(&self, now: Time) -> Option<Glance> {
+        let state = self.endpoint.try_lock()?;
+        let (status, odometry, peer) = (state.view.status(now), state.view.odometry(), state.peer);
+        drop(state);
+        Some(Glance { status: self.endpoint.counted(status), odometry, peer })
+    }
+
     /// Sends the attitude and thrust (SET_ATTITUDE_TARGET, type mask 7). Call it at the control rate: PX4 wants more
     /// than 2 Hz for a second before it follows, and fails safe when they stop.
     ///
     /// # Errors
     /// The setpoint is not finite, no peer is known, or the datagram did not go out (counted; the next one may).
     pub fn send_setpoint(&self, setpoint: &AttitudeThrust) -> Result<(), AutopilotError> {
+        let frame = self.setpoint_frame(setpoint)?;
+        self.endpoint.send_bytes(self.peer().ok_or(AutopilotError::NoPeer)?, frame.raw_bytes())
+    }
+
+    /// [`Self::send_setpoint`] to a peer that a [`Glance`] has told: takes no lock.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn send_setpoint_to(&self, peer: SocketAddr, setpoint: &AttitudeThrust) -> Result<(), AutopilotError> {
+        self.endpoint.send_bytes(peer, self.setpoint_frame(setpoint)?.raw_bytes())
+    }
+
+    /// The datagram of [`Self::send_setpoint`], with the next sequence number.
+    ///
+    /// # Errors
+    /// The setpoint is not finite.
+    pub fn setpoint_frame(&self, setpoint: &AttitudeThrust) -> Result<MAVLinkV2MessageRaw, AutopilotError> {
         let thrust = setpoint.thrust.0;
         let finite = setpoint.world_from_body.coords.iter().all(|value| value.is_finite());
         if !finite || !(0.0..=1.0).contains(&thrust) {
@@ -92,8 +131,7 @@ impl AutopilotLink {
                 | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
             ..SET_ATTITUDE_TARGET_DATA::default()
         });
-        let peer = self.peer().ok_or(AutopilotError::NoPeer)?;
-        self.endpoint.send(peer, &message)
+        Ok(self.endpoint.encoder().encode(&message))
     }
 
     /// Asks what the controller wants. Repeated until answered; see [`Self::take_acks`].

@@ -123,7 +123,7 @@ fn ask_controller(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
         if slot.is_some() && parsed.command != Command::Stop {
             return refusal(parsed.id.clone(), "another command is being carried out: ask again".to_owned());
         }
-        *slot = Some(PendingCommand { command: parsed.command, answer });
+        *slot = Some(PendingCommand { command: parsed.command, profile: parsed.profile.as_str().into(), answer });
     }
     let verdict: Result<(), Refusal> = match verdict.recv_timeout(WAIT) {
         Ok(verdict) => verdict,

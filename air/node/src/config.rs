@@ -8,6 +8,7 @@ use goshawk_core::{
     LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, StopAction,
     TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, YawConfig,
 };
+use goshawk_policy::Provider;
 use serde::Deserialize;
 
 /// Why a vehicle file cannot be flown with.
@@ -53,6 +54,7 @@ pub struct Vehicle {
     pub sensors: Sensors,
     pub network: Network,
     pub recorder: Recorder,
+    pub realtime: Realtime,
     planner: Planner,
     pub controller: Controller,
     observer: Observer,
@@ -134,6 +136,18 @@ pub enum OnStop {
     HandOver,
 }
 
+/// How the threads that fly are scheduled.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Realtime {
+    pub controller_priority: u8,
+    pub planner_priority: u8,
+    /// The core that the controller runs on; absent: any.
+    pub controller_core: Option<usize>,
+    pub lock_memory: bool,
+}
+
 /// The policy file and how to run it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -141,6 +155,8 @@ pub enum OnStop {
 pub struct Policy {
     pub model: PathBuf,
     pub threads: usize,
+    /// What runs it; one that cannot is replaced by the processor.
+    pub provider: Provider,
     /// libonnxruntime; absent: searched for.
     pub library: Option<PathBuf>,
 }
@@ -181,6 +197,14 @@ impl Vehicle {
     pub fn load(path: &Path) -> Result<Vehicle, VehicleError> {
         let text =
             std::fs::read_to_string(path).map_err(|cause| VehicleError::Read { path: path.to_owned(), cause })?;
+        Self::parse(text, path)
+    }
+
+    /// [`Self::load`] of a text that is there already; `path` is what messages call it and where its folder is.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn parse(text: String, path: &Path) -> Result<Vehicle, VehicleError> {
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let mut vehicle: Vehicle = toml::from_str(&text)
             .map_err(|e| VehicleError::Parse { path: path.to_owned(), cause: parse_cause(&text, &e) })?;
@@ -207,6 +231,9 @@ impl Vehicle {
         for p in self.camera.position_m {
             range("camera.position_m", p, -2.0, 2.0)?;
         }
+        range("realtime.planner_priority", self.realtime.planner_priority.into(), 1.0, 98.0)?;
+        let above = f64::from(self.realtime.planner_priority) + 1.0;
+        range("realtime.controller_priority", self.realtime.controller_priority.into(), above, 99.0)?;
         if self.policy.threads == 0 {
             return Err("policy.threads is 0; it must be at least 1".to_owned());
         }
@@ -238,6 +265,12 @@ impl Vehicle {
     #[must_use]
     pub fn resolve(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
+    }
+
+    /// Where ONNX Runtime is; none: to be searched for.
+    #[must_use]
+    pub fn library(&self) -> Option<PathBuf> {
+        self.policy.library.as_ref().map(|path| self.resolve(path))
     }
 
     /// The names that Start may give, the default first.
@@ -440,6 +473,8 @@ mod tests {
             ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "lag.most"),
             ("on_stop = \"land\"", "on_stop = \"loiter\"", "loiter"),
             ("max_speed_mps = 20.0", "max_speed_mps = 5.0", "profile chase: its speed"),
+            ("provider = \"cpu\"", "provider = \"npu\"", "npu"),
+            ("controller_priority = 80", "controller_priority = 40", "controller_priority"),
         ] {
             let error = edited(from, to).unwrap_err().to_string();
             assert!(error.contains(name), "{error}");

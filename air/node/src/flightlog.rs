@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 use goshawk_core::Time;
-use goshawk_policy::Policy;
+use goshawk_policy::{Contract, Policy, Preprocessor};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Recorder};
@@ -22,6 +22,7 @@ const TAIL_S: f64 = 1.0;
 pub struct FlightLog {
     directory: PathBuf,
     header: v1::LogHeader,
+    contract: Arc<Contract>,
     recorder: Option<Recorder>,
     finish_at: Option<Time>,
     failed: bool,
@@ -41,7 +42,8 @@ impl FlightLog {
             git_revision: env!("GOSHAWK_GIT_REVISION").to_owned(),
             ..Default::default()
         };
-        FlightLog { directory, header, recorder: None, finish_at: None, failed: false, dropped_before: 0 }
+        let contract = Arc::new(policy.contract().clone());
+        FlightLog { directory, header, contract, recorder: None, finish_at: None, failed: false, dropped_before: 0 }
     }
 
     /// Begins a new file, finishing the one before.
@@ -76,22 +78,11 @@ impl FlightLog {
         }
     }
 
-    /// Records an image; the recorder's thread compresses it.
+    /// Records an image at the network's size; the recorder's thread makes it.
     pub fn record_frame(&self, frame: &Arc<Frame>) {
         let Some(recorder) = &self.recorder else { return };
-        let (stamp, frame) = (frame.stamp, Arc::clone(frame));
-        let encode = move || {
-            let (width, height) = (frame.width as u32, frame.height as u32);
-            let message = goshawk_recorder::image::compress(&frame.rgb, &frame.depth_mm, width, height).ok()?;
-            let message = v1::CompressedRgbd {
-                seq: frame.seq,
-                stamp_ns: frame.stamp.0,
-                hfov_rad: frame.hfov,
-                vfov_rad: frame.vfov,
-                ..message
-            };
-            Some(message.encode_to_vec())
-        };
+        let (stamp, frame, contract) = (frame.stamp, Arc::clone(frame), Arc::clone(&self.contract));
+        let encode = move || Some(compressed(&frame, &contract)?.encode_to_vec());
         recorder.record(Channel::RGBD, stamp.0, Box::new(encode));
     }
 
@@ -130,4 +121,24 @@ impl FlightLog {
     pub fn dropped(&self) -> u64 {
         self.dropped_before + self.recorder.as_ref().map_or(0, Recorder::dropped)
     }
+}
+
+/// The image as the network sees it, without loss; none: it cannot be made one.
+fn compressed(frame: &Frame, contract: &Contract) -> Option<v1::CompressedRgbd> {
+    let (width, height) = (contract.image.width, contract.image.height);
+    let small;
+    let (rgb, depth_mm): (&[u8], &[u16]) = if (frame.width, frame.height) == (width, height) {
+        (&frame.rgb, &frame.depth_mm)
+    } else {
+        small = Preprocessor::new(contract, frame.source()).ok()?.at_network_size(&frame.rgb, &frame.depth_mm).ok()?;
+        (&small.0, &small.1)
+    };
+    let message = goshawk_recorder::image::compress(rgb, depth_mm, width as u32, height as u32).ok()?;
+    Some(v1::CompressedRgbd {
+        seq: frame.seq,
+        stamp_ns: frame.stamp.0,
+        hfov_rad: frame.hfov,
+        vfov_rad: frame.vfov,
+        ..message
+    })
 }

@@ -1,20 +1,23 @@
 //! `goshawk-air`: the onboard process.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use color_eyre::eyre::Result;
+use color_eyre::eyre::{Result, WrapErr};
 use goshawk_air::config::Vehicle;
 use goshawk_air::errors::one_line;
+use goshawk_air::replay;
 use goshawk_air::run::{Overrides, run};
 
 /// The onboard process: chases what its camera sees, obeys start and stop, writes the flight's log.
 #[derive(Parser)]
 #[command(name = "goshawk-air", version, arg_required_else_help = true)]
 #[command(after_help = "Examples:\n  goshawk-air run --config air/vehicles/sim.toml\n  \
-    goshawk-air run --config air/vehicles/sim.toml --listen tcp/0.0.0.0:7448 --mavlink-bind 127.0.0.1:14541\n\n\
+    goshawk-air run --config air/vehicles/sim.toml --listen tcp/0.0.0.0:7448 --mavlink-bind 127.0.0.1:14541\n  \
+    goshawk-air replay logs/flight.mcap\n  \
+    goshawk-air replay logs/flight.mcap --policy other.onnx -o other.mcap\n\n\
     RUST_LOG=debug shows more.")]
 struct Arguments {
     #[command(subcommand)]
@@ -41,6 +44,21 @@ enum Command {
         #[arg(long, value_name = "ONNX")]
         policy: Option<PathBuf>,
     },
+    /// Run planner and controller again on a flight's log and compare, bit for bit. Exit status 0: no difference.
+    Replay {
+        /// The log.
+        log: PathBuf,
+        /// Run this policy on the log's images: the one that flew must answer as it did; of another one, how often it
+        /// would have chosen otherwise.
+        #[arg(long, value_name = "ONNX")]
+        policy: Option<PathBuf>,
+        /// Write that policy's plans to a new log, at the stamps of those that were flown.
+        #[arg(short, long, value_name = "MCAP", requires = "policy")]
+        out: Option<PathBuf>,
+        /// Write the outcome to a file.
+        #[arg(long, value_name = "FILE")]
+        json: Option<PathBuf>,
+    },
 }
 
 fn main() -> ExitCode {
@@ -48,7 +66,7 @@ fn main() -> ExitCode {
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info,zenoh=error"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     match start() {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             eprintln!("goshawk-air: {}", one_line(&error));
             ExitCode::FAILURE
@@ -56,10 +74,23 @@ fn main() -> ExitCode {
     }
 }
 
-fn start() -> Result<()> {
+fn start() -> Result<ExitCode> {
     match Arguments::parse().command {
         Command::Run { config, listen, mavlink_bind, log_dir, policy } => {
-            run(Vehicle::load(&config)?, Overrides { listen, mavlink_bind, log_dir, policy })
+            run(Vehicle::load(&config)?, Overrides { listen, mavlink_bind, log_dir, policy })?;
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Replay { log, policy, out, json } => {
+            let outcome = replay::replay(&log, &replay::Options { policy, out })?;
+            write_json(json.as_deref(), &outcome)?;
+            replay::print(&outcome);
+            Ok(if outcome.same() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
     }
+}
+
+fn write_json(path: Option<&Path>, value: &impl serde::Serialize) -> Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    let text = serde_json::to_string_pretty(value)? + "\n";
+    std::fs::write(path, text).wrap_err_with(|| format!("cannot write {}", path.display()))
 }

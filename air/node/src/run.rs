@@ -1,6 +1,6 @@
 //! Builds every part from the vehicle file, starts the threads, and waits for the signal to stop.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
@@ -9,15 +9,17 @@ use std::time::Duration;
 
 use color_eyre::eyre::{Result, WrapErr, bail};
 use goshawk_autopilot::{AutopilotLink, HeartbeatKind, LinkConfig, StreamRates};
-use goshawk_core::{Controller, Planner, PlanningDemand, Profile};
-use goshawk_policy::Policy;
+use goshawk_core::{Planner, PlanningDemand, Profile};
+use goshawk_policy::{Policy, PolicyError};
 use goshawk_proto::keys::Key;
 
 use crate::bus::Bus;
 use crate::config::{OdometrySource, Vehicle};
 use crate::control::Control;
 use crate::flightlog::FlightLog;
+use crate::inputs::FlightController;
 use crate::planning::Planning;
+use crate::realtime::{self, Schedule};
 use crate::sensors;
 use crate::shared::Shared;
 use crate::telemetry::{Identity, Telemetry};
@@ -52,10 +54,10 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let model = overrides.policy.unwrap_or_else(|| vehicle.resolve(&vehicle.policy.model));
     let log_dir = overrides.log_dir.unwrap_or_else(|| vehicle.resolve(&vehicle.recorder.directory));
 
-    let policy = Policy::load(&model, vehicle.policy.library.as_deref(), vehicle.policy.threads)?;
+    let policy = load_policy(&vehicle, &model)?;
     let planner = Planner::new(vehicle.planner_config(policy.contract().model()))
         .wrap_err_with(|| format!("the policy {} does not fit the vehicle file", model.display()))?;
-    let controller = Controller::new(vehicle.controller_config())?;
+    let controller = FlightController::new(vehicle.controller_config())?;
     let idle_demand = idle_demand(&vehicle, &policy)?;
     let link = Arc::new(AutopilotLink::open(link_config(&vehicle), clock::now)?);
     let bus = Bus::listen(vehicle.name.parse()?, &vehicle.network.listen)?;
@@ -75,8 +77,21 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let _alive = bus.declare_alive()?;
     tracing::info!("listening on {}; policy {}", vehicle.network.listen.join(", "), model.display());
 
-    let control = Control { controller, link, source: vehicle.sensors.odometry, rate_hz: vehicle.controller.rate_hz };
-    let planning = Planning { policy, preprocessor: None, planner, idle_demand };
+    let r = &vehicle.realtime;
+    let control = Control {
+        controller,
+        link,
+        source: vehicle.sensors.odometry,
+        rate_hz: vehicle.controller.rate_hz,
+        schedule: Schedule { priority: r.controller_priority, core: r.controller_core },
+    };
+    let schedule = Schedule { priority: r.planner_priority, core: None };
+    let planning = Planning { policy, preprocessor: None, planner, idle_demand, schedule };
+    if r.lock_memory
+        && let Err(why) = realtime::lock_memory()
+    {
+        tracing::warn!("{why}");
+    }
     let threads = [
         spawn("control", &shared, move |shared| control.run(shared))?,
         spawn("planner", &shared, move |shared| planning.run(shared))?,
@@ -84,6 +99,19 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         spawn("commands", &shared, move |shared| commands::serve(&asked, shared, &vehicle))?,
     ];
     wait(&shared, threads)
+}
+
+/// The policy as the vehicle file has it run; says so where that is not to be had.
+///
+/// # Errors
+/// The policy cannot be loaded or run at all.
+pub fn load_policy(vehicle: &Vehicle, model: &Path) -> Result<Policy, PolicyError> {
+    let (asked, library) = (vehicle.policy.provider, vehicle.library());
+    let policy = Policy::load_on(asked, model, library.as_deref(), vehicle.policy.threads)?;
+    if let Some(why) = policy.why_not() {
+        tracing::warn!("the network runs on the cpu, not on {}: {why}", asked.name());
+    }
+    Ok(policy)
 }
 
 fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + 'static) -> Result<JoinHandle<()>> {
@@ -158,7 +186,7 @@ fn subscribe(bus: &Bus, vehicle: &Vehicle, shared: &Arc<Shared>) -> Result<()> {
     if vehicle.sensors.odometry == OdometrySource::Zenoh {
         let samples = Arc::clone(shared);
         bus.subscribe(Key::Odometry, move |payload| match sensors::odometry(payload, clock::now()) {
-            Ok(sample) => samples.odometry.put(Arc::new(sample)),
+            Ok(sample) => samples.odometry.put(sample),
             Err(_) => samples.refused_odometry.count(),
         })?;
     }

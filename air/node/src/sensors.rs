@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use goshawk_core::{Odometry, Rot, Time, Vec3};
+use goshawk_policy::Source;
 use goshawk_proto::v1;
 use prost::Message;
 
@@ -26,6 +27,14 @@ pub struct Frame {
     pub rgb: Vec<u8>,
     /// height × width, along the optical axis; 0: no measurement.
     pub depth_mm: Vec<u16>,
+}
+
+impl Frame {
+    /// Where it comes from, for the preprocessor.
+    #[must_use]
+    pub fn source(&self) -> Source {
+        Source { width: self.width as u32, height: self.height as u32, hfov_rad: self.hfov, vfov_rad: self.vfov }
+    }
 }
 
 /// Why a sample was refused. Refused samples are counted and otherwise as if they had not come.

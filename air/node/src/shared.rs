@@ -1,4 +1,4 @@
-//! What the onboard threads share: latest-value slots and one bounded queue. No thread waits for another.
+//! What the onboard threads share: latest-value slots and one bounded queue. The controller waits for no other thread.
 
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
@@ -7,30 +7,49 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use goshawk_core::{Command, ControllerOutput, History, Odometry, Plan, PlanningDemand, Refusal, Time};
 use goshawk_proto::v1;
 
+use crate::inputs::{FrameInput, StepInput};
 use crate::sensors::{Frame, Refused};
-use crate::slot::Slot;
+use crate::slot::{Latest, Slot};
 
 /// A command on its way to the controller, with where its answer goes.
 pub struct PendingCommand {
     /// What to do.
     pub command: Command,
+    /// The start profile's name; empty for a stop.
+    pub profile: Arc<str>,
     /// Takes the controller's answer; never blocks it.
     pub answer: SyncSender<Result<(), Refusal>>,
 }
 
+/// A flight that begins.
+pub struct Started {
+    /// Its number: counts accepted starts.
+    pub flight: u64,
+    /// Its profile's name.
+    pub profile: Arc<str>,
+}
+
+/// A plan with all that it was made from.
+pub struct Planned {
+    /// The flight that it was made in; 0 before the first.
+    pub flight: u64,
+    /// The answer.
+    pub plan: Plan,
+    /// What the planner was given.
+    pub input: FrameInput,
+    /// When the plan was handed to the controller.
+    pub ready: Time,
+    /// Time in the network, s.
+    pub inference_s: f64,
+}
+
 /// One fact for telemetry, log and health.
+#[allow(clippy::large_enum_variant, reason = "the controller's reports lie in the queue itself: boxes are allocated")]
 pub enum Report {
     /// An image arrived.
     Frame(Arc<Frame>),
     /// The planner answered one.
-    Plan {
-        /// Its answer.
-        plan: Arc<Plan>,
-        /// When it was handed to the controller.
-        ready: Time,
-        /// Time in the network, s.
-        inference_s: f64,
-    },
+    Plan(Box<Planned>),
     /// The planner could not answer a frame, and why.
     PlanFailed(String),
     /// Odometry was taken.
@@ -41,10 +60,14 @@ pub enum Report {
         seq: u64,
         /// When.
         stamp: Time,
+        /// What it was given.
+        input: StepInput,
         /// What it decided.
-        output: Box<ControllerOutput>,
+        output: ControllerOutput,
         /// What it saw.
         odometry: Option<Odometry>,
+        /// A flight begins with this step.
+        started: Option<Started>,
         /// Its duration, s.
         step_s: f64,
         /// How late it began, s.
@@ -61,11 +84,13 @@ pub struct Shared {
     /// Newest image.
     pub frame: Slot<Frame>,
     /// Newest plan.
-    pub plan: Slot<Plan>,
+    pub plan: Latest<Plan>,
     /// Newest odometry from Zenoh, where the vehicle takes it from there.
-    pub odometry: Slot<Odometry>,
+    pub odometry: Latest<Odometry>,
     /// What the planner plans for.
-    pub demand: Slot<PlanningDemand>,
+    pub demand: Latest<PlanningDemand>,
+    /// Counts accepted starts: with each the planner forgets what was before.
+    pub flight: AtomicU64,
     /// The last second of motion.
     pub history: Mutex<History>,
     /// A command that the controller has not taken yet.
@@ -93,9 +118,10 @@ impl Shared {
     pub fn new(reports: SyncSender<Report>) -> Self {
         Shared {
             frame: Slot::default(),
-            plan: Slot::default(),
-            odometry: Slot::default(),
-            demand: Slot::default(),
+            plan: Latest::default(),
+            odometry: Latest::default(),
+            demand: Latest::default(),
+            flight: AtomicU64::new(0),
             history: Mutex::new(History::new()),
             command: Mutex::new(None),
             ready: AtomicBool::new(false),

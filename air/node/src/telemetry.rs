@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
@@ -16,9 +16,11 @@ use crate::bus::{Bus, BusError, Publisher};
 use crate::flightlog::FlightLog;
 use crate::health::{self, Facts};
 use crate::sensors::Frame;
-use crate::shared::{Report, Shared};
+use crate::shared::{Planned, Report, Shared, Started};
 use crate::{clock, convert};
 
+/// Reports are looked for so often. Waiting for them instead would make whoever reports wake this thread, under a lock.
+const POLL: Duration = Duration::from_millis(4);
 const CONTROL_PERIOD_S: f64 = 0.02;
 const CHECK_PERIOD_S: f64 = 0.1;
 const HEALTH_PERIOD_S: f64 = 0.5;
@@ -63,6 +65,8 @@ pub struct Telemetry {
     identity: Identity,
     facts: Facts,
     sequences: Sequences,
+    /// The flight that the log is of, as [`Shared::flight`].
+    flight: u64,
     profile: String,
     checks: Vec<v1::Check>,
     last_control: Time,
@@ -92,6 +96,7 @@ impl Telemetry {
             identity,
             facts: Facts::default(),
             sequences: Sequences::default(),
+            flight: 0,
             checks: Vec::new(),
             last_control: Time(0),
             last_check: Time(0),
@@ -103,13 +108,15 @@ impl Telemetry {
     /// Works until the process stops, then finishes the log.
     pub fn run(mut self, reports: &Receiver<Report>, shared: &Shared) {
         loop {
-            match reports.recv_timeout(Duration::from_millis(20)) {
-                Ok(report) => self.take(report),
-                Err(RecvTimeoutError::Timeout) if shared.stopping() => break,
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
+            let stopping = shared.stopping();
+            while let Ok(report) = reports.try_recv() {
+                self.take(report);
+            }
+            if stopping {
+                break;
             }
             self.periodic(shared, clock::now());
+            std::thread::sleep(POLL);
         }
         self.log.close();
     }
@@ -117,38 +124,68 @@ impl Telemetry {
     fn take(&mut self, report: Report) {
         match report {
             Report::Frame(frame) => self.take_frame(&frame),
-            Report::Plan { plan, ready, inference_s } => {
-                self.facts.plan = Some(ready);
-                self.facts.plan_failed = None;
-                self.facts.planner_rate.tick();
-                self.facts.frame_to_plan.push(ready.since(plan.stamp));
-                self.facts.inference.push(inference_s);
-                let message = convert::plan(&plan, ready);
-                self.publishers.plan.put(&message);
-                self.log.record(Key::Plan, ready, message);
-                if let Some(target) = &plan.target {
-                    let message = convert::target(self.sequences.target, target, plan.stamp);
-                    self.sequences.target += 1;
-                    self.publishers.target.put(&message);
-                    self.log.record(Key::Target, ready, message);
-                }
-            }
+            Report::Plan(planned) => self.take_plan(&planned),
             Report::PlanFailed(why) => self.facts.plan_failed = Some(why),
             Report::Odometry(odometry) => {
                 self.facts.odometry = Some(odometry.stamp);
                 self.facts.odometry_rate.tick();
-                let message = convert::odometry(self.sequences.odometry, &odometry);
-                self.sequences.odometry += 1;
-                self.log.record_on(Channel::ODOMETRY, odometry.stamp, message);
+                self.record_odometry(&odometry);
             }
-            Report::Control { seq, stamp, output, odometry, step_s, late_s } => {
+            Report::Control { seq, stamp, input, output, odometry, started, step_s, late_s } => {
                 self.facts.controller_rate.tick();
                 self.facts.controller_step.push(step_s);
                 self.facts.controller_late.push(late_s);
+                if let Some(started) = started {
+                    self.begin_flight(&started, odometry.as_ref());
+                }
+                self.log.record_on(Channel::CONTROLLER_INPUT, stamp, input.to_proto(seq, stamp));
                 self.take_control(seq, stamp, &output, odometry.as_ref());
             }
             Report::Command(record) => self.take_command(record),
             Report::Event(severity, kind, text) => self.event(severity, kind, text),
+        }
+    }
+
+    /// Opens the log; what the flight's first step saw comes first.
+    fn begin_flight(&mut self, started: &Started, odometry: Option<&Odometry>) {
+        self.flight = started.flight;
+        started.profile.as_ref().clone_into(&mut self.profile);
+        self.facts.recorder_failed = self.log.open(&started.profile).err();
+        if let Some(odometry) = odometry {
+            self.record_odometry(odometry);
+        }
+    }
+
+    fn record_odometry(&mut self, odometry: &Odometry) {
+        let message = convert::odometry(self.sequences.odometry, odometry);
+        self.sequences.odometry += 1;
+        self.log.record_on(Channel::ODOMETRY, odometry.stamp, message);
+    }
+
+    fn take_plan(&mut self, planned: &Planned) {
+        let Planned { flight, plan, input, ready, inference_s } = planned;
+        self.facts.plan = Some(*ready);
+        self.facts.plan_failed = None;
+        self.facts.planner_rate.tick();
+        self.facts.frame_to_plan.push(ready.since(plan.stamp));
+        self.facts.inference.push(*inference_s);
+        // A plan that was in the making when the flight began is of the time before.
+        let of_flight = *flight == self.flight;
+        if of_flight {
+            self.log.record_on(Channel::PLANNER_INPUT, *ready, input.to_proto());
+        }
+        let message = convert::plan(plan, *ready);
+        self.publishers.plan.put(&message);
+        if of_flight {
+            self.log.record(Key::Plan, *ready, message);
+        }
+        if let Some(target) = &plan.target {
+            let message = convert::target(self.sequences.target, target, plan.stamp);
+            self.sequences.target += 1;
+            self.publishers.target.put(&message);
+            if of_flight {
+                self.log.record(Key::Target, *ready, message);
+            }
         }
     }
 
@@ -192,6 +229,9 @@ impl Telemetry {
             self.sequences.control += 1;
         }
         self.log.record(Key::Control, stamp, message);
+        if let Some(t) = output.transition {
+            self.event(v1::Severity::Info, "mode", format!("{:?} → {:?}: {}", t.from, t.to, t.cause));
+        }
         if output.transition.is_some() && matches!(output.mode, Mode::Landed | Mode::Idle | Mode::Ready) {
             self.log.finish_soon(stamp);
         }
@@ -199,11 +239,6 @@ impl Telemetry {
 
     fn take_command(&mut self, record: v1::CommandRecord) {
         let accepted = record.reply.as_ref().is_some_and(|reply| reply.accepted);
-        if record.verb == "start" && accepted {
-            self.profile.clone_from(&record.profile);
-            let opened = self.log.open(&record.profile);
-            self.facts.recorder_failed = opened.err();
-        }
         let reply = record.reply.as_ref().map_or(String::new(), |reply| reply.reason.clone());
         let text = format!("{} {}: {reply}", record.verb, if accepted { "accepted" } else { "refused" });
         self.log.record_on(Channel::COMMAND, Time(record.stamp_ns), record);

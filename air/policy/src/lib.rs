@@ -10,8 +10,10 @@ pub mod contract;
 pub mod library;
 pub mod policy;
 pub mod preprocess;
+pub mod provider;
 
 pub use contract::{Contract, ContractError};
 pub use library::LibraryError;
 pub use policy::{Policy, PolicyError};
 pub use preprocess::{PreprocessError, Preprocessor, Source};
+pub use provider::Provider;

@@ -6,12 +6,14 @@ use std::sync::{Mutex, PoisonError};
 
 use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput};
 use ort::environment::Environment;
+use ort::ep::ExecutionProviderDispatch;
 use ort::session::{HasSelectedOutputs, OutputSelector, RunOptions, Session, SessionInputValue};
 use ort::value::{Outlet, Tensor, TensorElementType, TensorRef, ValueType};
 use sha2::{Digest, Sha256};
 
 use crate::contract::{COLUMNS, Contract, ContractError, METADATA_KEY, ROWS};
 use crate::library::{self, LibraryError, Places};
+use crate::provider::Provider;
 
 const RGBD: &str = "rgbd";
 const STATE: &str = "state";
@@ -124,6 +126,21 @@ fn environment(configured: Option<&Path>) -> Result<Environment, PolicyError> {
     Ok(environment)
 }
 
+/// The model of `bytes` on `provider`; none: on the processor.
+fn session(
+    environment: &Environment,
+    threads: usize,
+    provider: Option<ExecutionProviderDispatch>,
+    bytes: &[u8],
+) -> ort::Result<Session> {
+    let builder = Session::builder(environment)?.with_intra_threads(threads.max(1))?.with_inter_threads(1)?;
+    let mut builder = match provider {
+        Some(provider) => builder.with_execution_providers([provider])?,
+        None => builder,
+    };
+    builder.commit_from_memory(bytes)
+}
+
 /// A policy that is ready to fly.
 pub struct Policy {
     contract: Contract,
@@ -134,23 +151,45 @@ pub struct Policy {
     options: RunOptions<HasSelectedOutputs>,
     /// The model takes `rgbd` before `state`.
     rgbd_first: bool,
+    provider: Provider,
+    why_not: Option<String>,
 }
 
 impl Policy {
+    /// [`Self::load_on`] the processor.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn load(path: &Path, library: Option<&Path>, threads: usize) -> Result<Self, PolicyError> {
+        Self::load_on(Provider::Cpu, path, library, threads)
+    }
+
     /// Loads an exported ONNX file and checks it against its contract.
     ///
+    /// A `provider` that cannot run it here is replaced by the processor: [`Self::provider`], [`Self::why_not`].
     /// `library`: ONNX Runtime's file or directory; absent: the usual places ([`library::find`]). `threads`: threads of
     /// one inference, the caller's included (at least 1).
     ///
     /// # Errors
     /// Whatever is wrong with the file, the library or the contract, each its own variant.
-    pub fn load(path: &Path, library: Option<&Path>, threads: usize) -> Result<Self, PolicyError> {
+    pub fn load_on(
+        provider: Provider,
+        path: &Path,
+        library: Option<&Path>,
+        threads: usize,
+    ) -> Result<Self, PolicyError> {
         let bytes = std::fs::read(path).map_err(|source| PolicyError::Read { path: path.into(), source })?;
         let not_onnx = |source: ort::Error| PolicyError::NotOnnx { path: path.into(), source };
-        let mut builder = Session::builder(&environment(library)?)
-            .and_then(|builder| Ok(builder.with_intra_threads(threads.max(1))?))
-            .and_then(|builder| Ok(builder.with_inter_threads(1)?))?;
-        let session = builder.commit_from_memory(&bytes).map_err(not_onnx)?;
+        let environment = environment(library)?;
+        let accelerated = provider.dispatch().map(|asked| session(&environment, threads, Some(asked), &bytes));
+        let (session, provider, why_not) = match accelerated {
+            Some(Ok(session)) => (session, provider, None),
+            Some(Err(why)) => {
+                let why = why.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+                (session(&environment, threads, None, &bytes).map_err(not_onnx)?, Provider::Cpu, Some(why))
+            }
+            None => (session(&environment, threads, None, &bytes).map_err(not_onnx)?, Provider::Cpu, None),
+        };
         let contract_json = session.metadata()?.custom(METADATA_KEY);
         let contract_json = contract_json.ok_or_else(|| PolicyError::NoContract { path: path.into() })?;
         let contract = Contract::from_json(&contract_json)
@@ -162,7 +201,19 @@ impl Policy {
         let options = RunOptions::new()?.with_outputs(selector);
         let rgbd_first = session.inputs()[0].name() == RGBD;
         let sha256 = hex(&Sha256::digest(&bytes));
-        Ok(Self { contract, contract_json, sha256, session, options, rgbd_first })
+        Ok(Self { contract, contract_json, sha256, session, options, rgbd_first, provider, why_not })
+    }
+
+    /// What runs the network.
+    #[must_use]
+    pub fn provider(&self) -> Provider {
+        self.provider
+    }
+
+    /// Why the provider that was asked for does not run it, in one line; none: it does.
+    #[must_use]
+    pub fn why_not(&self) -> Option<&str> {
+        self.why_not.as_deref()
     }
 
     /// What the file says of itself.

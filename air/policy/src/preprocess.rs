@@ -1,7 +1,10 @@
 //! Sensor image to network input, the same rules as the training side (`tests/vectors/preprocess.json`).
 //!
-//! Colour: box average to the network's size, areas weighted where the sizes do not divide; 0..=1. Depth: millimetres;
-//! the source pixel under each target pixel's centre; 0 and whatever is nearer than `min_m` are no measurement;
+//! First the network's size. Colour: box average, areas weighted where the sizes do not divide, rounded to whole values
+//! of 0..=255. Depth: millimetres; the source pixel under each target pixel's centre. That image of bytes and millimetres
+//! is all that the network's input follows from, so it is what a log keeps ([`Preprocessor::at_network_size`]).
+//!
+//! Then the input. Colour: divided by 255. Depth: 0 and whatever is nearer than `min_m` are no measurement;
 //! each filling pass gives a pixel without one the nearest of its 3 x 3 neighbours as they were before the pass; what
 //! still has none becomes `max_m`; clipped to `max_m` and divided by it. Nothing is allocated after construction.
 
@@ -133,6 +136,21 @@ impl Preprocessor {
         Ok(&self.rgbd)
     }
 
+    /// The frame at the network's size: colour `[96, 160, 3]` and depth `[96, 160]`, millimetres. Preparing these gives
+    /// the very input that preparing the frame gives.
+    ///
+    /// # Errors
+    /// A buffer of the wrong length.
+    pub fn at_network_size(&mut self, rgb: &[u8], depth_mm: &[u16]) -> Result<(Vec<u8>, Vec<u16>), PreprocessError> {
+        self.check(rgb, 2 * depth_mm.len())?;
+        let pixels = self.rgbd.len() / 4;
+        let mut small = vec![0; 3 * pixels];
+        self.colour.run(rgb, |index, pixel| small[3 * index..][..3].copy_from_slice(&pixel));
+        let depth = &self.depth;
+        let taken = depth.row_starts.iter().flat_map(|start| depth.columns.iter().map(move |column| start + column));
+        Ok((small, taken.map(|index| depth_mm[index]).collect()))
+    }
+
     fn check(&self, rgb: &[u8], depth_bytes: usize) -> Result<(), PreprocessError> {
         let Source { width, height, .. } = self.source;
         let pixels = width as usize * height as usize;
@@ -147,7 +165,11 @@ impl Preprocessor {
     fn prepare(&mut self, rgb: &[u8], depth_at: impl Fn(usize) -> u16) {
         let plane = self.rgbd.len() / 4;
         let (colour, depth) = self.rgbd.split_at_mut(3 * plane);
-        self.colour.run(rgb, colour);
+        let (red, rest) = colour.split_at_mut(plane);
+        let (green, blue) = rest.split_at_mut(plane);
+        self.colour.run(rgb, |index, pixel| {
+            [red[index], green[index], blue[index]] = pixel.map(|value| f32::from(value) / 255.0);
+        });
         self.depth.run(depth_at, depth);
     }
 }
@@ -178,7 +200,7 @@ impl Boxes {
     }
 }
 
-/// Colour: interleaved bytes to planes.
+/// Colour: interleaved bytes to the network's size.
 #[derive(Clone, Debug)]
 struct Colour {
     /// Absent: the source has the network's size.
@@ -197,17 +219,11 @@ impl Colour {
         Self { boxes, width: image.width, row_bytes: 3 * width, row: vec![0.0; 3 * width] }
     }
 
-    fn run(&mut self, rgb: &[u8], planes: &mut [f32]) {
-        let plane = planes.len() / 3;
-        let (red, rest) = planes.split_at_mut(plane);
-        let (green, blue) = rest.split_at_mut(plane);
+    /// Gives `put` each pixel of the network's image, row by row.
+    fn run(&mut self, rgb: &[u8], mut put: impl FnMut(usize, [u8; 3])) {
         let Some((rows, columns)) = &self.boxes else {
             let (pixels, _) = rgb.as_chunks::<3>();
-            for (((pixel, r), g), b) in pixels.iter().zip(red).zip(green).zip(blue) {
-                *r = f32::from(pixel[0]) / 255.0;
-                *g = f32::from(pixel[1]) / 255.0;
-                *b = f32::from(pixel[2]) / 255.0;
-            }
+            pixels.iter().enumerate().for_each(|(index, pixel)| put(index, *pixel));
             return;
         };
         for (y, (&first, shares)) in rows.first.iter().zip(&rows.shares).enumerate() {
@@ -220,14 +236,13 @@ impl Colour {
             }
             let (pixels, _) = self.row.as_chunks::<3>();
             for (x, (&first, shares)) in columns.first.iter().zip(&columns.shares).enumerate() {
-                let mut sum = [0.0; 3];
+                let mut sum = [0.5; 3]; // rounds to the nearest whole value
                 for (pixel, &share) in pixels[first..].iter().zip(shares) {
                     for channel in 0..3 {
                         sum[channel] += share * pixel[channel];
                     }
                 }
-                let index = y * self.width + x;
-                [red[index], green[index], blue[index]] = sum.map(|value| (value / 255.0).min(1.0));
+                put(y * self.width + x, sum.map(|value| value as u8)); // saturates
             }
         }
     }

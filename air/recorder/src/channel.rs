@@ -14,10 +14,15 @@ pub struct Channel {
 impl Channel {
     /// Vehicle file, policy, revision: the first record of each log.
     pub const HEADER: Channel = Channel { topic: "log/header", message: "goshawk.v1.LogHeader" };
-    /// Compressed images.
+    /// Images at the network's size, without loss.
     pub const RGBD: Channel = Channel { topic: "log/rgbd", message: "goshawk.v1.CompressedRgbd" };
     /// Odometry as the controller took it.
     pub const ODOMETRY: Channel = Channel { topic: "log/odometry", message: "goshawk.v1.Odometry" };
+    /// What the planner was given for each frame.
+    pub const PLANNER_INPUT: Channel = Channel { topic: "log/planner_input", message: "goshawk.v1.PlannerInput" };
+    /// What the controller was given at each step.
+    pub const CONTROLLER_INPUT: Channel =
+        Channel { topic: "log/controller_input", message: "goshawk.v1.ControllerInput" };
     /// Commands with their replies.
     pub const COMMAND: Channel = Channel { topic: "log/command", message: "goshawk.v1.CommandRecord" };
 

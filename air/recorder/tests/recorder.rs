@@ -226,14 +226,12 @@ proptest! {
 }
 
 #[test]
-fn compressed_depth_is_exact_and_colour_close() {
+fn a_compressed_image_comes_back_as_it_was() {
     let rgb: Vec<u8> = (0..48 * 32).flat_map(|k| [(k % 48) as u8 * 5, (k / 48) as u8 * 7, 90]).collect();
     let depth: Vec<u16> = (0..48 * 32).map(|k| (k * 13 % 20_000) as u16).collect();
     let message = goshawk_recorder::image::compress(&rgb, &depth, 48, 32).unwrap();
     let (rgb_back, depth_back) = goshawk_recorder::image::decompress(&message).unwrap();
-    assert_eq!(depth_back, depth);
-    let worst = rgb.iter().zip(&rgb_back).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-    assert!(worst < 40, "{worst}");
+    assert_eq!((rgb_back, depth_back), (rgb.clone(), depth.clone()));
     assert!(goshawk_recorder::image::compress(&rgb[3..], &depth, 48, 32).is_err());
     let mistaken = v1::CompressedRgbd { width: 32, height: 48, ..message };
     assert!(goshawk_recorder::image::decompress(&mistaken).unwrap_err().to_string().contains("48 x 32"));

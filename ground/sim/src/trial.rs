@@ -12,6 +12,7 @@ pub mod scene;
 
 use goshawk_air::config::Vehicle;
 use goshawk_air::convert;
+use goshawk_air::inputs::{FrameInput, StepInput};
 use goshawk_core::types::{Task, Time, Vec3};
 use goshawk_core::{AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, Mode, Odometry, Plan};
 use goshawk_policy::{PolicyError, PreprocessError};
@@ -96,6 +97,16 @@ pub trait Pilot {
 
     /// One tick of the controller.
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput;
+
+    /// What the last plan was made from; none: by something else than the planner alone.
+    fn frame_input(&self) -> Option<&FrameInput> {
+        None
+    }
+
+    /// What the last tick was given; none: it is not the controller alone that answers it.
+    fn step_input(&self) -> Option<&StepInput> {
+        None
+    }
 }
 
 /// One flight.
@@ -195,16 +206,16 @@ pub trait Witness {
         let _ = world;
     }
     /// A step of the controller.
-    fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
-        let _ = (now, output, odometry);
+    fn control(&mut self, now: Time, output: &ControllerOutput, onboard: &dyn Pilot) {
+        let _ = (now, output, onboard);
     }
     /// A frame was exposed.
     fn frame(&mut self, seq: u64, stamp: Time, image: &RgbdImage) {
         let _ = (seq, stamp, image);
     }
     /// A plan became available at `ready`.
-    fn plan(&mut self, ready: Time, plan: &Plan) {
-        let _ = (ready, plan);
+    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
+        let _ = (ready, plan, input);
     }
     /// The truth, 20 times a second.
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {

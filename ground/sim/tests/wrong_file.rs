@@ -4,9 +4,9 @@
 mod common;
 
 use common::{config, sectors, vehicle};
+use goshawk_core::ControllerOutput;
 use goshawk_core::types::{Task, Time};
-use goshawk_core::{ControllerOutput, Odometry};
-use goshawk_sim::trial::{Difference, Flight, Outcome, TrialConfig, Truth, Witness, fly_trial};
+use goshawk_sim::trial::{Difference, Flight, Outcome, Pilot, TrialConfig, Truth, Witness, fly_trial};
 
 /// What the estimates came to, and how high the vehicle was.
 #[derive(Default)]
@@ -17,7 +17,7 @@ struct Record {
 }
 
 impl Witness for Record {
-    fn control(&mut self, _now: Time, output: &ControllerOutput, _odometry: Option<&Odometry>) {
+    fn control(&mut self, _now: Time, output: &ControllerOutput, _onboard: &dyn Pilot) {
         (self.hover_thrust, self.attitude_lag) = (output.hover_thrust, output.attitude_lag);
     }
 

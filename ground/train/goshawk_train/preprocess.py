@@ -77,6 +77,7 @@ def resize_rgb(rgb: NDArray[np.uint8], *, height: int, width: int) -> F32:
 
 def rgbd_tensor(rgb: NDArray[np.uint8], depth_mm: U16, *, height: int, width: int, config: DepthConfig) -> F32:
     """The network's `rgbd` input of one frame, [4, height, width]: R, G, B in 0..1, then depth in 0..1."""
-    colour = resize_rgb(rgb, height=height, width=width) / np.float32(255)
+    # Whole values, as on board: there the image at the network's size is what the log keeps.
+    colour = np.floor(resize_rgb(rgb, height=height, width=width) + np.float32(0.5)) / np.float32(255)
     depth = normalise_depth(fill_depth(resize_depth(depth_mm, height=height, width=width), config), config)
     return np.concatenate([np.moveaxis(colour, -1, 0), depth[None]], axis=0).astype(np.float32)

@@ -67,7 +67,7 @@ def document() -> str:
     """The JSON file's text."""
     about = (
         "depth: nearest source pixel under the target pixel's centre, then 2 fill passes with the 3x3 minimum, then"
-        " clip at 20 m, / 20; rgb: area-weighted box average / 255, planes R, G, B. Agree within 1e-5."
+        " clip at 20 m, / 20; rgb: area-weighted box average, rounded, / 255, planes R, G, B. Agree within 1e-5."
     )
     head = {"about": about, "depth": {"min_m": 0.2, "max_m": 20.0, "fill_passes": 2}}
     return json.dumps({**head, "cases": cases()}) + "\n"

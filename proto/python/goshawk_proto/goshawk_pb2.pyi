@@ -396,24 +396,82 @@ class LogHeader(_message.Message):
     def __init__(self, vehicle: _Optional[str] = ..., vehicle_toml: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., policy_contract_json: _Optional[str] = ..., version: _Optional[str] = ..., git_revision: _Optional[str] = ..., wall_time: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., profile: _Optional[str] = ...) -> None: ...
 
 class CompressedRgbd(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "rgb_jpeg", "depth_png")
+    __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "depth_png", "rgb_png")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     WIDTH_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_FIELD_NUMBER: _ClassVar[int]
     HFOV_RAD_FIELD_NUMBER: _ClassVar[int]
     VFOV_RAD_FIELD_NUMBER: _ClassVar[int]
-    RGB_JPEG_FIELD_NUMBER: _ClassVar[int]
     DEPTH_PNG_FIELD_NUMBER: _ClassVar[int]
+    RGB_PNG_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     width: int
     height: int
     hfov_rad: float
     vfov_rad: float
-    rgb_jpeg: bytes
     depth_png: bytes
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., rgb_jpeg: _Optional[bytes] = ..., depth_png: _Optional[bytes] = ...) -> None: ...
+    rgb_png: bytes
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., depth_png: _Optional[bytes] = ..., rgb_png: _Optional[bytes] = ...) -> None: ...
+
+class PlannerInput(_message.Message):
+    __slots__ = ("seq", "odometry", "acc_world", "speed_mps", "goal_world", "state", "prediction")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    ODOMETRY_FIELD_NUMBER: _ClassVar[int]
+    ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
+    SPEED_MPS_FIELD_NUMBER: _ClassVar[int]
+    GOAL_WORLD_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    PREDICTION_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    odometry: Odometry
+    acc_world: Vec3
+    speed_mps: float
+    goal_world: Vec3
+    state: _containers.RepeatedScalarFieldContainer[float]
+    prediction: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, seq: _Optional[int] = ..., odometry: _Optional[_Union[Odometry, _Mapping]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., speed_mps: _Optional[float] = ..., goal_world: _Optional[_Union[Vec3, _Mapping]] = ..., state: _Optional[_Iterable[float]] = ..., prediction: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class ControllerInput(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop", "odometry_ns", "battery")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    PLAN_SEQ_FIELD_NUMBER: _ClassVar[int]
+    CONNECTED_FIELD_NUMBER: _ClassVar[int]
+    ARMED_FIELD_NUMBER: _ClassVar[int]
+    OFFBOARD_FIELD_NUMBER: _ClassVar[int]
+    LANDED_FIELD_NUMBER: _ClassVar[int]
+    READY_FIELD_NUMBER: _ClassVar[int]
+    START_FIELD_NUMBER: _ClassVar[int]
+    STOP_FIELD_NUMBER: _ClassVar[int]
+    ODOMETRY_NS_FIELD_NUMBER: _ClassVar[int]
+    BATTERY_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    plan_seq: int
+    connected: bool
+    armed: bool
+    offboard: bool
+    landed: bool
+    ready: bool
+    start: StartProfile
+    stop: bool
+    odometry_ns: int
+    battery: float
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ..., odometry_ns: _Optional[int] = ..., battery: _Optional[float] = ...) -> None: ...
+
+class StartProfile(_message.Message):
+    __slots__ = ("navigate", "speed_mps", "height_m", "goal_m")
+    NAVIGATE_FIELD_NUMBER: _ClassVar[int]
+    SPEED_MPS_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_M_FIELD_NUMBER: _ClassVar[int]
+    GOAL_M_FIELD_NUMBER: _ClassVar[int]
+    navigate: bool
+    speed_mps: float
+    height_m: float
+    goal_m: Vec3
+    def __init__(self, navigate: _Optional[bool] = ..., speed_mps: _Optional[float] = ..., height_m: _Optional[float] = ..., goal_m: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
 
 class CommandRecord(_message.Message):
     __slots__ = ("stamp_ns", "verb", "profile", "reply")

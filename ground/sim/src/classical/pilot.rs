@@ -105,7 +105,7 @@ impl<'a> Classical<'a> {
     fn seen(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<Plan, TrialError> {
         let own = |plan: Plan| Plan { chosen: None, ..plan };
         if let Some(detector) = &mut self.detector {
-            return detector.plan(seen, image).map(own);
+            return detector.plan(seen, image).map(|(plan, _)| own(plan));
         }
         let odometry = seen.odometry;
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: seen.acc_world };

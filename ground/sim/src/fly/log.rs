@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use goshawk_air::config::Vehicle;
 use goshawk_air::convert;
+use goshawk_air::inputs::FrameInput;
 use goshawk_core::types::Time;
-use goshawk_core::{ControllerOutput, Odometry, Plan};
+use goshawk_core::{ControllerOutput, Plan};
 use goshawk_policy::Policy;
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
@@ -17,7 +18,7 @@ use prost::Message;
 use super::files::{Files, Unfinished};
 use crate::render::Camera;
 use crate::sensor::RgbdImage;
-use crate::trial::{Truth, Witness};
+use crate::trial::{Pilot, Truth, Witness};
 use crate::world::World;
 
 /// The log cannot be written.
@@ -102,11 +103,15 @@ impl Witness for FlightLog {
         self.write(Channel::WORLD, Time(0), &world.to_proto());
     }
 
-    fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
+    fn control(&mut self, now: Time, output: &ControllerOutput, onboard: &dyn Pilot) {
         self.controls += 1;
+        let odometry = onboard.odometry();
         if let Some(fresh) = odometry.filter(|o| self.odometry != Some(o.stamp)) {
             self.odometry = Some(fresh.stamp);
             self.write(Channel::ODOMETRY, now, &convert::odometry(self.controls, fresh));
+        }
+        if let Some(input) = onboard.step_input() {
+            self.write(Channel::CONTROLLER_INPUT, now, &input.to_proto(self.controls, now));
         }
         self.tell(Key::Control, now, &convert::control(self.controls, now, output, odometry));
         if let Some(t) = output.transition {
@@ -137,10 +142,13 @@ impl Witness for FlightLog {
         }
     }
 
-    fn plan(&mut self, ready: Time, plan: &Plan) {
+    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
+        if let Some(input) = input {
+            self.write(Channel::PLANNER_INPUT, ready, &input.to_proto());
+        }
         self.tell(Key::Plan, ready, &convert::plan(plan, ready));
         if let Some(target) = &plan.target {
-            self.tell(Key::Target, ready, &convert::target(plan.seq, target, ready));
+            self.tell(Key::Target, ready, &convert::target(plan.seq, target, plan.stamp));
         }
     }
 

@@ -1,11 +1,12 @@
 //! What the pages need of a flight: where vehicle and target were, 20 times a second.
 
+use goshawk_air::inputs::FrameInput;
 use goshawk_core::types::{Time, Vec3};
-use goshawk_core::{ControllerOutput, Mode, Odometry, Plan};
+use goshawk_core::{ControllerOutput, Mode, Plan};
 
 use crate::sensor::RgbdImage;
 use crate::trial::airframe::Mount;
-use crate::trial::{Truth, Witness};
+use crate::trial::{Pilot, Truth, Witness};
 use crate::world::World;
 
 /// A trace holds no more samples than this (two minutes, 120 kB); a longer flight is sampled less often.
@@ -111,17 +112,17 @@ impl Witness for Tracer<'_> {
         self.inner.world(world);
     }
 
-    fn control(&mut self, now: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
+    fn control(&mut self, now: Time, output: &ControllerOutput, onboard: &dyn Pilot) {
         self.up |= output.transition.is_some_and(|change| change.from == Mode::Takeoff);
-        self.inner.control(now, output, odometry);
+        self.inner.control(now, output, onboard);
     }
 
     fn frame(&mut self, seq: u64, stamp: Time, image: &RgbdImage) {
         self.inner.frame(seq, stamp, image);
     }
 
-    fn plan(&mut self, ready: Time, plan: &Plan) {
-        self.inner.plan(ready, plan);
+    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
+        self.inner.plan(ready, plan, input);
     }
 
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {

@@ -179,7 +179,7 @@ impl<'a> Lockstep<'a> {
             let exposure = frame.exposure;
             self.pending = None;
             if let Some(plan) = self.plan.take() {
-                witness.plan(now, &plan);
+                witness.plan(now, &plan, self.onboard.frame_input());
                 self.judge.plan(&plan, &exposure, self.in_task(now));
                 self.onboard.take_plan(plan);
             }
@@ -224,7 +224,7 @@ impl<'a> Lockstep<'a> {
                 self.runs = Some(now.plus(HEAD_START_S));
             }
         }
-        witness.control(now, &output, self.onboard.odometry());
+        witness.control(now, &output, self.onboard.as_ref());
     }
 
     fn profile(&self) -> Profile {

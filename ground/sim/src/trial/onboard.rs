@@ -1,9 +1,10 @@
 //! The vehicle's software in lockstep: the same planner and controller as on board, fed by hand.
 
 use goshawk_air::config::Vehicle;
+use goshawk_air::inputs::{FlightController, FrameInput, StepInput, plain_odometry};
 use goshawk_core::{
-    AutopilotStatus, Command, Controller, ControllerInput, ControllerOutput, History, NetworkOutput, Odometry, Plan,
-    Planner, PlannerInput, PlanningDemand, Time, Vec3,
+    AutopilotStatus, Command, ControllerInput, ControllerOutput, History, NetworkOutput, Odometry, Plan, Planner,
+    PlanningDemand, Time, Vec3,
 };
 use goshawk_policy::{Contract, Policy, PolicyError, Preprocessor, Source};
 
@@ -86,26 +87,28 @@ impl<'a> PolicyPlanner<'a> {
     ///
     /// # Errors
     /// If the network fails.
-    pub fn plan(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<Plan, TrialError> {
+    pub fn plan(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<(Plan, FrameInput), TrialError> {
         let Seen { seq, odometry, acc_world, demand } = *seen;
-        let state = self.planner.network_state(odometry, acc_world, demand.speed, demand.goal_world);
+        let mut input = FrameInput::new(seq, odometry, acc_world, demand.speed, demand.goal_world);
+        input.state = self.planner.network_state(&input.odometry, input.acc_world, input.speed, input.goal_world);
         let rgbd = self.preprocessor.run(&image.rgb, &image.depth_mm)?;
         let state_len = self.network.contract().state_len();
-        let network = &self.network.infer(rgbd, &state[..state_len])?;
-        let (speed, goal_world) = (demand.speed, demand.goal_world);
-        Ok(self.planner.step(&PlannerInput { seq, odometry, acc_world, speed, goal_world, network }))
+        input.network = self.network.infer(rgbd, &input.state[..state_len])?;
+        Ok((self.planner.step(&input.as_core()), input))
     }
 }
 
 /// Planner and controller with what the onboard process keeps between them.
 pub struct Onboard<'a> {
-    controller: Controller,
+    controller: FlightController,
     planner: PolicyPlanner<'a>,
     history: History,
     odometry: Option<Odometry>,
     demand: Option<PlanningDemand>,
     plan: Option<Plan>,
     frames: u64,
+    frame_input: Option<FrameInput>,
+    step_input: Option<StepInput>,
 }
 
 impl<'a> Onboard<'a> {
@@ -115,13 +118,15 @@ impl<'a> Onboard<'a> {
     /// If the vehicle file cannot be flown with, or does not fit the policy.
     pub fn new(vehicle: &Vehicle, mount: &Mount, network: &'a mut dyn Network) -> Result<Self, TrialError> {
         Ok(Self {
-            controller: Controller::new(vehicle.controller_config())?,
+            controller: FlightController::new(vehicle.controller_config())?,
             planner: PolicyPlanner::new(vehicle, mount, network)?,
             history: History::new(),
             odometry: None,
             demand: None,
             plan: None,
             frames: 0,
+            frame_input: None,
+            step_input: None,
         })
     }
 }
@@ -132,8 +137,9 @@ impl Pilot for Onboard<'_> {
     }
 
     fn take_odometry(&mut self, odometry: &Odometry) {
-        self.history.push_odometry(odometry);
-        self.odometry = Some(*odometry);
+        let odometry = plain_odometry(odometry);
+        self.history.push_odometry(&odometry);
+        self.odometry = Some(odometry);
     }
 
     fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
@@ -141,7 +147,9 @@ impl Pilot for Onboard<'_> {
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);
         let seen = Seen { seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
-        self.planner.plan(&seen, image).map(Some)
+        let (plan, input) = self.planner.plan(&seen, image)?;
+        self.frame_input = Some(input);
+        Ok(Some(plan))
     }
 
     fn take_plan(&mut self, plan: Plan) {
@@ -153,18 +161,20 @@ impl Pilot for Onboard<'_> {
     }
 
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
-        let output = self.controller.step(
-            now,
-            &ControllerInput {
-                odometry: self.odometry.as_ref(),
-                plan: self.plan.as_ref(),
-                autopilot,
-                command,
-                ready: true,
-            },
-        );
+        let (odometry, plan) = (self.odometry.as_ref(), self.plan.as_ref());
+        let input = ControllerInput { odometry, plan, autopilot, command, ready: true };
+        let output = self.controller.step(now, &input);
+        self.step_input = Some(StepInput::of(&input));
         self.history.push_acceleration(now, output.acc_des_world);
         self.demand = output.planning;
         output
+    }
+
+    fn frame_input(&self) -> Option<&FrameInput> {
+        self.frame_input.as_ref()
+    }
+
+    fn step_input(&self) -> Option<&StepInput> {
+        self.step_input.as_ref()
     }
 }

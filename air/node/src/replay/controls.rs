@@ -1,0 +1,70 @@
+//! The controller again.
+
+use std::collections::BTreeMap;
+
+use color_eyre::eyre::{Result, eyre};
+use goshawk_core::{Command, ControllerInput, Odometry, Plan, Time};
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+use goshawk_recorder::Channel;
+
+use super::compare::{Difference, keep_first};
+use super::{Outcome, Recording};
+use crate::convert;
+use crate::inputs::{FlightController, StepInput, odometry_from};
+
+struct Again<'a> {
+    plans: &'a BTreeMap<u64, Plan>,
+    controller: FlightController,
+    odometry: Option<Odometry>,
+    /// Sequence number of the last step.
+    last: Option<u64>,
+    answer: v1::Control,
+}
+
+impl Again<'_> {
+    fn step(&mut self, message: &v1::ControllerInput, missing: &mut Vec<String>) {
+        let (input, now) = (StepInput::from_proto(message), Time(message.stamp_ns));
+        if let Some(last) = self.last.filter(|last| message.seq != last + 1) {
+            missing.push(format!("controller steps {} to {}", last + 1, message.seq.saturating_sub(1)));
+        }
+        if input.odometry_stamp != self.odometry.map(|o| o.stamp) {
+            missing.push(format!("the odometry of controller step {}", message.seq));
+        }
+        let plan = input.plan_seq.and_then(|seq| self.plans.get(&seq));
+        let whole: ControllerInput<'_> = input.as_core(self.odometry.as_ref(), plan);
+        if self.last.is_none() && matches!(input.command, Some(Command::Start(_))) {
+            // On board the log begins with the start, which was accepted in Ready.
+            self.controller.step(now, &ControllerInput { command: None, ..whole });
+        }
+        let output = self.controller.step(now, &whole);
+        self.last = Some(message.seq);
+        self.answer = convert::control(message.seq, now, &output, self.odometry.as_ref());
+    }
+}
+
+/// Makes each controller step again from what it was given, with the plans made again, and compares.
+pub(super) fn again(recording: &Recording, plans: &BTreeMap<u64, Plan>, outcome: &mut Outcome) -> Result<()> {
+    let control = Channel::of(Key::Control).ok_or_else(|| eyre!("the key table has no message for controls"))?;
+    let controller = FlightController::new(recording.vehicle.controller_config())?;
+    let mut again = Again { plans, controller, odometry: None, last: None, answer: v1::Control::default() };
+    for entry in recording.log.entries() {
+        if let Some(message) = entry.decode::<v1::Odometry>(Channel::ODOMETRY) {
+            again.odometry = odometry_from(&message);
+        } else if let Some(message) = entry.decode::<v1::ControllerInput>(Channel::CONTROLLER_INPUT) {
+            again.step(&message, &mut outcome.missing);
+        } else if let Some(logged) = entry.decode::<v1::Control>(control) {
+            if again.last != Some(logged.seq) {
+                outcome.missing.push(format!("the input of controller step {}", logged.seq));
+                continue;
+            }
+            if let Some([field, said, replayed]) = outcome.controls.compare(&logged, &again.answer) {
+                let (stamp_ns, at_s) = (logged.stamp_ns, recording.since_begin(logged.stamp_ns));
+                let what = format!("control {}", logged.seq);
+                let found = Difference { stamp_ns, at_s, what, field, logged: said, replayed };
+                keep_first(&mut outcome.first_difference, found);
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,66 @@
+//! A flight log as a replay reads it.
+
+use std::path::Path;
+
+use color_eyre::eyre::{Result, WrapErr, bail, eyre};
+use goshawk_policy::Contract;
+use goshawk_proto::v1;
+use goshawk_recorder::{Channel, LogReader};
+
+use crate::config::Vehicle;
+
+/// An opened log with what its header says.
+pub struct Recording {
+    /// The log.
+    pub log: LogReader,
+    /// Its header.
+    pub header: v1::LogHeader,
+    /// The vehicle file that was flown with.
+    pub vehicle: Vehicle,
+    /// The policy's contract.
+    pub contract: Contract,
+    /// Stamps of the first and the last controller step, ns.
+    pub span_ns: (u64, u64),
+}
+
+impl Recording {
+    /// Reads the log and its header.
+    ///
+    /// # Errors
+    /// No log, or one that holds nothing to replay.
+    pub fn open(path: &Path) -> Result<Self> {
+        let log = LogReader::open(path)?;
+        let name = path.display();
+        let header: v1::LogHeader = log
+            .entries()
+            .find_map(|entry| entry.decode(Channel::HEADER))
+            .ok_or_else(|| eyre!("{name} holds no header: it was cut off within its first half second"))?;
+        if header.policy_contract_json.is_empty() {
+            bail!("{name} holds nothing to replay: no policy flew");
+        }
+        let contract = Contract::from_json(&header.policy_contract_json)
+            .wrap_err_with(|| format!("the policy's contract in {name}"))?;
+        let vehicle = Vehicle::parse(header.vehicle_toml.clone(), Path::new("the vehicle file in the log"))?;
+        let mut stamps = log
+            .entries()
+            .filter_map(|entry| entry.decode::<v1::ControllerInput>(Channel::CONTROLLER_INPUT))
+            .map(|input| input.stamp_ns);
+        let first = stamps.next().ok_or_else(|| {
+            eyre!("{name} holds no controller inputs: an older version wrote it, or the classical pilot flew")
+        })?;
+        let last = stamps.last().unwrap_or(first);
+        Ok(Recording { log, header, vehicle, contract, span_ns: (first, last) })
+    }
+
+    /// Length of the flight, s.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.since_begin(self.span_ns.1)
+    }
+
+    /// From the first controller step to `stamp_ns`, s.
+    #[must_use]
+    pub fn since_begin(&self, stamp_ns: u64) -> f64 {
+        (i128::from(stamp_ns) - i128::from(self.span_ns.0)) as f64 * 1e-9
+    }
+}
