@@ -246,18 +246,20 @@ class Rate(_message.Message):
     def __init__(self, name: _Optional[str] = ..., hz: _Optional[float] = ...) -> None: ...
 
 class Latency(_message.Message):
-    __slots__ = ("name", "p50_ms", "p99_ms", "max_ms", "count")
+    __slots__ = ("name", "p50_ms", "p99_ms", "max_ms", "count", "histogram")
     NAME_FIELD_NUMBER: _ClassVar[int]
     P50_MS_FIELD_NUMBER: _ClassVar[int]
     P99_MS_FIELD_NUMBER: _ClassVar[int]
     MAX_MS_FIELD_NUMBER: _ClassVar[int]
     COUNT_FIELD_NUMBER: _ClassVar[int]
+    HISTOGRAM_FIELD_NUMBER: _ClassVar[int]
     name: str
     p50_ms: float
     p99_ms: float
     max_ms: float
     count: int
-    def __init__(self, name: _Optional[str] = ..., p50_ms: _Optional[float] = ..., p99_ms: _Optional[float] = ..., max_ms: _Optional[float] = ..., count: _Optional[int] = ...) -> None: ...
+    histogram: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, name: _Optional[str] = ..., p50_ms: _Optional[float] = ..., p99_ms: _Optional[float] = ..., max_ms: _Optional[float] = ..., count: _Optional[int] = ..., histogram: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class Drops(_message.Message):
     __slots__ = ("name", "count")
@@ -430,7 +432,7 @@ class PlannerInput(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., odometry: _Optional[_Union[Odometry, _Mapping]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., speed_mps: _Optional[float] = ..., goal_world: _Optional[_Union[Vec3, _Mapping]] = ..., state: _Optional[_Iterable[float]] = ..., prediction: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class ControllerInput(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop")
+    __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop", "odometry_ns")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     PLAN_SEQ_FIELD_NUMBER: _ClassVar[int]
@@ -441,6 +443,7 @@ class ControllerInput(_message.Message):
     READY_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     STOP_FIELD_NUMBER: _ClassVar[int]
+    ODOMETRY_NS_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     plan_seq: int
@@ -451,7 +454,8 @@ class ControllerInput(_message.Message):
     ready: bool
     start: StartProfile
     stop: bool
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ...) -> None: ...
+    odometry_ns: int
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ..., odometry_ns: _Optional[int] = ...) -> None: ...
 
 class StartProfile(_message.Message):
     __slots__ = ("navigate", "speed_mps", "height_m", "goal_m")
