@@ -27,8 +27,11 @@ def test_with_everything_running_it_is_ready(rig: Rig) -> None:
     status, found, printed = check(rig, "--config", VEHICLE, wait_s=30.0)
     assert status == 0, printed
     assert printed.strip().splitlines()[-1] == "ready"
-    for name in ["vehicle file", "onnx runtime", "policy", "provider", "inference", "log folder", "network",
-                 "autopilot", "battery", "clocks", "COM_OF_LOSS_T", "COM_OBL_RC_ACT", "camera", "odometry"]:  # fmt: skip
+    well = [
+        "vehicle file", "onnx runtime", "policy", "provider", "inference", "log folder", "network", "autopilot",
+        "battery", "clocks", "COM_OF_LOSS_T", "COM_OBL_RC_ACT", "camera", "odometry",
+    ]  # fmt: skip
+    for name in well:
         assert found[name]["level"] == "ok", found[name]
     assert found["real time"]["level"] in {"ok", "warning"}  # as the system permits
     assert "160 x 96" in found["camera"]["text"]
