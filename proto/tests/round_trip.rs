@@ -99,7 +99,7 @@ fn rate() -> Rate {
 }
 
 fn latency() -> Latency {
-    Latency { name: "name".into(), p50_ms: 2.5, p99_ms: 3.5, max_ms: 4.5, count: 5000 }
+    Latency { name: "name".into(), p50_ms: 2.5, p99_ms: 3.5, max_ms: 4.5, count: 5000, histogram: vec![1, 60_000] }
 }
 
 fn drops() -> Drops {

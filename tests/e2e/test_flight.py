@@ -67,10 +67,13 @@ def test_the_demo_flies_and_its_log_opens_in_the_stock_reader(tmp_path: Path) ->
     assert logs[0].name in re.sub(r"\s", "", printed)
     topics = read_log(logs[0])
     for topic in ["tel/plan", "tel/control", "tel/target", "tel/health", "tel/event", "log/header", "log/rgbd",
-                  "log/odometry", "log/command"]:  # fmt: skip
+                  "log/odometry", "log/command", "log/planner_input", "log/controller_input"]:  # fmt: skip
         assert topics[topic], topic
     assert rate_hz([m.ready_ns for m in topics["tel/plan"]]) >= 29.0  # pyright: ignore[reportAttributeAccessIssue]
     assert rate_hz([m.stamp_ns for m in topics["tel/control"]]) >= 190.0  # pyright: ignore[reportAttributeAccessIssue]
+    replay = [BIN / "goshawk-air", "replay", logs[0], "--policy", BIN.parents[1] / "air/models/track.onnx"]
+    done = subprocess.run([str(c) for c in replay], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_ground_sees_the_simulators_buildings_and_what_moves_between_them(rig: Rig) -> None:

@@ -13,6 +13,7 @@ pub mod events;
 pub mod frames;
 pub mod link;
 pub mod mode;
+pub mod parameters;
 mod pose;
 pub mod status;
 pub mod view;
@@ -24,6 +25,7 @@ pub use error::AutopilotError;
 pub use events::AutopilotEvent;
 pub use link::{AutopilotLink, Glance};
 pub use mode::Px4Mode;
+pub use parameters::Parameter;
 pub use status::{Counters, Imu, Status, StatusText};
 pub use view::View;
 

@@ -7,6 +7,7 @@ use crate::error::AutopilotError;
 use crate::events::AutopilotEvent;
 use crate::frames::ned_from_frd;
 use crate::messages::{AttitudeTargetTypemask, MavMessage, SET_ATTITUDE_TARGET_DATA};
+use crate::parameters::{self, Parameter};
 use crate::status::{Imu, Status, StatusText};
 use goshawk_core::Request;
 use goshawk_core::types::{AttitudeThrust, Odometry, Time};
@@ -143,6 +144,22 @@ impl AutopilotLink {
     pub fn command(&self, command: Command) {
         self.endpoint.lock().commands.submit(command);
         self.endpoint.send_due_commands();
+    }
+
+    /// Asks for a parameter by its name; what comes back is [`Self::parameter`]'s. An unknown one gets no answer.
+    ///
+    /// # Errors
+    /// No peer is known, or the datagram did not go out.
+    pub fn request_parameter(&self, name: &str) -> Result<(), AutopilotError> {
+        let config = self.endpoint.config();
+        let message = parameters::request(name, config.target_system, config.target_component);
+        self.endpoint.send(self.peer().ok_or(AutopilotError::NoPeer)?, &message)
+    }
+
+    /// A parameter as the autopilot last told it; none: it has not.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<Parameter> {
+        self.endpoint.lock().view.parameter(name)
     }
 
     /// Takes the answers to commands since the last call, oldest first.

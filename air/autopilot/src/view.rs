@@ -5,14 +5,15 @@ use crate::commands::{Ack, Command, Outcome};
 use crate::events::AutopilotEvent;
 use crate::messages::{
     CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage, MavModeFlag, MavState,
-    STATUSTEXT_DATA, TIMESYNC_DATA,
+    PARAM_VALUE_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
 use crate::mode::Px4Mode;
+use crate::parameters::{self, Parameter};
 use crate::pose::{self, Position, Unusable};
 use crate::status::{Counters, Imu, Status, StatusText};
 use crate::wire::{Packet, Reject};
 use goshawk_core::types::{Odometry, Time};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Without a heartbeat for this long the autopilot counts as gone.
 pub const HEARTBEAT_TIMEOUT_S: f64 = 3.0;
@@ -55,6 +56,7 @@ pub struct View {
     odometry_arrival: Option<Time>,
     position: Option<Position>,
     imu: Option<Imu>,
+    parameters: BTreeMap<String, Parameter>,
     texts: VecDeque<StatusText>,
     events: VecDeque<(Time, AutopilotEvent)>,
     /// Traffic; the link adds what it alone sees.
@@ -83,6 +85,7 @@ impl View {
             odometry_arrival: None,
             position: None,
             imu: None,
+            parameters: BTreeMap::new(),
             texts: VecDeque::with_capacity(NOTES_KEPT),
             events: VecDeque::with_capacity(NOTES_KEPT),
             counters: Counters::default(),
@@ -127,6 +130,7 @@ impl View {
             MavMessage::BATTERY_STATUS(battery) => self.battery_fraction = percent(battery.battery_remaining),
             MavMessage::EVENT(event) => self.event(now, AutopilotEvent::of(event)),
             MavMessage::STATUSTEXT(text) => self.text(now, text),
+            MavMessage::PARAM_VALUE(value) => self.parameter_told(value),
             MavMessage::TIMESYNC(sync) => accepted.reply = self.timesync(now, sync),
             motion => self.motion(now, motion),
         }
@@ -182,6 +186,20 @@ impl View {
     #[must_use]
     pub fn imu(&self) -> Option<Imu> {
         self.imu
+    }
+
+    /// A parameter that the autopilot has told; none: it has not.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<Parameter> {
+        self.parameters.get(name).copied()
+    }
+
+    fn parameter_told(&mut self, message: &PARAM_VALUE_DATA) {
+        if let Some((name, parameter)) = parameters::told(message)
+            && (self.parameters.len() < parameters::KEPT || self.parameters.contains_key(&name))
+        {
+            self.parameters.insert(name, parameter);
+        }
     }
 
     /// Takes the texts that came since the last call, oldest first.

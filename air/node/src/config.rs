@@ -92,7 +92,7 @@ section! { /** Where the autopilot is. */ Autopilot {
 } }
 section! { /** Where odometry comes from. */ Sensors { odometry: OdometrySource } }
 section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } }
-section! { /** Where logs go. */ Recorder { directory: PathBuf } }
+section! { /** Where logs go. */ Recorder { directory: PathBuf, keep_mb: f64 } }
 section! { /** The control loop. */ Controller { rate_hz: f64 } }
 section! { /** Detection, the chase and the target filter. */ Planner {
     min_objectness: f64, keep_objectness: f64, standoff_m: f64, headway_s: f64, above_target_m: f64,
@@ -231,6 +231,7 @@ impl Vehicle {
         for p in self.camera.position_m {
             range("camera.position_m", p, -2.0, 2.0)?;
         }
+        range("recorder.keep_mb", self.recorder.keep_mb, 0.0, 1e9)?;
         range("realtime.planner_priority", self.realtime.planner_priority.into(), 1.0, 98.0)?;
         let above = f64::from(self.realtime.planner_priority) + 1.0;
         range("realtime.controller_priority", self.realtime.controller_priority.into(), above, 99.0)?;

@@ -26,8 +26,8 @@ pub struct Control {
     pub source: OdometrySource,
     /// Steps a second.
     pub rate_hz: f64,
-    /// How it is scheduled.
-    pub schedule: realtime::Schedule,
+    /// How it is scheduled; none: as the process is.
+    pub schedule: Option<realtime::Schedule>,
 }
 
 /// The newest of everything that has come.
@@ -49,7 +49,9 @@ struct Held {
 impl Control {
     /// Steps until the process stops.
     pub fn run(mut self, shared: &Shared) {
-        self.schedule.apply("control");
+        if let Some(schedule) = self.schedule {
+            schedule.apply("control");
+        }
         let period = 1.0 / self.rate_hz;
         let mut due = clock::now();
         let mut held = Held::default();

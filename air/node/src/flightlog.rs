@@ -23,6 +23,7 @@ pub struct FlightLog {
     directory: PathBuf,
     header: v1::LogHeader,
     contract: Arc<Contract>,
+    keep_bytes: u64,
     recorder: Option<Recorder>,
     finish_at: Option<Time>,
     failed: bool,
@@ -43,7 +44,16 @@ impl FlightLog {
             ..Default::default()
         };
         let contract = Arc::new(policy.contract().clone());
-        FlightLog { directory, header, contract, recorder: None, finish_at: None, failed: false, dropped_before: 0 }
+        FlightLog {
+            directory,
+            header,
+            contract,
+            keep_bytes: (vehicle.recorder.keep_mb * 1e6) as u64,
+            recorder: None,
+            finish_at: None,
+            failed: false,
+            dropped_before: 0,
+        }
     }
 
     /// Begins a new file, finishing the one before.
@@ -53,6 +63,9 @@ impl FlightLog {
     pub fn open(&mut self, profile: &str) -> Result<(), String> {
         self.close();
         self.failed = false;
+        for gone in goshawk_recorder::rotate(&self.directory, &format!("{}-", self.header.vehicle), self.keep_bytes) {
+            tracing::info!("removed {} to make room", gone.display());
+        }
         let wall_time = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
         let name = format!("{}-{}.mcap", self.header.vehicle, wall_time.replace([':', '.'], ""));
         let recorder = Recorder::create(&self.directory.join(name)).map_err(|e| e.to_string())?;

@@ -5,7 +5,7 @@ use goshawk_core::Time;
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 
-use crate::stats::{Quantiles, RateMeter, Window};
+use crate::stats::{RateMeter, Window};
 
 const FRAME_STALE_S: f64 = 0.3;
 const ODOMETRY_STALE_S: f64 = 0.15;
@@ -59,12 +59,7 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
         ),
         check("autopilot", autopilot_problem(autopilot)),
         check("policy", policy_problem(facts, age(facts.plan))),
-        check(
-            "battery",
-            autopilot.battery_fraction.filter(|f| *f < battery_start).map(|f| {
-                format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, battery_start * 100.0)
-            }),
-        ),
+        check("battery", battery_problem(autopilot, battery_start)),
         check("recorder", facts.recorder_failed.clone()),
     ]
 }
@@ -78,7 +73,16 @@ fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u6
     }
 }
 
-fn autopilot_problem(status: &Status) -> Option<String> {
+/// Too little charge for a flight.
+#[must_use]
+pub fn battery_problem(status: &Status, least: f64) -> Option<String> {
+    let low = status.battery_fraction.filter(|fraction| *fraction < least);
+    low.map(|f| format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, least * 100.0))
+}
+
+/// The autopilot is not heard.
+#[must_use]
+pub fn autopilot_problem(status: &Status) -> Option<String> {
     match status.heartbeat_age_s {
         None => Some("no autopilot has been heard: check the MAVLink port and the wiring".to_owned()),
         Some(age) if !status.connected => Some(format!("its last heartbeat is {age:.1} s old: check the link")),
@@ -108,18 +112,22 @@ pub fn rates(facts: &mut Facts, now: Time) -> Vec<v1::Rate> {
 
 /// Latencies of the last samples.
 pub fn latencies(facts: &mut Facts) -> Vec<v1::Latency> {
-    let latency = |name: &str, q: Quantiles| v1::Latency {
-        name: name.to_owned(),
-        p50_ms: q.p50_s * 1e3,
-        p99_ms: q.p99_s * 1e3,
-        max_ms: q.max_s * 1e3,
-        count: q.count,
+    let latency = |name: &str, window: &mut Window| {
+        let q = window.quantiles();
+        v1::Latency {
+            name: name.to_owned(),
+            p50_ms: q.p50_s * 1e3,
+            p99_ms: q.p99_s * 1e3,
+            max_ms: q.max_s * 1e3,
+            count: q.count,
+            histogram: window.histogram().to_vec(),
+        }
     };
     vec![
-        latency("frame_to_plan", facts.frame_to_plan.quantiles()),
-        latency("inference", facts.inference.quantiles()),
-        latency("controller_step", facts.controller_step.quantiles()),
-        latency("controller_late", facts.controller_late.quantiles()),
+        latency("frame_to_plan", &mut facts.frame_to_plan),
+        latency("inference", &mut facts.inference),
+        latency("controller_step", &mut facts.controller_step),
+        latency("controller_late", &mut facts.controller_late),
     ]
 }
 

@@ -8,14 +8,15 @@ use clap::{Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
 use goshawk_air::config::Vehicle;
 use goshawk_air::errors::one_line;
-use goshawk_air::replay;
 use goshawk_air::run::{Overrides, run};
+use goshawk_air::{check, replay};
 
 /// The onboard process: chases what its camera sees, obeys start and stop, writes the flight's log.
 #[derive(Parser)]
 #[command(name = "goshawk-air", version, arg_required_else_help = true)]
 #[command(after_help = "Examples:\n  goshawk-air run --config air/vehicles/sim.toml\n  \
     goshawk-air run --config air/vehicles/sim.toml --listen tcp/0.0.0.0:7448 --mavlink-bind 127.0.0.1:14541\n  \
+    goshawk-air check --config air/vehicles/sim.toml\n  \
     goshawk-air replay logs/flight.mcap\n  \
     goshawk-air replay logs/flight.mcap --policy other.onnx -o other.mcap\n\n\
     RUST_LOG=debug shows more.")]
@@ -24,25 +25,51 @@ struct Arguments {
     command: Command,
 }
 
+#[derive(clap::Args)]
+struct Flying {
+    /// The vehicle file.
+    #[arg(long)]
+    config: PathBuf,
+    /// Zenoh endpoint to listen on, instead of the vehicle file's; may be repeated.
+    #[arg(long, value_name = "ENDPOINT")]
+    listen: Vec<String>,
+    /// Local UDP address for MAVLink, instead of the vehicle file's.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    mavlink_bind: Option<SocketAddr>,
+    /// Folder for the logs, instead of the vehicle file's.
+    #[arg(long, value_name = "DIR")]
+    log_dir: Option<PathBuf>,
+    /// Policy file, instead of the vehicle file's.
+    #[arg(long, value_name = "ONNX")]
+    policy: Option<PathBuf>,
+}
+
+impl Flying {
+    fn split(self) -> (PathBuf, Overrides) {
+        let Flying { config, listen, mavlink_bind, log_dir, policy } = self;
+        (config, Overrides { listen, mavlink_bind, log_dir, policy })
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().map_err(|e| e.to_string())?;
+    if (0.0..=600.0).contains(&seconds) { Ok(seconds) } else { Err("0 to 600 seconds".to_owned()) }
+}
+
 #[derive(Subcommand)]
 enum Command {
     /// Fly: run until SIGINT or SIGTERM.
-    Run {
-        /// The vehicle file.
-        #[arg(long)]
-        config: PathBuf,
-        /// Zenoh endpoint to listen on, instead of the vehicle file's; may be repeated.
-        #[arg(long, value_name = "ENDPOINT")]
-        listen: Vec<String>,
-        /// Local UDP address for MAVLink, instead of the vehicle file's.
-        #[arg(long, value_name = "ADDRESS:PORT")]
-        mavlink_bind: Option<SocketAddr>,
-        /// Folder for the logs, instead of the vehicle file's.
-        #[arg(long, value_name = "DIR")]
-        log_dir: Option<PathBuf>,
-        /// Policy file, instead of the vehicle file's.
-        #[arg(long, value_name = "ONNX")]
-        policy: Option<PathBuf>,
+    Run(Flying),
+    /// Before a flight: walk every condition, say what to do where one does not hold. Exit status 0: ready.
+    Check {
+        #[command(flatten)]
+        flying: Flying,
+        /// How long to listen to autopilot, camera and odometry, s.
+        #[arg(long, value_name = "SECONDS", default_value_t = 8.0, value_parser = seconds)]
+        wait: f64,
+        /// Write the findings to a file.
+        #[arg(long, value_name = "FILE")]
+        json: Option<PathBuf>,
     },
     /// Run planner and controller again on a flight's log and compare, bit for bit. Exit status 0: no difference.
     Replay {
@@ -76,9 +103,17 @@ fn main() -> ExitCode {
 
 fn start() -> Result<ExitCode> {
     match Arguments::parse().command {
-        Command::Run { config, listen, mavlink_bind, log_dir, policy } => {
-            run(Vehicle::load(&config)?, Overrides { listen, mavlink_bind, log_dir, policy })?;
+        Command::Run(flying) => {
+            let (config, overrides) = flying.split();
+            run(Vehicle::load(&config)?, overrides)?;
             Ok(ExitCode::SUCCESS)
+        }
+        Command::Check { flying, wait, json } => {
+            let (config, overrides) = flying.split();
+            let findings = check::check(&config, overrides, wait);
+            write_json(json.as_deref(), &findings)?;
+            check::print(&findings);
+            Ok(if findings.ready { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Command::Replay { log, policy, out, json } => {
             let outcome = replay::replay(&log, &replay::Options { policy, out })?;

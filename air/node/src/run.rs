@@ -38,6 +38,22 @@ pub struct Overrides {
     pub policy: Option<PathBuf>,
 }
 
+impl Overrides {
+    /// Changes the vehicle file; gives the policy's file and the logs' folder.
+    #[must_use]
+    pub fn apply(self, vehicle: &mut Vehicle) -> (PathBuf, PathBuf) {
+        if let Some(bind) = self.mavlink_bind {
+            vehicle.autopilot.bind = bind;
+        }
+        if !self.listen.is_empty() {
+            vehicle.network.listen = self.listen;
+        }
+        let model = self.policy.unwrap_or_else(|| vehicle.resolve(&vehicle.policy.model));
+        let log_dir = self.log_dir.unwrap_or_else(|| vehicle.resolve(&vehicle.recorder.directory));
+        (model, log_dir)
+    }
+}
+
 const REPORT_QUEUE: usize = 2048;
 
 /// Runs the onboard process until SIGINT or SIGTERM.
@@ -45,15 +61,7 @@ const REPORT_QUEUE: usize = 2048;
 /// # Errors
 /// Anything that keeps it from starting: one line that says what to do.
 pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
-    if let Some(bind) = overrides.mavlink_bind {
-        vehicle.autopilot.bind = bind;
-    }
-    if !overrides.listen.is_empty() {
-        vehicle.network.listen = overrides.listen;
-    }
-    let model = overrides.policy.unwrap_or_else(|| vehicle.resolve(&vehicle.policy.model));
-    let log_dir = overrides.log_dir.unwrap_or_else(|| vehicle.resolve(&vehicle.recorder.directory));
-
+    let (model, log_dir) = overrides.apply(&mut vehicle);
     let policy = load_policy(&vehicle, &model)?;
     let planner = Planner::new(vehicle.planner_config(policy.contract().model()))
         .wrap_err_with(|| format!("the policy {} does not fit the vehicle file", model.display()))?;
@@ -83,7 +91,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         link,
         source: vehicle.sensors.odometry,
         rate_hz: vehicle.controller.rate_hz,
-        schedule: Schedule { priority: r.controller_priority, core: r.controller_core },
+        schedule: Some(Schedule { priority: r.controller_priority, core: r.controller_core }),
     };
     let schedule = Schedule { priority: r.planner_priority, core: None };
     let planning = Planning { policy, preprocessor: None, planner, idle_demand, schedule };
@@ -149,7 +157,7 @@ fn wait(shared: &Shared, threads: [JoinHandle<()>; 4]) -> Result<()> {
     if failed.is_empty() { Ok(()) } else { bail!("these threads failed: {}", failed.join(", ")) }
 }
 
-fn link_config(vehicle: &Vehicle) -> LinkConfig {
+pub(crate) fn link_config(vehicle: &Vehicle) -> LinkConfig {
     let a = &vehicle.autopilot;
     LinkConfig {
         bind: a.bind,
@@ -163,7 +171,8 @@ fn link_config(vehicle: &Vehicle) -> LinkConfig {
     }
 }
 
-fn idle_demand(vehicle: &Vehicle, policy: &Policy) -> Result<PlanningDemand> {
+/// What is planned for before the first start; refuses a policy of another task than the profiles.
+pub(crate) fn idle_demand(vehicle: &Vehicle, policy: &Policy) -> Result<PlanningDemand> {
     let task = policy.contract().model().task;
     for name in vehicle.profile_names() {
         let Some(Profile { task: wanted, .. }) = vehicle.profile(Some(&name)) else { continue };

@@ -3,12 +3,15 @@
 use goshawk_core::Time;
 
 const WINDOW: usize = 1024;
+/// Below 1 µs, 2 µs, 4 µs … 0.52 s, and longer.
+const BUCKETS: usize = 21;
 
-/// The newest [`WINDOW`] samples of a duration.
+/// The newest [`WINDOW`] samples of a duration, and a histogram of all.
 pub struct Window {
     samples_s: Box<[f64; WINDOW]>,
     next: usize,
     count: u64,
+    histogram: [u64; BUCKETS],
     scratch: Vec<f64>,
 }
 
@@ -27,7 +30,13 @@ pub struct Quantiles {
 
 impl Default for Window {
     fn default() -> Self {
-        Window { samples_s: Box::new([0.0; WINDOW]), next: 0, count: 0, scratch: Vec::with_capacity(WINDOW) }
+        Window {
+            samples_s: Box::new([0.0; WINDOW]),
+            next: 0,
+            count: 0,
+            histogram: [0; BUCKETS],
+            scratch: Vec::with_capacity(WINDOW),
+        }
     }
 }
 
@@ -37,6 +46,17 @@ impl Window {
         self.samples_s[self.next] = seconds;
         self.next = (self.next + 1) % WINDOW;
         self.count += 1;
+        let mut bucket = 0;
+        while bucket < BUCKETS - 1 && seconds >= 1e-6 * f64::from(1 << bucket) {
+            bucket += 1;
+        }
+        self.histogram[bucket] += 1;
+    }
+
+    /// How many samples since the start took less than 1 µs, then 2, 4, 8 … µs; the last: longer.
+    #[must_use]
+    pub fn histogram(&self) -> &[u64] {
+        &self.histogram
     }
 
     /// Quantiles of what the window holds; zeros while it is empty.
@@ -90,6 +110,17 @@ mod tests {
         assert_eq!(q.max_s, 3000.0);
         assert!((q.p50_s - (3000.0 - 512.0)).abs() <= 1.0);
         assert_eq!(q.count, 3001);
+    }
+
+    #[test]
+    fn the_histogram_holds_every_sample_in_powers_of_two_of_a_microsecond() {
+        let mut window = Window::default();
+        for seconds in [0.0, 0.9e-6, 1e-6, 3e-6, 0.1, 9.0] {
+            window.push(seconds);
+        }
+        let filled: Vec<(usize, u64)> =
+            window.histogram().iter().copied().enumerate().filter(|(_, count)| *count > 0).collect();
+        assert_eq!(filled, [(0, 2), (1, 1), (2, 1), (17, 1), (20, 1)]);
     }
 
     #[test]

@@ -5,10 +5,12 @@ pub mod error;
 pub mod image;
 pub mod reader;
 pub mod recorder;
+pub mod rotate;
 pub mod writer;
 
 pub use channel::Channel;
 pub use error::RecorderError;
 pub use reader::{Entry, LogReader};
 pub use recorder::{Payload, Recorder};
+pub use rotate::rotate;
 pub use writer::LogWriter;

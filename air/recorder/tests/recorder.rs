@@ -236,3 +236,18 @@ fn a_compressed_image_comes_back_as_it_was() {
     let mistaken = v1::CompressedRgbd { width: 32, height: 48, ..message };
     assert!(goshawk_recorder::image::decompress(&mistaken).unwrap_err().to_string().contains("48 x 32"));
 }
+
+#[test]
+fn the_oldest_logs_make_room_and_nothing_else_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str| std::fs::write(folder.path().join(name), [0; 100]).unwrap();
+    for name in ["kite-2026-03.mcap", "kite-2026-01.mcap", "kite-2026-02.mcap", "kite-2026.txt", "hawk-2025.mcap"] {
+        write(name);
+    }
+    assert_eq!(goshawk_recorder::rotate(folder.path(), "kite-", 300), Vec::<std::path::PathBuf>::new());
+    let removed = goshawk_recorder::rotate(folder.path(), "kite-", 250);
+    assert_eq!(removed, [folder.path().join("kite-2026-01.mcap")]);
+    goshawk_recorder::rotate(folder.path(), "kite-", 0);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    assert!(goshawk_recorder::rotate(&folder.path().join("none"), "kite-", 0).is_empty());
+}

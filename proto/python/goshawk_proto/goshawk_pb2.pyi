@@ -250,18 +250,20 @@ class Rate(_message.Message):
     def __init__(self, name: _Optional[str] = ..., hz: _Optional[float] = ...) -> None: ...
 
 class Latency(_message.Message):
-    __slots__ = ("name", "p50_ms", "p99_ms", "max_ms", "count")
+    __slots__ = ("name", "p50_ms", "p99_ms", "max_ms", "count", "histogram")
     NAME_FIELD_NUMBER: _ClassVar[int]
     P50_MS_FIELD_NUMBER: _ClassVar[int]
     P99_MS_FIELD_NUMBER: _ClassVar[int]
     MAX_MS_FIELD_NUMBER: _ClassVar[int]
     COUNT_FIELD_NUMBER: _ClassVar[int]
+    HISTOGRAM_FIELD_NUMBER: _ClassVar[int]
     name: str
     p50_ms: float
     p99_ms: float
     max_ms: float
     count: int
-    def __init__(self, name: _Optional[str] = ..., p50_ms: _Optional[float] = ..., p99_ms: _Optional[float] = ..., max_ms: _Optional[float] = ..., count: _Optional[int] = ...) -> None: ...
+    histogram: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, name: _Optional[str] = ..., p50_ms: _Optional[float] = ..., p99_ms: _Optional[float] = ..., max_ms: _Optional[float] = ..., count: _Optional[int] = ..., histogram: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class Drops(_message.Message):
     __slots__ = ("name", "count")

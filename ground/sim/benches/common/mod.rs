@@ -17,6 +17,17 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
+/// A quantile of values in any order; there must be one.
+pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * q).round() as usize]
+}
+
+/// A row of quantiles whose 99th percentile has a target.
+pub(crate) fn row(p50: f64, p99: f64, target: f64) -> serde_json::Value {
+    serde_json::json!({"p50": p50, "p99": p99, "target": target})
+}
+
 /// Of a target.
 pub(crate) fn verdict(met: bool) -> &'static str {
     if met { "met" } else { "missed" }

@@ -1,10 +1,13 @@
 //! Commands as PX4 takes them: who is meant, what is refused, and when the answer leaves.
 
+use super::LossAction;
 use super::logic::Px4Logic;
-use goshawk_autopilot::Px4Mode;
 use goshawk_autopilot::commands::FORCE_MAGIC;
-use goshawk_autopilot::messages::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use goshawk_autopilot::messages::{
+    COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult, PARAM_REQUEST_READ_DATA,
+};
 use goshawk_autopilot::wire::Packet;
+use goshawk_autopilot::{Parameter, Px4Mode, parameters};
 
 /// Acks were measured to take 1–15 ms; these are taken in turn.
 const ACK_DELAYS_S: [f64; 5] = [0.003, 0.007, 0.001, 0.015, 0.005];
@@ -39,6 +42,24 @@ impl Px4Logic {
         let delay_s = ACK_DELAYS_S[self.acks % ACK_DELAYS_S.len()];
         self.acks += 1;
         self.outbox.push((self.now.plus(delay_s), ack));
+    }
+
+    /// The parameters that the configuration holds; as PX4 does, it says nothing about one that it does not know.
+    pub(super) fn tell_parameter(&mut self, asked: &PARAM_REQUEST_READ_DATA) {
+        let name = asked.param_id.to_str().unwrap_or_default().trim_end_matches('\0');
+        let value = match name {
+            "COM_OF_LOSS_T" => Parameter::Real(self.config.loss_s as f32),
+            "COM_OBL_RC_ACT" => Parameter::Int(match self.config.loss_action {
+                LossAction::Position => 0,
+                LossAction::Land => 4,
+                LossAction::Hold => 5,
+            }),
+            "MPC_THR_HOVER" => Parameter::Real(self.config.hover_thrust.0 as f32),
+            _ => return,
+        };
+        if self.addressed(asked.target_system, asked.target_component) {
+            self.outbox.push((self.now, parameters::value(name, value)));
+        }
     }
 
     /// Broadcast or ours.

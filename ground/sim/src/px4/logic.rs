@@ -132,6 +132,7 @@ impl Px4Logic {
         match &packet.message {
             MavMessage::COMMAND_LONG(command) => self.command(packet, command),
             MavMessage::SET_ATTITUDE_TARGET(target) => self.take_setpoint(target),
+            MavMessage::PARAM_REQUEST_READ(asked) => self.tell_parameter(asked),
             MavMessage::HEARTBEAT(heartbeat) => self.ground_station |= heartbeat.mavtype == MavType::MAV_TYPE_GCS,
             MavMessage::TIMESYNC(sync) if sync.tc1 == 0 => {
                 let answer = TIMESYNC_DATA {

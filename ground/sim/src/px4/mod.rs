@@ -1,8 +1,9 @@
 //! A stand-in for the autopilot: it behaves at the MAVLink boundary as a real PX4 (main of mid-2025) was measured to.
 //!
 //! [`Px4Logic`] is the pure state machine, [`Px4Udp`] the socket around it. Outside both everything is ENU and FLU;
-//! the conversions are `goshawk_autopilot::frames`'. What is left out: parameters, missions, RC, GPS, the estimator
-//! (it reports the state that it is given) and every stream that a companion computer has no use for.
+//! the conversions are `goshawk_autopilot::frames`'. What is left out: parameters but for those of [`Px4Config`],
+//! missions, RC, GPS, the estimator (it reports the state that it is given) and every stream that a companion computer
+//! has no use for.
 
 mod commands;
 mod flight;

@@ -1,0 +1,148 @@
+//! What can be told without anybody else: files, libraries, permissions, space.
+
+use std::path::Path;
+
+use color_eyre::eyre::Report;
+use goshawk_core::Planner;
+use goshawk_policy::library::{Places, find};
+use goshawk_policy::{Policy, Provider};
+
+use super::Findings;
+use crate::clock;
+use crate::config::Vehicle;
+use crate::errors::one_line;
+use crate::realtime::{self, Schedule};
+use crate::run::idle_demand;
+
+/// A log grows by about this much, with the image of 160 x 96 at 30 Hz.
+const LOG_MB_PER_MINUTE: f64 = 105.0;
+/// Less space than this is not enough for a flight, and less than that for an afternoon, MB.
+const LEAST_MB: f64 = 500.0;
+const PLENTY_MB: f64 = 3000.0;
+/// The network must leave most of a frame's 33 ms.
+const SLOWEST_INFERENCE_MS: f64 = 15.0;
+const INFERENCES: usize = 50;
+
+/// The library, the policy, what runs it, and how fast.
+pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -> Option<Policy> {
+    let library = find(vehicle.library().as_deref(), &Places::of_process());
+    let found = library.is_ok();
+    findings.judge("onnx runtime", library.map(|path| path.display().to_string()).map_err(|e| e.to_string()));
+    if !found {
+        findings.fail("policy", "not tried: it needs ONNX Runtime");
+        return None;
+    }
+    let asked = vehicle.policy.provider;
+    let mut policy = match Policy::load_on(asked, model, vehicle.library().as_deref(), vehicle.policy.threads) {
+        Ok(policy) => policy,
+        Err(error) => {
+            findings.fail("policy", one_line(&Report::new(error)));
+            return None;
+        }
+    };
+    let fits = Planner::new(vehicle.planner_config(policy.contract().model()))
+        .map_err(Report::new)
+        .and_then(|_| idle_demand(vehicle, &policy));
+    let sha = policy.sha256().get(..12).unwrap_or_default().to_owned();
+    let task = policy.contract().model().task;
+    findings.judge(
+        "policy",
+        fits.map(|_| format!("{}: {task:?}, sha256 {sha}…", model.display())).map_err(|error| one_line(&error)),
+    );
+    provider(asked, &policy, findings);
+    let schedule = Schedule { priority: vehicle.realtime.planner_priority, core: None };
+    inference(&mut policy, schedule, findings);
+    Some(policy)
+}
+
+fn provider(asked: Provider, policy: &Policy, findings: &mut Findings) {
+    match policy.why_not() {
+        None => findings.ok("provider", format!("the network runs on {}", policy.provider().name())),
+        Some(why) => findings.warn(
+            "provider",
+            format!(
+                "the network runs on {}, not on {}: {why}; install an ONNX Runtime that was built for it, or set \
+                 policy.provider",
+                policy.provider().name(),
+                asked.name()
+            ),
+        ),
+    }
+}
+
+/// Timed on a thread that is scheduled as the planner's.
+fn inference(policy: &mut Policy, schedule: Schedule, findings: &mut Findings) {
+    let timed = std::thread::scope(|scope| {
+        let thread = scope.spawn(|| {
+            let _ = schedule.try_apply(); // what is refused is told under "real time"
+            median_ms(policy)
+        });
+        thread.join().unwrap_or_else(|_| Err("the network panicked".to_owned()))
+    });
+    let way = "stop what else runs, take a smaller policy or another provider";
+    findings.judge(
+        "inference",
+        timed.and_then(|ms| match format!("{ms:.1} ms (median of {INFERENCES})") {
+            text if ms <= SLOWEST_INFERENCE_MS => Ok(text),
+            text => Err(format!("{text}; at most {SLOWEST_INFERENCE_MS} ms can be flown with: {way}")),
+        }),
+    );
+}
+
+fn median_ms(policy: &mut Policy) -> Result<f64, String> {
+    let (image, state) = (vec![0.5; policy.rgbd_len()], vec![0.0; policy.state_len()]);
+    let mut times_ms = Vec::with_capacity(INFERENCES);
+    for _ in 0..INFERENCES {
+        let begun = clock::now();
+        let network = policy.infer(&image, &state).map_err(|e| e.to_string())?;
+        times_ms.push(clock::now().since(begun) * 1e3);
+        if !network.values.iter().all(|value| value.is_finite()) {
+            return Err("the network's answer to a grey image is not finite".to_owned());
+        }
+    }
+    times_ms.sort_by(f64::total_cmp);
+    Ok(times_ms[INFERENCES / 2])
+}
+
+/// Whether the threads get what the vehicle file asks for; tried on a thread of its own.
+pub(super) fn scheduling(vehicle: &Vehicle, findings: &mut Findings) {
+    let r = &vehicle.realtime;
+    let schedule = Schedule { priority: r.controller_priority, core: r.controller_core };
+    let tried = std::thread::spawn(move || schedule.try_apply()).join();
+    let mut refused = tried.unwrap_or_else(|_| vec!["could not be tried".to_owned()]);
+    if r.lock_memory {
+        refused.extend(realtime::lock_memory().err());
+    }
+    if refused.is_empty() {
+        let memory = if r.lock_memory { ", memory locked" } else { "" };
+        findings.ok("real time", format!("SCHED_FIFO {}{memory}", r.controller_priority));
+    } else {
+        findings.warn("real time", refused.join("; "));
+    }
+}
+
+/// Whether a log can be written, and for how long.
+pub(super) fn log_folder(folder: &Path, findings: &mut Findings) {
+    let probe = folder.join(format!(".probe-{}", std::process::id()));
+    let written = std::fs::create_dir_all(folder)
+        .and_then(|()| std::fs::write(&probe, [0; 4096]))
+        .and_then(|()| std::fs::remove_file(&probe));
+    let name = folder.display();
+    if let Err(error) = written {
+        return findings.fail("log folder", format!("{name} cannot be written ({error}): name another with --log-dir"));
+    }
+    match rustix::fs::statvfs(folder) {
+        Err(error) => findings.warn("log folder", format!("{name}: its free space is not known ({error})")),
+        Ok(space) => {
+            let free_mb = space.f_bavail as f64 * space.f_frsize as f64 / 1e6;
+            let text = format!("{name}: {free_mb:.0} MB free, {:.0} minutes of flight", free_mb / LOG_MB_PER_MINUTE);
+            if free_mb < LEAST_MB {
+                findings.fail("log folder", format!("{text}: remove old logs, or name another with --log-dir"));
+            } else if free_mb < PLENTY_MB {
+                findings.warn("log folder", format!("{text}: remove old logs soon"));
+            } else {
+                findings.ok("log folder", text);
+            }
+        }
+    }
+}

@@ -1,0 +1,336 @@
+//! What others must do: the network, the autopilot, the camera and the odometry, listened to for a few seconds.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use goshawk_autopilot::{AutopilotLink, Parameter, Status};
+use goshawk_core::{Odometry, Time};
+use goshawk_policy::{Policy, Preprocessor};
+use goshawk_proto::keys::Key;
+
+use super::Findings;
+use crate::bus::Bus;
+use crate::config::{OdometrySource, Vehicle};
+use crate::run::link_config;
+use crate::sensors::{self, Frame};
+use crate::{clock, health};
+
+const POLL: Duration = Duration::from_millis(5);
+/// Streams are counted for this long once the first sample is there, s.
+const COUNTED_S: f64 = 2.0;
+const LEAST_CAMERA_HZ: f64 = 20.0;
+const LEAST_ODOMETRY_HZ: f64 = 25.0;
+/// Of the pixels, with a depth within the sensor's range.
+const LEAST_MEASURED: f64 = 0.2;
+/// A colour image with less contrast than this (standard deviation, of 255) shows nothing.
+const LEAST_CONTRAST: f64 = 2.0;
+/// Autopilot parameters that decide what happens when we fall silent.
+const PARAMETERS: [&str; 2] = ["COM_OF_LOSS_T", "COM_OBL_RC_ACT"];
+const ASK_AGAIN_S: f64 = 0.5;
+
+/// A stream's samples so far.
+struct Stream<T> {
+    first: Option<Time>,
+    last: Option<Time>,
+    count: u64,
+    /// Samples that are the one before again.
+    repeated: u64,
+    refused: u64,
+    newest: Option<T>,
+}
+
+impl<T> Default for Stream<T> {
+    fn default() -> Self {
+        Stream { first: None, last: None, count: 0, repeated: 0, refused: 0, newest: None }
+    }
+}
+
+impl<T> Stream<T> {
+    fn take(&mut self, now: Time, sample: T, same: impl Fn(&T, &T) -> bool) {
+        self.first.get_or_insert(now);
+        self.last = Some(now);
+        self.count += 1;
+        self.repeated += u64::from(self.newest.as_ref().is_some_and(|newest| same(newest, &sample)));
+        self.newest = Some(sample);
+    }
+
+    fn rate_hz(&self) -> f64 {
+        let span = self.first.zip(self.last).map_or(0.0, |(first, last)| last.since(first));
+        if self.count > 1 && span > 0.0 { (self.count - 1) as f64 / span } else { 0.0 }
+    }
+
+    fn counted(&self, now: Time) -> bool {
+        self.first.is_some_and(|first| now.since(first) >= COUNTED_S)
+    }
+}
+
+/// Listens until all is known, at most `wait_s` seconds, and judges.
+pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, findings: &mut Findings) {
+    let frames: Arc<Mutex<Stream<Frame>>> = Arc::default();
+    let odometry: Arc<Mutex<Stream<Odometry>>> = Arc::default();
+    let bus = network(vehicle, &frames, &odometry, findings);
+    let link = AutopilotLink::open(link_config(vehicle), clock::now).map_err(|e| e.to_string());
+    let begun = clock::now();
+    let mut asked = begun;
+    while clock::now().since(begun) < wait_s {
+        std::thread::sleep(POLL);
+        let now = clock::now();
+        if let Ok(link) = &link {
+            if vehicle.sensors.odometry == OdometrySource::Autopilot
+                && let Some(newest) = link.odometry()
+            {
+                take_odometry(&odometry, now, newest);
+            }
+            if now.since(asked) > ASK_AGAIN_S {
+                asked = now;
+                for name in PARAMETERS {
+                    let _ = link.request_parameter(name); // without a peer there is nobody to ask; it is asked again
+                }
+            }
+        }
+        let known = link.as_ref().is_ok_and(|link| PARAMETERS.iter().all(|name| link.parameter(name).is_some()));
+        if known && lock(&frames).counted(now) && lock(&odometry).counted(now) {
+            break;
+        }
+    }
+    drop(bus);
+    autopilot(&link, vehicle.limits.battery_start, findings);
+    camera(&lock(&frames), policy, findings);
+    motion(&lock(&odometry), vehicle.sensors.odometry, findings);
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn take_odometry(odometry: &Mutex<Stream<Odometry>>, now: Time, newest: Odometry) {
+    let mut stream = lock(odometry);
+    if stream.newest.is_none_or(|held| newest.stamp > held.stamp) {
+        match sensors::plausible(newest) {
+            Ok(sample) => stream.take(now, sample, |_, _| false),
+            Err(_) => stream.refused += 1,
+        }
+    }
+}
+
+fn network(
+    vehicle: &Vehicle,
+    frames: &Arc<Mutex<Stream<Frame>>>,
+    odometry: &Arc<Mutex<Stream<Odometry>>>,
+    findings: &mut Findings,
+) -> Option<Bus> {
+    let open = || -> Result<Bus, String> {
+        let name = vehicle.name.parse().map_err(|e| format!("{e}"))?;
+        let bus = Bus::listen(name, &vehicle.network.listen).map_err(|e| e.to_string())?;
+        let stream = Arc::clone(frames);
+        let receive = move |payload: &[u8]| {
+            let now = clock::now();
+            match sensors::frame(payload, now) {
+                Ok(frame) => lock(&stream).take(now, frame, |a, b| a.rgb == b.rgb && a.depth_mm == b.depth_mm),
+                Err(_) => lock(&stream).refused += 1,
+            }
+        };
+        bus.subscribe(Key::Rgbd, receive).map_err(|e| e.to_string())?;
+        if vehicle.sensors.odometry == OdometrySource::Zenoh {
+            let stream = Arc::clone(odometry);
+            let receive = move |payload: &[u8]| {
+                let now = clock::now();
+                match sensors::odometry(payload, now) {
+                    Ok(sample) => take_odometry(&stream, now, sample),
+                    Err(_) => lock(&stream).refused += 1,
+                }
+            };
+            bus.subscribe(Key::Odometry, receive).map_err(|e| e.to_string())?;
+        }
+        Ok(bus)
+    };
+    match open() {
+        Ok(bus) => {
+            findings.ok("network", format!("listening on {}", vehicle.network.listen.join(", ")));
+            Some(bus)
+        }
+        Err(why) => {
+            findings.fail("network", why);
+            None
+        }
+    }
+}
+
+fn autopilot(link: &Result<AutopilotLink, String>, battery_start: f64, findings: &mut Findings) {
+    let link = match link {
+        Ok(link) => link,
+        Err(why) => return findings.fail("autopilot", why.clone()),
+    };
+    let status = link.status(clock::now());
+    if let Some(problem) = health::autopilot_problem(&status) {
+        return findings.fail("autopilot", problem);
+    }
+    let mode = status.mode.map_or_else(|| "unknown".to_owned(), |mode| mode.to_string());
+    findings.judge("autopilot", on_ground(&status).map(|()| format!("mode {mode}, disarmed, on the ground")));
+    match health::battery_problem(&status, battery_start) {
+        Some(problem) => findings.fail("battery", problem),
+        None => match status.battery_fraction {
+            Some(fraction) => findings.ok("battery", format!("{:.0} %", fraction * 100.0)),
+            None => findings.warn("battery", "the autopilot does not measure it: watch the time"),
+        },
+    }
+    match status.round_trip_s {
+        Some(trip) => findings.ok("clocks", format!("synchronised, round trip {:.1} ms", trip * 1e3)),
+        None => findings.warn(
+            "clocks",
+            "not synchronised, stamps are from arrivals: see that the autopilot answers TIMESYNC on this link",
+        ),
+    }
+    loss_time(link.parameter(PARAMETERS[0]), findings);
+    loss_action(link.parameter(PARAMETERS[1]), findings);
+}
+
+fn on_ground(status: &Status) -> Result<(), String> {
+    if status.armed {
+        Err("it is armed: disarm it".to_owned())
+    } else if status.landed == Some(false) {
+        Err("it believes to be in the air: set it down and wait for its landing detector".to_owned())
+    } else {
+        Ok(())
+    }
+}
+
+/// The name that is told is the parameter's own: nobody reads "parameter 1".
+fn loss_time(parameter: Option<Parameter>, findings: &mut Findings) {
+    const NAME: &str = PARAMETERS[0];
+    match parameter {
+        Some(Parameter::Real(seconds)) if (0.1..=1.0).contains(&seconds) => findings.ok(NAME, format!("{seconds} s")),
+        Some(other) => findings.fail(NAME, format!("{other:?}: without us it waits that long; set 0.5 (s)")),
+        None => findings.warn(NAME, "not answered: set it to 0.5 (s), how long the autopilot waits for us"),
+    }
+}
+
+fn loss_action(parameter: Option<Parameter>, findings: &mut Findings) {
+    const NAME: &str = PARAMETERS[1];
+    match parameter {
+        Some(Parameter::Int(3)) => findings.ok(NAME, "3, return"),
+        Some(Parameter::Int(4)) => findings.ok(NAME, "4, land"),
+        Some(Parameter::Int(5)) => findings.ok(NAME, "5, hold"),
+        Some(other) => {
+            let danger = "without us and without sticks it sinks blindly, or cuts the motors";
+            findings.fail(NAME, format!("{other:?}: {danger}; set 4 (land) or 5 (hold)"));
+        }
+        None => findings.warn(NAME, "not answered: set it to 4 (land), what the autopilot does without us"),
+    }
+}
+
+fn camera(stream: &Stream<Frame>, policy: Option<&Policy>, findings: &mut Findings) {
+    findings.judge("camera", camera_problem(stream, policy));
+}
+
+fn camera_problem(stream: &Stream<Frame>, policy: Option<&Policy>) -> Result<String, String> {
+    let refused = stream.refused;
+    let Some(frame) = &stream.newest else {
+        let key = Key::Rgbd.row().suffix;
+        return Err(if refused > 0 {
+            format!("{refused} images were refused: size, clock or field of view are not plausible; mend the driver")
+        } else {
+            format!("no image has come on {key}: start the camera's driver")
+        });
+    };
+    let hz = stream.rate_hz();
+    if hz < LEAST_CAMERA_HZ {
+        return Err(format!("{hz:.1} images a second, at least {LEAST_CAMERA_HZ} are needed: set the driver's rate"));
+    }
+    if stream.repeated * 2 > stream.count {
+        return Err("the image does not change: restart the camera".to_owned());
+    }
+    if let Some(policy) = policy {
+        Preprocessor::new(policy.contract(), frame.source()).map_err(|e| e.to_string())?;
+    }
+    let contrast = contrast(&frame.rgb);
+    if contrast < LEAST_CONTRAST {
+        return Err(format!(
+            "the image is blank (contrast {contrast:.1} of 255): take the lens cap off, give it light"
+        ));
+    }
+    let mut measured: Vec<u16> = frame.depth_mm.iter().copied().filter(|mm| (200..20_000).contains(mm)).collect();
+    let share = measured.len() as f64 / frame.depth_mm.len() as f64;
+    if share < LEAST_MEASURED {
+        return Err(format!(
+            "only {:.0} % of the depth image is measured: point it at something between 0.2 and 20 m, clean the lenses",
+            share * 100.0
+        ));
+    }
+    measured.sort_unstable();
+    let median_m = f64::from(measured[measured.len() / 2]) / 1000.0;
+    let (width, height) = (frame.width, frame.height);
+    Ok(format!("{width} x {height} at {hz:.0} Hz, {:.0} % with depth, median {median_m:.1} m", share * 100.0))
+}
+
+fn contrast(rgb: &[u8]) -> f64 {
+    let n = rgb.len() as f64;
+    let mean = rgb.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+    (rgb.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+fn motion(stream: &Stream<Odometry>, source: OdometrySource, findings: &mut Findings) {
+    let from = match source {
+        OdometrySource::Autopilot => "the autopilot's estimate",
+        OdometrySource::Zenoh => Key::Odometry.row().suffix,
+    };
+    let hz = stream.rate_hz();
+    findings.judge(
+        "odometry",
+        match &stream.newest {
+            None if stream.refused > 0 => Err(format!("{} samples of {from} were not finite", stream.refused)),
+            None => Err(format!("none has come from {from}: see that it has a position (GPS, flow, VIO)")),
+            Some(_) if hz < LEAST_ODOMETRY_HZ => {
+                Err(format!("{hz:.1} Hz from {from}, at least {LEAST_ODOMETRY_HZ} are needed: raise its stream's rate"))
+            }
+            Some(o) if o.vel_world.norm() > 0.5 => {
+                Err(format!("it says {:.1} m/s while standing: let the estimator settle", o.vel_world.norm()))
+            }
+            Some(_) => Ok(format!("{hz:.0} Hz from {from}")),
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(rgb: u8, depth: u16) -> Frame {
+        let rgb = (0..4 * 2 * 3).map(|k| if k % 2 == 0 { rgb } else { 100 }).collect();
+        Frame { seq: 0, stamp: Time(0), width: 4, height: 2, hfov: 1.57, vfov: 1.08, rgb, depth_mm: vec![depth; 8] }
+    }
+
+    fn stream(frames: impl Fn(u64) -> Frame, hz: f64) -> Stream<Frame> {
+        let mut stream = Stream::default();
+        for k in 0..20 {
+            stream.take(Time::from_secs(k as f64 / hz), frames(k), |a, b| a.rgb == b.rgb && a.depth_mm == b.depth_mm);
+        }
+        stream
+    }
+
+    #[test]
+    fn a_camera_that_is_slow_frozen_blank_or_without_depth_is_told_apart() {
+        let moving = |k: u64| frame(k as u8 + 1, 3000);
+        let good = camera_problem(&stream(moving, 30.0), None).unwrap();
+        assert!(good.contains("30 Hz") && good.contains("median 3.0 m"), "{good}");
+        let problem = |stream: &Stream<Frame>| camera_problem(stream, None).unwrap_err();
+        assert!(problem(&Stream::default()).contains("no image"));
+        assert!(problem(&stream(moving, 10.0)).contains("10.0 images"));
+        assert!(problem(&stream(|_| frame(7, 3000), 30.0)).contains("does not change"));
+        assert!(problem(&stream(|k| frame(100, 3000 + k as u16), 30.0)).contains("blank"));
+        assert!(problem(&stream(|k| frame(k as u8, 0), 30.0)).contains("0 %"));
+    }
+
+    #[test]
+    fn what_the_autopilot_would_do_without_us_is_judged() {
+        let level = |parameter| {
+            let mut findings = Findings::default();
+            loss_action(parameter, &mut findings);
+            findings.conditions[0].level
+        };
+        assert_eq!(level(Some(Parameter::Int(4))), crate::check::Level::Ok);
+        assert_eq!(level(Some(Parameter::Int(0))), crate::check::Level::Failed);
+        assert_eq!(level(Some(Parameter::Int(7))), crate::check::Level::Failed);
+        assert_eq!(level(None), crate::check::Level::Warning);
+    }
+}

@@ -1,0 +1,229 @@
+//! Speed of the vehicle's own way from a frame to a command, on one thread: on the frames of a flight in lockstep, with
+//! the shipped policy. `target/bench.json`: `frame_to_command_ms`, `post_network_us`, `controller_step_us`, and what the
+//! recorder costs, `recorder_core_fraction`.
+//!
+//! The yardstick, measured in the same run, is the network alone.
+
+mod common;
+
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+
+use common::{core_seconds, quantile, record, row, verdict};
+use goshawk_air::clock;
+use goshawk_air::config::Vehicle;
+use goshawk_air::convert;
+use goshawk_air::inputs::{FlightController, FrameInput, StepInput};
+use goshawk_air::planning::answer;
+use goshawk_air::sensors;
+use goshawk_autopilot::{AutopilotLink, LinkConfig};
+use goshawk_core::types::{Plan, Task, Time};
+use goshawk_core::{ControllerOutput, Odometry, Planner};
+use goshawk_policy::{Policy, Preprocessor};
+use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
+use goshawk_recorder::{Channel, LogWriter};
+use goshawk_sim::evader::Course;
+use goshawk_sim::sensor::RgbdImage;
+use goshawk_sim::sensors::Sensors;
+use goshawk_sim::trial::airframe::Mount;
+use goshawk_sim::trial::{Difference, Pilot, PilotKind, TrialConfig, Witness, WorldSource, fly_trial};
+use prost::Message;
+
+/// All that one flight's software was given.
+#[derive(Default)]
+struct Flight {
+    frames: Vec<(v1::Rgbd, RgbdImage)>,
+    plans: Vec<(Time, Plan, FrameInput)>,
+    steps: Vec<(Time, StepInput, ControllerOutput, Option<Odometry>)>,
+    fov: (f64, f64),
+}
+
+impl Witness for Flight {
+    fn control(&mut self, now: Time, output: &ControllerOutput, onboard: &dyn Pilot) {
+        if let Some(input) = onboard.step_input() {
+            self.steps.push((now, *input, *output, onboard.odometry().copied()));
+        }
+    }
+
+    fn frame(&mut self, seq: u64, stamp: Time, image: &RgbdImage) {
+        let message = v1::Rgbd {
+            seq,
+            stamp_ns: stamp.0,
+            width: image.width as u32,
+            height: image.height as u32,
+            hfov_rad: self.fov.0,
+            vfov_rad: self.fov.1,
+            rgb: image.rgb.clone(),
+            depth_mm: image.depth_mm.iter().flat_map(|mm| mm.to_le_bytes()).collect(),
+        };
+        self.frames.push((message, image.clone()));
+    }
+
+    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
+        if let Some(input) = input {
+            self.plans.push((ready, plan.clone(), input.clone()));
+        }
+    }
+}
+
+fn fly(vehicle: &Vehicle, policy: &mut Policy) -> color_eyre::Result<Flight> {
+    let config = TrialConfig {
+        pilot: PilotKind::Policy,
+        task: Task::Track,
+        speed_mps: 3.0,
+        speed_margin_mps: 3.0,
+        height_m: 1.5,
+        world: WorldSource::Forest { spacing_m: 4.0 },
+        course: Course::Goal,
+        wind_mps: 0.0,
+        sensors: Sensors::default(),
+        airframe: Difference::default(),
+        moving: 0,
+        seed: 3,
+    };
+    let camera = Mount::of(vehicle).camera;
+    let mut flight = Flight { fov: (camera.hfov_rad, camera.vfov_rad()), ..Flight::default() };
+    fly_trial(&config, vehicle, Some(policy), &mut flight)?;
+    Ok(flight)
+}
+
+#[derive(Default)]
+struct Times {
+    whole_ms: Vec<f64>,
+    decode_ms: Vec<f64>,
+    prepare_ms: Vec<f64>,
+    network_ms: Vec<f64>,
+    post_us: Vec<f64>,
+}
+
+/// Each frame of the flight through everything, on this thread: message in, datagram out.
+fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre::Result<Times> {
+    let link = AutopilotLink::open(LinkConfig::customary("127.0.0.1:0".parse()?), clock::now)?;
+    let mut planner = Planner::new(vehicle.planner_config(policy.contract().model()))?;
+    let mut controller = FlightController::new(vehicle.controller_config())?;
+    let mut preprocessor: Option<Preprocessor> = None;
+    let mut times = Times::default();
+    let mut steps = flight.steps.iter().peekable();
+    for (ready, _, logged) in &flight.plans {
+        let Some((message, _)) = flight.frames.iter().find(|(m, _)| m.stamp_ns == logged.odometry.stamp.0) else {
+            continue;
+        };
+        // The controller as it was when this plan came.
+        let mut last = None;
+        while let Some((now, input, _, odometry)) = steps.next_if(|(now, ..)| now <= ready) {
+            controller.step(*now, &input.as_core(odometry.as_ref(), None));
+            last = odometry.as_ref();
+        }
+        let Some((now, input, _, _)) = steps.peek() else { break };
+        let bytes = message.encode_to_vec();
+        let begun = Instant::now();
+        let frame = sensors::frame(&bytes, Time(message.stamp_ns))?;
+        let decoded = Instant::now();
+        let preparing = match preprocessor.take() {
+            Some(made) => made,
+            None => Preprocessor::new(policy.contract(), frame.source())?,
+        };
+        let image = preprocessor.insert(preparing).run(&frame.rgb, &frame.depth_mm)?;
+        let prepared = Instant::now();
+        let mut input_of_frame = logged.clone();
+        answer(&mut planner, policy, image, &mut input_of_frame)?;
+        let answered = Instant::now();
+        let plan = planner.step(&input_of_frame.as_core());
+        let output = controller.step(*now, &input.as_core(last, Some(&plan)));
+        let datagram = output.setpoint.map(|setpoint| link.setpoint_frame(&setpoint)).transpose()?;
+        let ended = Instant::now();
+        if black_box(datagram).is_none() {
+            continue; // on the ground nothing is sent
+        }
+        let ms = |from: Instant, to: Instant| (to - from).as_secs_f64() * 1e3;
+        times.whole_ms.push(ms(begun, ended));
+        times.decode_ms.push(ms(begun, decoded));
+        times.prepare_ms.push(ms(decoded, prepared));
+        times.network_ms.push(ms(prepared, answered));
+        times.post_us.push(1e3 * ms(answered, ended));
+    }
+    Ok(times)
+}
+
+/// Each controller step of the flight, with its plans, us.
+fn controller_steps(vehicle: &Vehicle, flight: &Flight) -> color_eyre::Result<Vec<f64>> {
+    let mut times_us = Vec::new();
+    for _ in 0..5 {
+        let mut controller = FlightController::new(vehicle.controller_config())?;
+        for (now, input, _, odometry) in &flight.steps {
+            let plan = input.plan_seq.and_then(|seq| flight.plans.iter().find(|(_, plan, _)| plan.seq == seq));
+            let input = input.as_core(odometry.as_ref(), plan.map(|(_, plan, _)| plan));
+            let begun = Instant::now();
+            black_box(controller.step(*now, &input));
+            times_us.push(begun.elapsed().as_secs_f64() * 1e6);
+        }
+    }
+    Ok(times_us)
+}
+
+/// Writes the flight's log as the recorder's thread does; the share of a core for each second of flight, and MB/s.
+fn recorder(flight: &Flight) -> color_eyre::Result<(f64, f64)> {
+    let begun = core_seconds();
+    let mut log = LogWriter::new(Vec::new())?;
+    let channel = |key| Channel::of(key).ok_or_else(|| color_eyre::eyre::eyre!("no channel"));
+    for (message, image) in &flight.frames {
+        let png = goshawk_recorder::image::compress(&image.rgb, &image.depth_mm, message.width, message.height)?;
+        log.write(Channel::RGBD, message.stamp_ns, &png.encode_to_vec())?;
+    }
+    for (ready, plan, input) in &flight.plans {
+        log.write(Channel::PLANNER_INPUT, ready.0, &input.to_proto().encode_to_vec())?;
+        log.write(channel(Key::Plan)?, ready.0, &convert::plan(plan, *ready).encode_to_vec())?;
+        if let Some(target) = &plan.target {
+            log.write(channel(Key::Target)?, ready.0, &convert::target(0, target, plan.stamp).encode_to_vec())?;
+        }
+    }
+    for (seq, (now, input, output, odometry)) in flight.steps.iter().enumerate() {
+        log.write(Channel::CONTROLLER_INPUT, now.0, &input.to_proto(seq as u64, *now).encode_to_vec())?;
+        let control = convert::control(seq as u64, *now, output, odometry.as_ref());
+        log.write(channel(Key::Control)?, now.0, &control.encode_to_vec())?;
+        if let Some(odometry) = odometry.filter(|_| seq % 2 == 0) {
+            log.write(Channel::ODOMETRY, now.0, &convert::odometry(0, &odometry).encode_to_vec())?;
+        }
+    }
+    let bytes = log.finish()?.len() as f64;
+    let spent = core_seconds() - begun;
+    let frames_s = flight.frames.len() as f64 / 30.0;
+    Ok((spent / frames_s, bytes / frames_s / 1e6))
+}
+
+fn main() -> color_eyre::Result<()> {
+    let vehicle = Vehicle::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml"))?;
+    let mut policy = Policy::load(&vehicle.resolve(&vehicle.policy.model), vehicle.library().as_deref(), 1)?;
+    let flight = fly(&vehicle, &mut policy)?;
+    let mut t = frames(&vehicle, &mut policy, &flight)?;
+    println!("onboard, one thread, {} frames of a flight with the shipped policy", t.whole_ms.len());
+    let line = |name: &str, unit: &str, values: &mut Vec<f64>, targets: Option<(f64, f64)>| {
+        let (p50, p99) = (quantile(values, 0.5), quantile(values, 0.99));
+        let said = targets.map_or_else(String::new, |(half, most)| {
+            let wanted = if half.is_finite() { format!("p50 {half}, p99 {most}") } else { format!("p99 {most}") };
+            format!("   target {wanted} {unit}: {}", verdict(p50 <= half && p99 <= most))
+        });
+        println!("  {name:<19} p50 {p50:7.3} {unit}, p99 {p99:7.3} {unit}{said}");
+        (p50, p99)
+    };
+    let whole = line("frame to command", "ms", &mut t.whole_ms, Some((3.0, 5.0)));
+    line("  message to frame", "ms", &mut t.decode_ms, None);
+    line("  image to input", "ms", &mut t.prepare_ms, None);
+    line("  network, yardstick", "ms", &mut t.network_ms, None);
+    let post = line("after the network", "us", &mut t.post_us, Some((f64::INFINITY, 10.0)));
+    let mut steps_us = controller_steps(&vehicle, &flight)?;
+    let step = line("controller step", "us", &mut steps_us, Some((f64::INFINITY, 2.0)));
+    let (fraction, mbps) = recorder(&flight)?;
+    let met = verdict(fraction <= 0.05);
+    println!("  recorder            {:.1} % of a core, {mbps:.2} MB/s   target 5 %: {met}", 100.0 * fraction);
+    record(
+        "frame_to_command_ms",
+        serde_json::json!({"p50": whole.0, "p99": whole.1, "target": {"p50": 3.0, "p99": 5.0}}),
+    )?;
+    record("post_network_us", row(post.0, post.1, 10.0))?;
+    record("controller_step_us", row(step.0, step.1, 2.0))?;
+    record("recorder_core_fraction", serde_json::json!({"value": fraction, "target": 0.05}))?;
+    Ok(())
+}

@@ -1,0 +1,101 @@
+//! How evenly the controller's thread runs while other processes keep every core busy: the thread of the vehicle itself,
+//! with its own scheduling, against the same thread without. The figure goes to `target/bench.json` under
+//! `controller_period_error_ms`.
+
+mod common;
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::sync_channel;
+use std::time::{Duration, Instant};
+
+use common::{quantile, record, row, verdict};
+use goshawk_air::clock;
+use goshawk_air::config::{OdometrySource, Vehicle};
+use goshawk_air::control::Control;
+use goshawk_air::inputs::FlightController;
+use goshawk_air::realtime::{Schedule, lock_memory};
+use goshawk_air::shared::{Report, Shared};
+use goshawk_autopilot::{AutopilotLink, LinkConfig};
+
+const SECONDS: u64 = 15;
+const TARGET_MS: f64 = 1.0;
+/// The argument that makes this program one of the busy processes.
+const BURN: &str = "--burn";
+
+/// Processes that keep the cores busy until they are dropped.
+struct Load(Vec<Child>);
+
+impl Load {
+    fn on_every_core() -> color_eyre::Result<Self> {
+        let cores = std::thread::available_parallelism()?.get();
+        let program = std::env::current_exe()?;
+        let one = || Command::new(&program).arg(BURN).stdout(Stdio::null()).spawn();
+        Ok(Self((0..cores).map(|_| one()).collect::<Result<_, _>>()?))
+    }
+}
+
+impl Drop for Load {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            let _ = child.kill(); // gone already is as good
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Errors of the period, ms, of the vehicle's control thread.
+fn errors_ms(vehicle: &Vehicle, schedule: Option<Schedule>, seconds: u64) -> color_eyre::Result<Vec<f64>> {
+    let link = Arc::new(AutopilotLink::open(LinkConfig::customary("127.0.0.1:0".parse()?), clock::now)?);
+    let (sender, reports) = sync_channel(64 * 1024);
+    let shared = Arc::new(Shared::new(sender));
+    let rate_hz = vehicle.controller.rate_hz;
+    let controller = FlightController::new(vehicle.controller_config())?;
+    let control = Control { controller, link, source: OdometrySource::Autopilot, rate_hz, schedule };
+    let for_thread = Arc::clone(&shared);
+    let thread = std::thread::spawn(move || control.run(&for_thread));
+    std::thread::sleep(Duration::from_secs(seconds));
+    shared.stop.store(true, Ordering::Relaxed);
+    let _ = thread.join();
+    let stamps: Vec<_> = reports
+        .try_iter()
+        .filter_map(|report| if let Report::Control { stamp, .. } = report { Some(stamp) } else { None })
+        .collect();
+    Ok(stamps.windows(2).map(|pair| (pair[1].since(pair[0]) - 1.0 / rate_hz).abs() * 1e3).collect())
+}
+
+fn main() -> color_eyre::Result<()> {
+    if std::env::args().any(|argument| argument == BURN) {
+        let until = Instant::now() + Duration::from_secs(10 * SECONDS); // should nobody stop it
+        while Instant::now() < until {
+            std::hint::spin_loop();
+        }
+        return Ok(());
+    }
+    let vehicle = Vehicle::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml"))?;
+    let schedule = Schedule { priority: vehicle.realtime.controller_priority, core: vehicle.realtime.controller_core };
+    // Tried on a thread of its own, which is over then: this one must stay as it is.
+    let tried = std::thread::spawn(move || schedule.try_apply()).join();
+    let mut refused = tried.unwrap_or_default();
+    refused.extend(lock_memory().err());
+    let _load = Load::on_every_core()?;
+    let cores = std::thread::available_parallelism()?.get();
+    println!(
+        "controller, {} Hz, {cores} busy processes on {cores} cores, {SECONDS} s each",
+        vehicle.controller.rate_hz
+    );
+    let mut plain = errors_ms(&vehicle, None, SECONDS)?;
+    let mut errors = errors_ms(&vehicle, Some(schedule), SECONDS)?;
+    let (p50, p99) = (quantile(&mut errors, 0.5), quantile(&mut errors, 0.99));
+    let met = verdict(p99 <= TARGET_MS);
+    println!("  period error        p50 {p50:.3} ms, p99 {p99:.3} ms   target p99 {TARGET_MS} ms: {met}");
+    let (p50_plain, p99_plain) = (quantile(&mut plain, 0.5), quantile(&mut plain, 0.99));
+    println!("  without scheduling  p50 {p50_plain:.3} ms, p99 {p99_plain:.3} ms   yardstick");
+    for why in &refused {
+        println!("  refused here: {why}");
+    }
+    record("controller_period_error_ms", row(p50, p99, TARGET_MS))?;
+    Ok(())
+}

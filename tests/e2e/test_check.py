@@ -1,0 +1,73 @@
+"""`goshawk-air check` says of each condition whether it holds and, if not, what to do."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+from rig import BIN, VEHICLE, Rig
+
+
+def check(rig: Rig, *arguments: str | Path, wait_s: float) -> tuple[int, dict[str, dict[str, str]], str]:
+    """Exit status, the conditions by their names, and what was printed."""
+    figures = rig.folder / "check.json"
+    command = [BIN / "goshawk-air", "check", "--listen", rig.endpoint, "--mavlink-bind",
+               f"127.0.0.1:{rig.mavlink_port}", "--wait", wait_s, "--json", figures, *arguments]  # fmt: skip
+    if "--log-dir" not in arguments:
+        command += ["--log-dir", rig.logs]
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=60)
+    found = json.loads(figures.read_text())
+    assert (done.returncode == 0) == found["ready"], done.stdout + done.stderr
+    return done.returncode, {c["name"]: c for c in found["conditions"]}, done.stdout
+
+
+def test_with_everything_running_it_is_ready(rig: Rig) -> None:
+    rig.sim("--seed", "5")
+    status, found, printed = check(rig, "--config", VEHICLE, wait_s=30.0)
+    assert status == 0, printed
+    assert printed.strip().splitlines()[-1] == "ready"
+    well = [
+        "vehicle file", "onnx runtime", "policy", "provider", "inference", "log folder", "network", "autopilot",
+        "battery", "clocks", "COM_OF_LOSS_T", "COM_OBL_RC_ACT", "camera", "odometry",
+    ]  # fmt: skip
+    for name in well:
+        assert found[name]["level"] == "ok", found[name]
+    assert found["real time"]["level"] in {"ok", "warning"}  # as the system permits
+    assert "160 x 96" in found["camera"]["text"]
+
+
+def test_without_anybody_each_missing_part_is_named(rig: Rig) -> None:
+    status, found, printed = check(rig, "--config", VEHICLE, wait_s=0.5)
+    assert status == 1
+    assert "not ready: 3 of" in printed
+    failed = {name for name, condition in found.items() if condition["level"] == "failed"}
+    assert failed == {"autopilot", "camera", "odometry"}
+    assert "MAVLink" in found["autopilot"]["text"]
+    assert "in/rgbd" in found["camera"]["text"]
+
+
+def test_a_policy_or_a_folder_that_is_not_there_is_named(rig: Rig) -> None:
+    _, found, _ = check(rig, "--config", VEHICLE, "--policy", "no-such.onnx", "--log-dir", "/dev/null/x", wait_s=0.1)
+    assert "no-such.onnx" in found["policy"]["text"]
+    assert "/dev/null/x" in found["log folder"]["text"]
+
+
+def test_an_accelerator_that_is_not_there_leaves_the_processor_and_says_why(rig: Rig, tmp_path: Path) -> None:
+    text = VEHICLE.read_text().replace("../models", str(VEHICLE.parent.parent / "models"))
+    config = tmp_path / "vehicle.toml"
+    for provider in ["tensorrt", "cuda", "openvino"]:
+        config.write_text(text.replace('provider = "cpu"', f'provider = "{provider}"'))
+        _, found, _ = check(rig, "--config", config, wait_s=0.1)
+        assert found["policy"]["level"] == "ok"
+        if found["provider"]["level"] == "warning":
+            assert "runs on cpu" in found["provider"]["text"]
+            assert len(found["provider"]["text"]) > 60
+
+
+def test_a_broken_vehicle_file_is_all_that_is_said(rig: Rig, tmp_path: Path) -> None:
+    config = tmp_path / "vehicle.toml"
+    config.write_text("name = 3\n")
+    status, found, _ = check(rig, "--config", config, wait_s=0.1)
+    assert status == 1
+    assert list(found) == ["vehicle file"]

@@ -1,0 +1,90 @@
+"""What happens to a flight's log when the disk is full, and when the vehicle's process is killed."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+from goshawk_proto import goshawk_pb2
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+from rig import BIN, VEHICLE, Rig
+
+FLYING = {"track", "search", "hold"}
+#: What the file system lets the vehicle write into one file.
+DISK_BYTES = 12_000_000
+
+
+def fly(rig: Rig, *, disk_bytes: int | None = None) -> None:
+    """Starts a flight and waits until it is in the air."""
+
+    def small_disk() -> None:
+        if disk_bytes is not None:
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # the write fails instead, as on a full disk
+            resource.setrlimit(resource.RLIMIT_FSIZE, (disk_bytes, disk_bytes))
+
+    command = [BIN / "goshawk-air", "run", "--config", VEHICLE, "--listen", rig.endpoint, "--mavlink-bind",
+               f"127.0.0.1:{rig.mavlink_port}", "--log-dir", rig.logs]  # fmt: skip
+    with (rig.folder / "air.out").open("wb") as out:
+        rig.processes["air"] = subprocess.Popen(
+            [str(c) for c in command], stdout=out, stderr=out, start_new_session=True, preexec_fn=small_disk
+        )
+    rig.sim("--seed", "5", "--spacing", "6", "--speed", "2")
+    with rig.link() as link:
+        assert link.wait_for(lambda s: s.health is not None and s.health.ready, 40.0), rig.output("air")
+        assert link.start().accepted
+        assert link.wait_for(lambda s: s.mode in FLYING, 30.0), rig.output("air")
+
+
+def controls(log: Path) -> list[int]:
+    """Stamps of the controller's steps, ns, as far as the stock reader gets."""
+    stamps = []
+    with log.open("rb") as stream:
+        try:
+            for _, _, message in NonSeekingReader(stream).iter_messages(topics=["tel/control"], log_time_order=False):
+                stamps.append(goshawk_pb2.Control.FromString(message.data).stamp_ns)
+        except (McapError, EOFError, ValueError):
+            pass  # where the file was cut off
+    return stamps
+
+
+def replays(log: Path) -> str:
+    done = subprocess.run([str(BIN / "goshawk-air"), "replay", str(log)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_a_killed_vehicle_loses_at_most_a_second_of_its_log(rig: Rig) -> None:
+    fly(rig)
+    time.sleep(3.0)
+    os.killpg(rig.processes["air"].pid, signal.SIGKILL)
+    killed_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+    rig.processes["air"].wait()
+    (log,) = rig.logs.glob("*.mcap")
+    stamps = controls(log)
+    assert len(stamps) > 500
+    assert killed_ns - stamps[-1] < 1_000_000_000
+    assert "no difference" in replays(log)
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_flight(rig: Rig) -> None:
+    fly(rig, disk_bytes=DISK_BYTES)
+    with rig.link() as link:
+        told = link.wait_for(
+            lambda s: s.health is not None and any("recorder" in fault for fault in s.health.faults), 40.0
+        )
+        assert told is not None and told.health is not None, rig.output("air")
+        assert told.mode in FLYING | {"takeoff"}
+        later = link.wait_for(lambda s: s.plan is not None and told.plan is not None
+                              and s.plan.seq > told.plan.seq + 30 and s.mode in FLYING, 10.0)  # fmt: skip
+        assert later is not None, "it flies on"
+        assert link.stop().accepted
+        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+    (log,) = rig.logs.glob("*.mcap")
+    assert DISK_BYTES - 2_000_000 < log.stat().st_size <= DISK_BYTES
+    assert len(controls(log)) > 200
+    assert "no difference" in replays(log)
