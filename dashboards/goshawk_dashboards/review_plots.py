@@ -161,7 +161,7 @@ def _accelerations(flight: Flight, axis: int) -> tuple[Curve, ...]:
     fields = (
         ("acc_meas_world", "measured", MEASURED),
         ("acc_des_world", "desired", theme.GOOD),
-        ("acc_disturbance_world", "disturbance", theme.DISTURBANCE),
+        ("acc_disturbance_world", "dist.", theme.DISTURBANCE),
     )
     acc = _control(flight)
     return tuple(
