@@ -6,8 +6,8 @@ mod common;
 use common::{Constant, config, contract, vehicle};
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Task, Time, Vec3};
-use goshawk_core::{ControllerOutput, Mode, Odometry};
-use goshawk_sim::trial::{Difference, TrialConfig, Truth, Witness, fly_trial};
+use goshawk_core::{ControllerOutput, Mode};
+use goshawk_sim::trial::{Difference, Pilot, TrialConfig, Truth, Witness, fly_trial};
 
 /// Where the vehicle was while it should have held its place.
 #[derive(Default)]
@@ -21,7 +21,7 @@ struct Held {
 const SETTLES_S: f64 = 3.0;
 
 impl Witness for Held {
-    fn control(&mut self, now: Time, output: &ControllerOutput, _odometry: Option<&Odometry>) {
+    fn control(&mut self, now: Time, output: &ControllerOutput, _onboard: &dyn Pilot) {
         if output.mode == Mode::Navigate {
             self.since.get_or_insert(now);
             self.anchor = output.flat.pos;
