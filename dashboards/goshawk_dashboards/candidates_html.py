@@ -80,16 +80,16 @@ def _short(value: float) -> str:
 def picture_html(snap: Snapshot, *, fresh: bool) -> str:
     """The camera's newest picture, and over it where the candidates lead, their detections and the filter's target."""
     preview = snap.preview
-    if preview is None or len(preview.jpeg) > MAX_PREVIEW_BYTES:
+    if preview is None or len(preview.picture) > MAX_PREVIEW_BYTES:
         return f'<div data-goshawk="picture" style="padding:8px;font:12px system-ui;color:{_DIM}">no picture yet</div>'
     age_s = snap.age_s("preview") or 0.0
     late = f"{age_s:.1f} s old" if age_s > 1.0 else ""
     drawn = _drawn(snap, preview) if fresh and snap.plan is not None else ""
     # The vehicle's own bytes, as they came: nothing is decoded or encoded here.
-    data = base64.b64encode(preview.jpeg).decode("ascii")
+    data = base64.b64encode(preview.picture).decode("ascii")
     return (
         f'<div data-goshawk="picture" style="position:relative;margin:6px 8px 2px;line-height:0">'
-        f'<img alt="camera" src="data:image/jpeg;base64,{data}" style="width:100%;image-rendering:pixelated">'
+        f'<img alt="camera" src="data:image;base64,{data}" style="width:100%;image-rendering:pixelated">'
         f'<svg viewBox="0 0 {preview.width} {preview.height}" style="position:absolute;inset:0;width:100%;height:100%">'
         f"{drawn}</svg>"
         f'<div style="position:absolute;right:6px;top:10px;font:600 12px system-ui;color:#ff9">{late}</div></div>'

@@ -176,7 +176,7 @@ def preview(m: pb.Preview) -> view.PreviewView:
     """A picture; whether the JPEG itself is sound shows when it is drawn."""
     if not m.jpeg:
         raise MalformedError("preview holds no picture")
-    return view.PreviewView(seq=m.seq, stamp_ns=m.stamp_ns, width=m.width, height=m.height, jpeg=m.jpeg)
+    return view.PreviewView(seq=m.seq, stamp_ns=m.stamp_ns, width=m.width, height=m.height, picture=m.jpeg)
 
 
 def event(m: pb.Event) -> view.EventView:

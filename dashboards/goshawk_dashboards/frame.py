@@ -30,14 +30,14 @@ class FrameView:
     height: int
     hfov_rad: float
     vfov_rad: float
-    rgb_jpeg: bytes
+    rgb_png: bytes
     depth_png: bytes
 
     @classmethod
     def of(cls, m: pb.CompressedRgbd) -> FrameView:
         """Raises MalformedError if it has no size that a camera has, or no colour."""
-        if not (0 < m.width * m.height <= MAX_PIXELS and m.rgb_jpeg):
-            raise MalformedError(f"frame of {m.width} x {m.height} with {len(m.rgb_jpeg)} bytes of colour")
+        if not (0 < m.width * m.height <= MAX_PIXELS and m.rgb_png):
+            raise MalformedError(f"frame of {m.width} x {m.height} with {len(m.rgb_png)} bytes of colour")
         return cls(
             seq=m.seq,
             stamp_ns=m.stamp_ns,
@@ -45,7 +45,7 @@ class FrameView:
             height=m.height,
             hfov_rad=m.hfov_rad,
             vfov_rad=m.vfov_rad,
-            rgb_jpeg=m.rgb_jpeg,
+            rgb_png=m.rgb_png,
             depth_png=m.depth_png,
         )
 
@@ -53,22 +53,22 @@ class FrameView:
     def preview(self) -> PreviewView:
         """The colour picture as the live view knows it."""
         return PreviewView(
-            seq=self.seq, stamp_ns=self.stamp_ns, width=self.width, height=self.height, jpeg=self.rgb_jpeg
+            seq=self.seq, stamp_ns=self.stamp_ns, width=self.width, height=self.height, picture=self.rgb_png
         )
 
     def rgb_HW3(self) -> NDArray[np.uint8] | None:
-        """Colour; None if the JPEG is broken."""
-        image = self._open(self.rgb_jpeg, "JPEG")
+        """Colour; None if the PNG is broken."""
+        image = self._open(self.rgb_png)
         return None if image is None else np.asarray(image.convert("RGB"))
 
     def depth_m_HW(self) -> Array | None:
         """Metres along the optical axis, 0 where nothing was measured; None if there is none or the PNG is broken."""
-        image = self._open(self.depth_png, "PNG")
+        image = self._open(self.depth_png)
         return None if image is None else np.asarray(image).astype(np.float64) * 1e-3
 
-    def _open(self, data: bytes, kind: str) -> Image.Image | None:
+    def _open(self, data: bytes) -> Image.Image | None:
         try:
-            image = Image.open(io.BytesIO(data), formats=[kind])
+            image = Image.open(io.BytesIO(data), formats=["PNG"])
             image.load()
         except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
             return None

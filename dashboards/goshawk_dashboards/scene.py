@@ -344,9 +344,9 @@ def _target_text(target: TargetView) -> str:
 
 
 def decode_preview(preview: PreviewView) -> np.ndarray | None:
-    """The picture as height x width x 3 bytes; None if the JPEG is broken or larger than 1280 x 960."""
+    """The picture as height x width x 3 bytes; None if it is broken or larger than 1280 x 960."""
     try:
-        image = Image.open(io.BytesIO(preview.jpeg), formats=["JPEG"])
+        image = Image.open(io.BytesIO(preview.picture), formats=["JPEG", "PNG"])
         if image.width > 1280 or image.height > 960:
             return None
         return np.asarray(image.convert("RGB"))

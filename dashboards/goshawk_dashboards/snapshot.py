@@ -137,7 +137,8 @@ class PreviewView:
     stamp_ns: int
     width: int
     height: int
-    jpeg: bytes
+    picture: bytes
+    """JPEG from the link, PNG from a log."""
 
 
 @dataclass(frozen=True, kw_only=True)

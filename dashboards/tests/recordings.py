@@ -151,8 +151,8 @@ def frame(time_s: float, seq: int, noise: np.random.Generator) -> pb.CompressedR
     """A picture as large, compressed, as one of a forest (about 20 kB with its depth), and a wall 4 m ahead."""
     rgb = noise.integers(40, 150, (HEIGHT, WIDTH, 3), dtype=np.uint8)
     depth = np.full((HEIGHT, WIDTH), 4000, dtype=np.uint16) + noise.integers(0, 48, (HEIGHT, WIDTH), dtype=np.uint16)
-    jpeg, png = io.BytesIO(), io.BytesIO()
-    Image.fromarray(rgb).save(jpeg, "JPEG", quality=85)
+    colour, png = io.BytesIO(), io.BytesIO()
+    Image.fromarray(rgb).save(colour, "PNG", compress_level=1)
     Image.fromarray(depth).save(png, "PNG", compress_level=1)
     return pb.CompressedRgbd(
         seq=seq,
@@ -161,7 +161,7 @@ def frame(time_s: float, seq: int, noise: np.random.Generator) -> pb.CompressedR
         height=HEIGHT,
         hfov_rad=math.pi / 2,
         vfov_rad=2 * math.atan(HEIGHT / WIDTH),
-        rgb_jpeg=jpeg.getvalue(),
+        rgb_png=colour.getvalue(),
         depth_png=png.getvalue(),
     )
 

@@ -167,8 +167,8 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: LiveDash
 def test_a_broken_picture_changes_nothing(live: LiveDashboard, snap: Make) -> None:
     from goshawk_dashboards.snapshot import PreviewView
 
-    live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, jpeg=b"not a jpeg")))
-    live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, jpeg=b"\xff\xd8\xff\xe0broken")))
+    live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"not a jpeg")))
+    live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, picture=b"\xff\xd8\xff\xe0broken")))
 
 
 def test_a_busy_port_is_an_error_and_not_another_port(live: LiveDashboard, snap: Make) -> None:

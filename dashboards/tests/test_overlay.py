@@ -11,7 +11,7 @@ from goshawk_dashboards.alerts import Alert
 from goshawk_dashboards.snapshot import AutopilotView, CommandView, PreviewView, Snapshot
 
 Make = Callable[..., Snapshot]
-PICTURE = PreviewView(seq=1, stamp_ns=1, width=160, height=96, jpeg=b"\xff\xd8\xff\xe0")
+PICTURE = PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"\xff\xd8\xff\xe0")
 
 
 def test_only_a_severe_alert_reddens_the_edge(snap: Make) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import recordings as rec
 from conftest import make_plan
-from goshawk_dashboards import panels_html, recorded, review_html, review_tables
+from goshawk_dashboards import recorded, review_html, review_tables
 from goshawk_dashboards.flight import Flight
 from goshawk_dashboards.recorded import Mark, Replay
 from goshawk_dashboards.review_html import Window
@@ -36,12 +36,12 @@ def test_an_instant_is_a_fresh_snapshot_of_that_time(flight: Flight) -> None:
     assert snap.mode == "track"
     assert snap.fresh("control", 0.01) and snap.fresh("plan", 0.04)
     assert snap.preview.stamp_ns == snap.plan.frame_ns
-    assert not panels_html.is_stale(snap)
+    assert not snap.stale
     assert snap.health is None and snap.age_s("health") is None
 
 
 def test_after_the_last_record_everything_is_stale(flight: Flight) -> None:
-    assert panels_html.is_stale(recorded.snapshot_at(flight, DURATION_S + 5.0))
+    assert recorded.snapshot_at(flight, DURATION_S + 5.0).stale
 
 
 def test_measured_depth_stands_where_the_camera_was(flight: Flight) -> None:

@@ -46,7 +46,7 @@ def test_csv_images_lie_beside_their_table(flight: Flight, exported: Exports) ->
     assert len(images) == flight.count("rgbd")
     last = flight.frame_at(flight.duration_s)
     assert last is not None
-    assert (folder / images[-1]["rgb_jpeg"]).read_bytes() == last.rgb_jpeg
+    assert (folder / images[-1]["rgb_png"]).read_bytes() == last.rgb_png
     assert Image.open(folder / images[-1]["depth_png"]).size == (last.width, last.height)
 
 
@@ -80,7 +80,7 @@ def test_foxglove_images_and_transforms_fit_together(flight: Flight, exported: E
     image, depth, lens = (found[f"/camera/{name}"][50] for name in ("image", "depth", "calibration"))
     frame = flight.frame_at(flight.times_s("rgbd")[50])
     assert frame is not None
-    assert (image.data, image.format, image.frame_id) == (frame.rgb_jpeg, "jpeg", lens.frame_id)
+    assert (image.data, image.format, image.frame_id) == (frame.rgb_png, "png", lens.frame_id)
     depth_m = frame.depth_m_HW()
     assert depth_m is not None
     assert np.array_equal(np.frombuffer(depth.data, "<u2").reshape(depth_m.shape), np.rint(1e3 * depth_m))

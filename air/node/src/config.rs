@@ -451,9 +451,9 @@ mod tests {
     #[test]
     fn a_missing_safety_limit_is_refused() {
         let text = std::fs::read_to_string(shipped()).unwrap();
-        let limits = text.split("[limits]\n").nth(1).unwrap().lines().take_while(|line| line.contains('='));
+        let limits = text.split("\n[limits]").nth(1).unwrap().lines().skip(1).take_while(|line| line.contains('='));
         let limits: Vec<&str> = limits.chain(["max_tilt_deg = 45.0", "max_thrust = 0.95"]).collect();
-        assert_eq!(limits.len(), 8);
+        assert_eq!(limits.len(), 8, "{limits:?}");
         for line in limits {
             let error = edited(&format!("{line}\n"), "\n").unwrap_err().to_string();
             assert!(error.contains(line.split(' ').next().unwrap()), "{error}");

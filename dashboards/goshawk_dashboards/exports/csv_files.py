@@ -18,7 +18,7 @@ from google.protobuf.message import Message
 from goshawk_dashboards.exports.source import Record
 
 _TIME = "log_time_ns"
-_SUFFIXES = {"rgb_jpeg": "jpg", "depth_png": "png", "jpeg": "jpg"}
+_SUFFIXES = {"rgb_png": "png", "depth_png": "png", "jpeg": "jpg"}
 
 
 def write_csv(records: Iterable[Record], folder: Path) -> dict[str, int]:

@@ -156,6 +156,8 @@ class _Scene:
 
     def _truth(self, m: pb.SimTruth) -> Iterator[Out]:
         truth = decode.truth(m)
+        if truth.target_pos_world_3 is None:
+            return
         person = CylinderPrimitive(
             pose=_pose(truth.target_pos_world_3),
             size=_vector(np.array(PERSON_M)),
@@ -168,7 +170,7 @@ class _Scene:
     def _rgbd(self, m: pb.CompressedRgbd) -> Iterator[Out]:
         frame = FrameView.of(m)
         at: dict[str, Any] = {"timestamp": _time(m.stamp_ns), "frame_id": frames.OPTICAL}
-        yield "/camera/image", CompressedImage(**at, data=m.rgb_jpeg, format="jpeg")
+        yield "/camera/image", CompressedImage(**at, data=m.rgb_png, format="png")
         lens = frames.pinhole(m)
         calibration = CameraCalibration(**at, width=m.width, height=m.height, distortion_model="plumb_bob")
         calibration.D.extend([0.0] * 5)

@@ -136,9 +136,11 @@ class _Log:
 
     def _truth(self, m: pb.SimTruth, log_ns: int) -> None:
         truth = decode.truth(m)
+        self._row("truth/clearance", log_ns, rr.Scalars(truth.clearance_m))
+        if truth.target_pos_world_3 is None:
+            return
         person = rr.Boxes3D(centers=[truth.target_pos_world_3], half_sizes=[[0.25, 0.25, 0.875]], colors=[theme.TRUTH])
         self._row("world/target/truth", log_ns, person)
-        self._row("truth/clearance", log_ns, rr.Scalars(truth.clearance_m))
         self._row("truth/target_distance", log_ns, rr.Scalars(truth.target_distance_m))
 
     def _rgbd(self, m: pb.CompressedRgbd, log_ns: int) -> None:
@@ -152,7 +154,7 @@ class _Log:
                 xyzw = rr.Quaternion(xyzw=np.roll(frames.CAMERA_FROM_OPTICAL_4, -1))
                 self._stand(entity, rr.Transform3D(quaternion=xyzw))
                 self._stand(entity, rr.Pinhole(**pinhole, camera_xyz=rr.ViewCoordinates.RDF, image_plane_distance=0.6))
-        self._row(_IMAGE, log_ns, rr.EncodedImage(contents=m.rgb_jpeg, media_type="image/jpeg"))
+        self._row(_IMAGE, log_ns, rr.EncodedImage(contents=m.rgb_png, media_type="image/png"))
         if frame.depth_png:
             depth = rr.EncodedDepthImage(blob=m.depth_png, media_type="image/png", meter=1000.0)
             self._row(_DEPTH, log_ns, depth)

@@ -150,17 +150,18 @@ class _Messages:
         q_4 = frames.quat(m.world_from_body)
         vel_body_3 = frames.rotate_inverse(q_4, frames.vec(m.vel_world))
         yield "/truth/odometry", _odometry(m.stamp_ns, "true_body", frames.vec(m.pos_world), q_4, vel_body_3)
-        pos_3, vel_3 = frames.vec(m.target_pos_world), frames.vec(m.target_vel_world)
-        yield "/truth/target", _odometry(m.stamp_ns, "true_target", pos_3, _IDENTITY_4, vel_3)
         yield "/truth/clearance", _type("std_msgs/msg/Float64")(data=m.clearance_m)
+        if m.HasField("target_pos_world"):
+            pos_3, vel_3 = frames.vec(m.target_pos_world), frames.vec(m.target_vel_world)
+            yield "/truth/target", _odometry(m.stamp_ns, "true_target", pos_3, _IDENTITY_4, vel_3)
 
     def _rgbd(self, m: pb.CompressedRgbd) -> Iterator[Out]:
         frame = FrameView.of(m)
         header = _header(m.stamp_ns, frames.OPTICAL)
-        colour = np.frombuffer(m.rgb_jpeg, dtype=np.uint8)
+        colour = np.frombuffer(m.rgb_png, dtype=np.uint8)
         yield (
             "/camera/image/compressed",
-            _type("sensor_msgs/msg/CompressedImage")(header=header, format="rgb8; jpeg compressed bgr8", data=colour),
+            _type("sensor_msgs/msg/CompressedImage")(header=header, format="rgb8; png compressed bgr8", data=colour),
         )
         depth = frames.depth_mm(frame)
         if depth is not None:
