@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
-from conftest import make_plan
 from goshawk_dashboards import recorded, review_html, review_tables
 from goshawk_dashboards.flight import Flight
 from goshawk_dashboards.recorded import Mark, Replay
 from goshawk_dashboards.review_html import Window
 from goshawk_dashboards.review_plots import Curve, plots_of
+from made_up import make_plan
 
 DURATION_S = 8.0
 
