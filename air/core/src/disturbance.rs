@@ -174,17 +174,17 @@ mod tests {
                 for (epsilon, lag) in [(-0.9, 0.05), (-0.5, 0.3), (0.0, 0.1), (0.5, 0.3), (0.9, 0.05), (0.9, 0.3)] {
                     let config = ObserverConfig { alpha1, alpha2, zeta, limit: 6.0 };
                     let error = loop_error(config, epsilon, lag);
-                    assert!(error < 0.02, "{alpha1}, {alpha2}, {zeta}, {epsilon}, {lag}: {error}");
+                    assert!(error < 0.05, "{alpha1}, {alpha2}, {zeta}, {epsilon}, {lag}: {error}");
                 }
             }
         }
     }
 
     #[test]
-    fn outside_its_gains_region_or_beyond_twice_the_thrust_it_is_not() {
-        let ringing = ObserverConfig { alpha1: 1.0, alpha2: 4.0, zeta: 0.2, limit: 6.0 };
-        assert!(loop_error(ringing, 0.9, 0.05) > 1.0);
-        assert!(loop_error(PAPER, 4.0, 0.3) > 1.0);
+    fn outside_its_gains_region_the_same_thrust_errors_swing_up() {
+        let ringing = ObserverConfig { alpha1: 1.0, alpha2: 8.0, ..PAPER };
+        assert!(loop_error(ringing, 0.9, 0.05) > 10.0);
+        assert!(loop_error(PAPER, 0.9, 0.05) < 1e-6);
     }
 
     #[test]

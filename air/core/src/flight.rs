@@ -43,6 +43,10 @@ impl Controller {
         }
         let stale = self.config.ladder.odometry_stale;
         let Some(odometry) = self.motion.fresh(now, stale).copied() else {
+            if self.flight.as_ref().is_some_and(|flight| !flight.lifted) {
+                self.rest();
+                return self.on_ground(request);
+            }
             return self.descend_blind(now, dt, request);
         };
         if let Some(thrust) = self.ramp(now, &odometry) {

@@ -120,6 +120,19 @@ fn odometry_that_comes_back_in_time_is_flown_on() {
 }
 
 #[test]
+fn odometry_that_ends_before_lift_off_stops_the_motors_and_hands_back() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(track());
+    sim.until(5.0, |s| s.out().setpoint.is_some_and(|setpoint| setpoint.thrust.0 > 0.05));
+    sim.odometry_works = false;
+    sim.run(0.3);
+    assert_eq!(sim.out().setpoint.unwrap().thrust.0, 0.0);
+    sim.until(3.0, |s| s.mode() == Mode::Fault);
+    assert!(sim.pos.z == 0.0 && sim.last_cause() == Cause::OdometryLost);
+}
+
+#[test]
 fn odometry_of_nan_counts_as_stale() {
     let mut sim = navigating();
     sim.odometry_offset = Vec3::new(f64::NAN, 0.0, 0.0);
@@ -238,9 +251,13 @@ fn a_steady_wind_is_found_and_leaned_against() {
     sim.start(track());
     sim.until(10.0, |s| s.mode() == Mode::Search);
     sim.wind = Vec3::new(2.0, -1.0, 0.5);
-    sim.run(6.0);
+    sim.run(1.0);
+    assert!((sim.out().acc_disturbance_world - sim.wind).norm() < 0.15, "{}", sim.out().acc_disturbance_world);
+    sim.run(20.0);
+    // What is steady along the thrust has become part of the hover thrust.
     let found = sim.out().acc_disturbance_world;
-    assert!((found - sim.wind).norm() < 0.1, "{found}");
+    assert!((found - sim.wind).xy().norm() < 0.1 && found.z.abs() < 0.2, "{found}");
+    assert!(sim.out().hover_thrust < 0.245, "{}", sim.out().hover_thrust);
     assert!((sim.pos - Vec3::new(3.0, -2.0, 1.5)).norm() < 0.1, "{}", sim.pos);
 }
 

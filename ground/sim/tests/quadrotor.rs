@@ -1,7 +1,8 @@
 //! Facts about the quadrotor's motion.
 
 use goshawk_core::types::{AttitudeThrust, GRAVITY, Newtons, NormalisedThrust, Rot, Vec3};
-use goshawk_sim::quadrotor::{LoopParameters, Quadrotor, QuadrotorParameters, STEP_S};
+use goshawk_sim::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
+use goshawk_sim::trial::Difference;
 use nalgebra::UnitQuaternion;
 
 /// No ground within reach.
@@ -165,8 +166,8 @@ fn a_tilt_step_is_followed_like_a_racing_quads() {
 
 #[test]
 fn the_tilt_response_time_can_be_asked_for() {
-    for asked in [0.07, 0.1, 0.15, 0.26] {
-        let parameters = QuadrotorParameters { loops: LoopParameters::with_response(asked), ..ideal() };
+    for asked in [0.05, 0.07, 0.1, 0.15, 0.26, 0.3] {
+        let parameters = Difference { attitude_lag_s: Some(asked), ..Difference::default() }.apply(&ideal(), 1);
         let (t63, _) = step_response(&parameters, UnitQuaternion::from_euler_angles(0.2, 0.0, 0.0));
         assert!((t63 - asked).abs() < 0.12 * asked, "asked {asked}, got {t63}");
     }
