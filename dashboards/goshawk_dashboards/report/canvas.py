@@ -87,6 +87,9 @@ def svg(figure: Figure) -> str:
     text = re.sub(
         r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg role="img" aria-label="{figure.title}" \1>', text, count=1
     )
+    # Matplotlib names clip paths after their address in memory: the same log shall make the same page.
+    order: dict[str, str] = {}
+    text = re.sub(r"\bp[0-9a-f]{10}\b", lambda m: order.setdefault(m[0], f"clip{len(order)}"), text)
     # Several figures share a page, so an id needs its figure's name.
     text = re.sub(r'(id="|url\(#|xlink:href="#|href="#)', rf"\1{figure.name}-", text.replace("xlink:href", "href"))
     return text.replace(f"'{FONT}'", "inherit").replace(FONT, "inherit")

@@ -124,7 +124,7 @@ def main() -> None:
         "wrong_output_shape": constant(track, output=(1, 10, 3, 5)),
         "wrong_output_type": constant(track, dtype=TensorProto.DOUBLE),
         "wrong_state_length": constant(track, state=("state", 6)),
-        "wrong_input_name": constant(track, state=("motion", 12)),
+        "wrong_input_name": constant(track, state=("motion", STATE_NUMBERS)),
     }
     for name, made in models.items():
         (MODELS_DIR / f"{name}.onnx").write_bytes(made.SerializeToString(deterministic=True))
