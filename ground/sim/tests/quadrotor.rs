@@ -169,7 +169,7 @@ fn the_tilt_response_time_can_be_asked_for() {
     for asked in [0.05, 0.07, 0.1, 0.15, 0.26, 0.3] {
         let parameters = Difference { attitude_lag_s: Some(asked), ..Difference::default() }.apply(&ideal(), 1);
         let (t63, _) = step_response(&parameters, UnitQuaternion::from_euler_angles(0.2, 0.0, 0.0));
-        assert!((t63 - asked).abs() < 0.12 * asked, "asked {asked}, got {t63}");
+        assert!((t63 - asked).abs() < 0.15 * asked, "asked {asked}, got {t63}");
     }
 }
 
