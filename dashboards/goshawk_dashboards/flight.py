@@ -50,6 +50,8 @@ CHANNELS: Mapping[str, tuple[str, type[Message]]] = {
     "rgbd": ("log/rgbd", pb.CompressedRgbd),
     "odometry": ("log/odometry", pb.Odometry),
     "command": ("log/command", pb.CommandRecord),
+    "planner_input": ("log/planner_input", pb.PlannerInput),
+    "controller_input": ("log/controller_input", pb.ControllerInput),
     "world": ("log/world", pb.SimWorld),
 }
 """A channel's short name → its topic and message. Not every log has every channel."""
