@@ -66,7 +66,7 @@ def _toast(snap: Snapshot) -> str:
         return ""
     if command.pending:
         color = theme.WARN
-        words = f"{command.verb}: waiting for the vehicle's reply, {snap.now_s - command.at_s:.1f} s"
+        words = f"{command.verb}: waiting for the vehicle to reply, {snap.now_s - command.at_s:.1f} s"
     elif command.answered:
         color = theme.GOOD if command.accepted else theme.BAD
         took = "" if command.took_s is None else f" after {1e3 * command.took_s:.0f} ms"

@@ -90,14 +90,15 @@ class LivePanels:
     def _make_instruments(self) -> None:
         server = self._server
         instruments = server.gui.add_panel()
-        with instruments.add_tab("Instruments", viser.Icon.CHART_LINE):
+        first = instruments.add_tab("Instruments", viser.Icon.CHART_LINE)
+        with first:
             self._picture = server.gui.add_html("")
             self._strip = server.gui.add_html("")
             server.gui.add_html(plots.legend_html())
-            motion = plots.PlotGroup(server, plots.MOTION, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
-        with instruments.add_tab("Timing", viser.Icon.CLOCK):
-            effort = plots.PlotGroup(server, plots.EFFORT, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
-            timing = plots.PlotGroup(server, plots.TIMING, plots.TIMING_WINDOW_S, plots.health_stamp_ns)
+        motion = plots.PlotGroup(server, first, plots.MOTION, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
+        second = instruments.add_tab("Timing", viser.Icon.CLOCK)
+        effort = plots.PlotGroup(server, second, plots.EFFORT, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
+        timing = plots.PlotGroup(server, second, plots.TIMING, plots.TIMING_WINDOW_S, plots.health_stamp_ns)
         self.plots = (motion, effort, timing)
         instruments.dock_left()
         instruments.set_width(340)

@@ -134,17 +134,21 @@ class PlotGroup:
     def __init__(
         self,
         server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
         plots: Sequence[Plot],
         window_s: float,
         stamp_ns: Callable[[Snapshot], int | None],
     ) -> None:
+        self._server = server
+        self._tab = tab
         self._plots = plots
         self._window_s = window_s
         self._stamp_ns = stamp_ns
         self._last_ns: int | None = None
         self._history = History(sum(len(plot.lines) for plot in plots))
         self._tops = [plot.step or 0.0 for plot in plots]
-        self.handles = [_add(server, plot) for plot in plots]
+        with tab:
+            self.handles = [_add(server, plot, plot.step or 0.0) for plot in plots]
 
     @property
     def nbytes(self) -> int:
@@ -170,20 +174,24 @@ class PlotGroup:
         if len(ago) < 2:
             return
         first = 0
-        for k, (plot, handle) in enumerate(zip(self._plots, self.handles, strict=True)):
+        for k, plot in enumerate(self._plots):
             lines = rows[:, first : first + len(plot.lines)]
             first += len(plot.lines)
             if plot.step is not None:
                 self._raise(k, plot.step, lines)
-            handle.data = (ago, *(np.ascontiguousarray(column) for column in lines.T))
+            self.handles[k].data = (ago, *(np.ascontiguousarray(column) for column in lines.T))
 
     def _raise(self, k: int, step: float, lines: Array) -> None:
-        """uPlot cannot find the range of a line with gaps by itself; in steps, since a new range redraws it whole."""
+        """uPlot cannot find the range of a line with gaps by itself, and viser's plot loses its data when its range is
+        changed: a new one takes its place. In steps, and never down, so that this is rare."""
         largest = float(np.nanmax(lines)) if np.isfinite(lines).any() else 0.0
-        top = max(1.0, float(np.ceil(largest / step))) * step
-        if top != self._tops[k]:
+        top = float(np.ceil(largest / step)) * step
+        if top > self._tops[k]:
             self._tops[k] = top
-            self.handles[k].scales = _scales(step, top)
+            with self._tab:
+                fresh = _add(self._server, self._plots[k], top, order=self.handles[k].order)
+            self.handles[k].remove()
+            self.handles[k] = fresh
 
 
 def _scales(step: float | None, top: float) -> dict[str, uplot.Scale]:
@@ -193,7 +201,7 @@ def _scales(step: float | None, top: float) -> dict[str, uplot.Scale]:
     return {"x": {"time": False}, "y": at_least_4 if step is None else {"range": (0.0, top)}}
 
 
-def _add(server: viser.ViserServer, plot: Plot) -> viser.GuiUplotHandle:
+def _add(server: viser.ViserServer, plot: Plot, top: float, order: float | None = None) -> viser.GuiUplotHandle:
     line = {"show": True, "stroke": "#2a303b", "width": 1.0}
     axis: uplot.Axis = {"stroke": "#8b95a5", "grid": line, "ticks": line, "font": "11px system-ui", "gap": 2.0}  # type: ignore[typeddict-item]
     series: list[uplot.Series] = [{"label": "s"}]
@@ -203,7 +211,8 @@ def _add(server: viser.ViserServer, plot: Plot) -> viser.GuiUplotHandle:
         data=(np.array([-1.0, 0.0]), *(np.zeros(2) for _ in plot.lines)),
         series=tuple(series),
         title=plot.title,
-        scales=_scales(plot.step, plot.step or 0.0),
+        scales=_scales(plot.step, top),
+        order=order,
         axes=({**axis, "size": 22.0, "space": 40.0}, {**axis, "size": 38.0, "space": 20.0}),
         legend={"show": False},
         height=86,

@@ -230,3 +230,17 @@ def test_memory_of_the_plots_is_constant(live: LiveDashboard, snap: Make) -> Non
         for group in live.panels.plots:
             group.sample(replace(base, control=replace(base.control, stamp_ns=k * 50_000_000)))
     assert [group.nbytes for group in live.panels.plots] == before
+
+
+def test_a_plot_whose_range_grows_keeps_its_place(live: LiveDashboard, snap: Make) -> None:
+    base = snap()
+    assert base.control is not None
+    group = live.panels.plots[0]
+    speed, place = group.handles[3], group.handles[3].order
+    for k, speed_mps in enumerate((3.0, 3.0, 12.0)):
+        fast = replace(base.control, stamp_ns=k * 50_000_000, vel_world_3=np.array([speed_mps, 0.0, 0.0]))
+        group.sample(replace(base, control=fast))
+    group.draw()
+    assert group.handles[3] is not speed
+    assert group.handles[3].order == place
+    np.testing.assert_allclose(group.handles[3].data[1], [3.0, 3.0, 12.0])

@@ -26,7 +26,7 @@ def test_a_command_is_shown_from_the_press_to_the_reply(snap: Make) -> None:
     sent = CommandView(
         verb="stop", command_id="1", answered=False, accepted=False, text="x", mode=None, pending=True, at_s=98.8
     )
-    assert "waiting for the vehicle&#x27;s reply, 1.2 s" in overlay.overlay_html(snap(command=sent), [])
+    assert "waiting for the vehicle to reply, 1.2 s" in overlay.overlay_html(snap(command=sent), [])
     done = replace(sent, pending=False, answered=True, accepted=True, text="braking", took_s=0.012)
     assert "vehicle confirms stop after 12 ms: braking" in overlay.overlay_html(snap(command=done), [])
     lost = replace(sent, pending=False, text="no link")

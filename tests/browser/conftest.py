@@ -131,6 +131,16 @@ def start_vehicle(name: str, *flags: str) -> tuple[subprocess.Popen[str], Ground
     return vehicle, GroundLink(vehicle=name, connect=endpoint)
 
 
+def end(process: subprocess.Popen[str]) -> None:
+    """Politely, then for good: what is left running would take the next test's time."""
+    process.terminate()
+    try:
+        process.wait(timeout=10)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
 @pytest.fixture
 def ground() -> Iterator[Callable[..., Ground]]:
     """Starts stand-in vehicles with the given flags, one a name, and a ground station for them."""
@@ -149,7 +159,6 @@ def ground() -> Iterator[Callable[..., Ground]]:
         ground.dashboard.close()
         for vehicle, link in ((ground.vehicle, ground.link), *ground.others):
             link.close()
-            vehicle.terminate()
-            vehicle.wait(timeout=10)
+            end(vehicle)
             if vehicle.stdout is not None:
                 vehicle.stdout.close()

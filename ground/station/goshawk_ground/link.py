@@ -98,13 +98,17 @@ class GroundLink:
         }
         liveliness = session.liveliness()
         self._declared.append(liveliness.declare_token(self._keys["alive_ground"]))
-        alive = liveliness.declare_subscriber(self._keys["alive_air"], self._take_alive, history=True)
+        # A ring, not a callback: Zenoh calls back from a thread of its own, and one that is caught at the end of the
+        # interpreter aborts the process.
+        alive = liveliness.declare_subscriber(self._keys["alive_air"], zenoh.handlers.RingChannel(RING), history=True)
         self._declared += [*rings.values(), alive]
         self._session = session
         helpers = [threading.Thread(target=f, daemon=True) for f in (self._watch_world, self._watch_round_trip)]
         for helper in helpers:
             helper.start()
         while not self._closing.wait(DRAIN_PERIOD_S):
+            while (sample := alive.try_recv()) is not None:
+                self._take_alive(sample)
             for name, ring in rings.items():
                 while (sample := ring.try_recv()) is not None:
                     self._take(name, sample)
