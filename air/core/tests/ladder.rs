@@ -252,11 +252,12 @@ fn a_steady_wind_is_found_and_leaned_against() {
     sim.until(10.0, |s| s.mode() == Mode::Search);
     sim.wind = Vec3::new(2.0, -1.0, 0.5);
     sim.run(1.0);
-    assert!((sim.out().acc_disturbance_world - sim.wind).norm() < 0.15, "{}", sim.out().acc_disturbance_world);
+    let early = sim.out().acc_disturbance_world - sim.wind;
+    assert!(early.xy().norm() < 0.15 && early.z.abs() < 0.3, "{:?}", early);
     sim.run(20.0);
     // What is steady along the thrust has become part of the hover thrust.
     let found = sim.out().acc_disturbance_world;
-    assert!((found - sim.wind).xy().norm() < 0.1 && found.z.abs() < 0.2, "{found}");
+    assert!((found - sim.wind).xy().norm() < 0.15 && found.z.abs() < 0.2, "{found:?}");
     assert!(sim.out().hover_thrust < 0.245, "{}", sim.out().hover_thrust);
     assert!((sim.pos - Vec3::new(3.0, -2.0, 1.5)).norm() < 0.1, "{}", sim.pos);
 }

@@ -416,7 +416,7 @@ mod tests {
     #[test]
     fn a_missing_safety_limit_is_refused() {
         let text = std::fs::read_to_string(shipped()).unwrap();
-        let limits = text.split("[limits]\n").nth(1).unwrap().lines().take_while(|line| line.contains('='));
+        let limits = text.split("[limits]").nth(1).unwrap().lines().skip(1).take_while(|line| line.contains('='));
         let limits: Vec<&str> = limits.chain(["max_tilt_deg = 45.0", "max_thrust = 0.95"]).collect();
         assert_eq!(limits.len(), 8);
         for line in limits {
