@@ -94,7 +94,7 @@ impl Difference {
             if lag_s < QUICK_ROTORS_BELOW_S {
                 vehicle.rotor_lag_s = 0.01;
                 vehicle.loops.rate_p = 150.0;
-                vehicle.loops.tilt_gain = 1.4 / lag_s;
+                vehicle.loops.tilt_gain = 1.14 / lag_s;
             }
         }
         vehicle.load = self.load_kg.map(|mass_kg| LoadParameters { mass_kg, line_m: LINE_M });
