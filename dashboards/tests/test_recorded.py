@@ -8,14 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
-from conftest import make_plan
-from goshawk_dashboards import panels_html, recorded, review_html, review_tables
+from goshawk_dashboards import decode, panels_html, recorded, review_html, review_tables
 from goshawk_dashboards.flight import Flight
 from goshawk_dashboards.recorded import Mark, Replay
 from goshawk_dashboards.review_html import Window
 from goshawk_dashboards.review_plots import Curve, plots_of
+from goshawk_dashboards.snapshot import PlanView
 
 DURATION_S = 8.0
+
+
+def make_plan(chosen: int | None = 7) -> PlanView:
+    """15 candidates, one of them or none chosen."""
+    message = rec.plan(0.0, 1, 7 if chosen is None else chosen)
+    if chosen is None:
+        message.ClearField("chosen")
+    return decode.plan(message)
 
 
 @pytest.fixture(scope="module")
