@@ -141,6 +141,7 @@ def marks_of(flight: Flight) -> tuple[Mark, ...]:
         Mark(time_s=p.start_s, severity="warning", text=f"fallback: {p.name.replace('_', ' ')}, {p.duration_s:.2f} s")
         for p in flight.fallbacks
     ]
+    marks += [Mark(time_s=t, severity="error", text="collision") for t in _collisions_s(flight) if not _told(marks, t)]
     closest = _closest(flight)
     if closest is not None:
         marks.append(closest)
@@ -163,9 +164,19 @@ def _closest(flight: Flight) -> Mark | None:
         return None
     clearance_M[~in_air_M] = np.inf
     nearest = int(np.argmin(clearance_M))
-    hit = clearance_M[nearest] <= 0.0
-    text = "collision" if hit else f"closest to an obstacle: {clearance_M[nearest]:.2f} m"
-    return Mark(time_s=float(truth.times_s[nearest]), severity="error" if hit else "info", text=text)
+    text = f"closest to an obstacle: {max(clearance_M[nearest], 0.0):.2f} m"
+    return Mark(time_s=float(truth.times_s[nearest]), severity="info", text=text)
+
+
+def _collisions_s(flight: Flight) -> Array:
+    """When the simulator saw the vehicle touch something, s."""
+    truth = flight.columns("sim_truth", ["collisions"])
+    return truth.times_s[1:][np.diff(truth["collisions"].astype(np.int64)) > 0]
+
+
+def _told(marks: list[Mark], time_s: float) -> bool:
+    """A campaign's verdict says what was hit, too."""
+    return any(m.text.startswith("collision") and abs(m.time_s - time_s) < 0.1 for m in marks)
 
 
 def begins_s(flight: Flight) -> float:

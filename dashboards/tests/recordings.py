@@ -131,7 +131,7 @@ def target(time_s: float, seq: int, seen: bool) -> pb.Target:
     )
 
 
-def truth(time_s: float) -> pb.SimTruth:
+def truth(time_s: float, collisions: int = 0) -> pb.SimTruth:
     """What the simulator knows."""
     x, y, z = position(time_s)
     return pb.SimTruth(
@@ -141,6 +141,7 @@ def truth(time_s: float) -> pb.SimTruth:
         vel_world=pb.Vec3(x=4.0),
         target_pos_world=pb.Vec3(x=x + 6.1, y=y, z=0.95),
         target_vel_world=pb.Vec3(x=4.0),
+        collisions=collisions,
         clearance_m=1.0 + 0.8 * math.cos(time_s),
         target_distance_m=6.1,
         target_visible=True,
@@ -167,11 +168,17 @@ def frame(time_s: float, seq: int, noise: np.random.Generator) -> pb.CompressedR
 
 
 def write_flight(
-    path: Path, duration_s: float = 8.0, *, chosen: int = 7, chunk_bytes: int = 1 << 20, told: str = ""
+    path: Path,
+    duration_s: float = 8.0,
+    *,
+    chosen: int = 7,
+    chunk_bytes: int = 1 << 20,
+    told: str = "",
+    collides_s: float = math.inf,
 ) -> Path:
     """A whole flight. A few pictures are made and used again, so that a long log is written in bearable time.
 
-    ``told`` is what the vehicle says as its take-off ends.
+    ``told`` is what the vehicle says as its take-off ends; from ``collides_s`` on the simulator counts a collision.
     """
     log = LogFile(path, chunk_bytes=chunk_bytes)
     noise = np.random.default_rng(1)
@@ -187,7 +194,7 @@ def write_flight(
         stamp_ns = START_NS + round(time_s * 1e9)
         log.write("control", stamp_ns, control(time_s, step, duration_s))
         if step % (CONTROL_HZ // TRUTH_HZ) == 0:
-            log.write("sim_truth", stamp_ns, truth(time_s))
+            log.write("sim_truth", stamp_ns, truth(time_s, int(time_s >= collides_s)))
         seq = step * FRAME_HZ // CONTROL_HZ
         if step == 0 or seq != (step - 1) * FRAME_HZ // CONTROL_HZ:
             picture = pictures[seq % len(pictures)]

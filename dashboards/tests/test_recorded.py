@@ -77,6 +77,12 @@ def test_marks_tell_events_phases_fallbacks_and_the_closest_approach(flight: Fli
     assert closest.time_s == pytest.approx(np.pi, abs=0.05)
 
 
+def test_a_collision_is_marked_when_it_was_counted(folder: Path) -> None:
+    flight = Flight.open(rec.write_flight(folder / "collision.mcap", 3.0, collides_s=2.0))
+    (mark,) = [m for m in recorded.marks_of(flight) if m.text == "collision"]
+    assert (mark.severity, mark.time_s) == ("error", pytest.approx(2.0, abs=1e-3))
+
+
 def test_a_mission_event_is_not_told_twice(folder: Path) -> None:
     flight = Flight.open(rec.write_flight(folder / "told.mcap", 3.0, told="Takeoff → Track: the target is confirmed"))
     texts = [m.text for m in recorded.marks_of(flight)]

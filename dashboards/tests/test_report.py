@@ -81,14 +81,16 @@ def test_the_outcome_is_how_the_log_ends(modes: list[pb.Mode], outcome: str, tmp
     assert card(write_log(tmp_path / "x.mcap", *steps)).outcome == outcome
 
 
-@pytest.mark.parametrize(
-    "last", [pb.SimTruth(collisions=3, clearance_m=1.0), pb.SimTruth(collisions=2, clearance_m=-0.01)]
-)
-def test_a_contact_is_a_collision_counted_or_not(last: pb.SimTruth, tmp_path: Path) -> None:
-    first = pb.SimTruth(collisions=2, clearance_m=1.0)
-    step = pb.Control(mode=pb.MODE_LANDED)
-    flight = write_log(tmp_path / "x.mcap", ("sim_truth", first), ("control", step), ("sim_truth", last))
+def test_a_collision_during_the_log_is_its_outcome(tmp_path: Path) -> None:
+    steps = [("sim_truth", pb.SimTruth(collisions=n, clearance_m=1.0)) for n in (2, 3)]
+    flight = write_log(tmp_path / "x.mcap", steps[0], ("control", pb.Control(mode=pb.MODE_LANDED)), steps[1])
     assert card(flight).outcome == "collided"
+
+
+def test_a_campaigns_verdict_is_the_outcome(tmp_path: Path) -> None:
+    verdict = pb.Event(severity=pb.SEVERITY_ERROR, kind="trial", text="collision (ground)")
+    flight = write_log(tmp_path / "x.mcap", ("control", pb.Control(mode=pb.MODE_TRACK)), ("event", verdict))
+    assert card(flight).outcome == "collision (ground)"
 
 
 def test_a_log_that_was_cut_off_says_so(path: Path, tmp_path: Path) -> None:

@@ -123,6 +123,9 @@ def _task(contract_json: str) -> str | None:
 
 def _outcome(flight: Flight) -> str:
     names = [phase.name for phase in flight.phases]
+    verdict = next((e.text for e in flight.events if e.kind == "trial"), None)
+    if verdict is not None:
+        return verdict
     if _collisions(flight):
         return "collided"
     if "fault" in names:
@@ -136,12 +139,12 @@ def _outcome(flight: Flight) -> str:
 
 
 def _collisions(flight: Flight) -> int | None:
-    """During the log; None without the simulator's truth. A lockstep trial ends at its first, and does not count it."""
-    truth = flight.columns("sim_truth", ["collisions", "clearance_m"])
+    """During the log; None without the simulator's truth."""
+    truth = flight.columns("sim_truth", ["collisions"])
     if len(truth) == 0:
         return None
     counts = truth["collisions"]
-    return max(int(counts.max() - counts[0]), int((truth["clearance_m"] <= 0.0).any()))
+    return int(counts.max() - counts[0])
 
 
 def _faults(flight: Flight) -> tuple[str, ...]:

@@ -195,6 +195,8 @@ pub struct Truth<'a> {
     pub moving: &'a [Part],
     /// From the vehicle's sphere to the nearest obstacle, m.
     pub clearance_m: f64,
+    /// How often it touched something so far.
+    pub collisions: u32,
     /// The last frame showed the target.
     pub visible: bool,
 }
@@ -220,6 +222,10 @@ pub trait Witness {
     /// The truth, 20 times a second.
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {
         let _ = (now, truth);
+    }
+    /// How it ended, last.
+    fn verdict(&mut self, now: Time, outcome: Outcome, contact: Option<Contact>) {
+        let _ = (now, outcome, contact);
     }
 }
 
@@ -265,9 +271,9 @@ pub fn fly_in(
 }
 
 impl Truth<'_> {
-    /// As the wire has it; `collisions` so far.
+    /// As the wire has it.
     #[must_use]
-    pub fn to_proto(&self, now: Time, collisions: u32) -> v1::SimTruth {
+    pub fn to_proto(&self, now: Time) -> v1::SimTruth {
         let evader = self.evader.as_ref();
         let centre = evader.map(EvaderState::centre_world);
         v1::SimTruth {
@@ -278,7 +284,7 @@ impl Truth<'_> {
             target_pos_world: centre.map(convert::vec3),
             target_vel_world: evader.map(|e| convert::vec3(e.vel_world)),
             clearance_m: self.clearance_m,
-            collisions,
+            collisions: self.collisions,
             target_distance_m: centre.map_or(0.0, |c| (c - self.vehicle.pos_world).norm()),
             target_path_m: evader.map_or(0.0, |e| e.path_m),
             target_arrived: evader.is_some_and(|e| e.arrived),

@@ -16,9 +16,10 @@ use goshawk_recorder::{Channel, LogWriter};
 use prost::Message;
 
 use super::files::{Files, Unfinished};
+use super::report::{contact_name, outcome_name};
 use crate::render::Camera;
 use crate::sensor::RgbdImage;
-use crate::trial::{Pilot, Truth, Witness};
+use crate::trial::{Contact, Outcome, Pilot, Truth, Witness};
 use crate::world::World;
 
 /// The log cannot be written.
@@ -153,6 +154,18 @@ impl Witness for FlightLog {
     }
 
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {
-        self.tell(Key::SimTruth, now, &truth.to_proto(now, 0));
+        self.tell(Key::SimTruth, now, &truth.to_proto(now));
+    }
+
+    fn verdict(&mut self, now: Time, outcome: Outcome, contact: Option<Contact>) {
+        let severity = if outcome == Outcome::Success { v1::Severity::Info } else { v1::Severity::Error };
+        let touched = contact.map_or_else(String::new, |what| format!(" ({})", contact_name(what)));
+        let event = v1::Event {
+            stamp_ns: now.0,
+            severity: severity.into(),
+            kind: "trial".to_owned(),
+            text: format!("{}{touched}", outcome_name(outcome)),
+        };
+        self.tell(Key::Event, now, &event);
     }
 }

@@ -6,7 +6,7 @@ use goshawk_core::{ControllerOutput, Mode, Plan};
 
 use crate::sensor::RgbdImage;
 use crate::trial::airframe::Mount;
-use crate::trial::{Pilot, Truth, Witness};
+use crate::trial::{Contact, Outcome, Pilot, Truth, Witness};
 use crate::world::World;
 
 /// A trace holds no more samples than this (two minutes, 120 kB); a longer flight is sampled less often.
@@ -115,6 +115,10 @@ impl Witness for Tracer<'_> {
     fn control(&mut self, now: Time, output: &ControllerOutput, onboard: &dyn Pilot) {
         self.up |= output.transition.is_some_and(|change| change.from == Mode::Takeoff);
         self.inner.control(now, output, onboard);
+    }
+
+    fn verdict(&mut self, now: Time, outcome: Outcome, contact: Option<Contact>) {
+        self.inner.verdict(now, outcome, contact);
     }
 
     fn frame(&mut self, seq: u64, stamp: Time, image: &RgbdImage) {

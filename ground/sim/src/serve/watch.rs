@@ -84,7 +84,7 @@ impl Watch {
 
     pub(super) fn truth(&self, now: Time, vehicle: &QuadrotorState) -> v1::SimTruth {
         let &Self { evader, ref moving, clearance_m, visible, .. } = self;
-        Truth { vehicle, evader, moving, clearance_m, visible }.to_proto(now, self.collisions)
+        Truth { vehicle, evader, moving, clearance_m, collisions: self.collisions, visible }.to_proto(now)
     }
 
     /// One line for the end.

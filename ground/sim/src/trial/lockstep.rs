@@ -117,10 +117,11 @@ impl<'a> Lockstep<'a> {
             }
             self.move_on(now);
             if self.step.is_multiple_of(TRUTH_STEPS) {
-                witness.truth(now, &self.truth(now));
+                witness.truth(now, &self.truth(now, None));
             }
             if let Some((outcome, contact)) = self.verdict(now) {
-                witness.truth(now, &self.truth(now));
+                witness.truth(now, &self.truth(now, contact));
+                witness.verdict(now, outcome, contact);
                 return Ok(self.flight(now, outcome, contact));
             }
             self.step += 1;
@@ -275,13 +276,14 @@ impl<'a> Lockstep<'a> {
         Rot::from_axis_angle(&Vec3::z_axis(), -self.scene.world.start_heading_rad()) * to_goal
     }
 
-    fn truth(&self, now: Time) -> Truth<'_> {
+    fn truth(&self, now: Time, contact: Option<Contact>) -> Truth<'_> {
         let vehicle = self.quad.state();
         Truth {
             vehicle,
             evader: self.scene.evader_at(self.running_for(now)),
             moving: &self.moving,
             clearance_m: clearance(&self.scene.world, &self.moving, &vehicle.pos_world),
+            collisions: u32::from(contact.is_some()),
             visible: in_view(&self.frame),
         }
     }
