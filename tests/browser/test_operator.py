@@ -94,8 +94,8 @@ def test_candidates_are_ranked_with_reasons_and_say_their_cost_under_the_mouse(g
     expect(strip.locator("[data-candidate]")).to_have_count(15)
     expect(strip.locator("[data-candidate]").first).to_have_attribute("data-rejection", "none")
     expect(strip.locator("[data-candidate]:not([data-rejection=none])").first).to_be_attached()
-    # The strip is replaced five times a second, more often than a page without a graphics card is painted: the page itself
-    # looks what is shown as the mouse moves.
+    # The strip is replaced five times a second, more often than a page without a graphics card is painted: the page
+    # itself looks what is shown as the mouse moves.
     page.evaluate(
         "() => document.addEventListener('mousemove', () => {"
         "const tip = document.querySelector('[data-goshawk=strip] :hover > .goshawk-tip');"
