@@ -4,6 +4,7 @@
 //! mode ([`Controller::fly`], in `flight.rs`). It answers in every step: while it has authority it is never silent.
 
 use crate::config::ControllerConfig;
+use crate::detour::Detour;
 use crate::error::ConfigError;
 use crate::hover::Hover;
 use crate::interface::{
@@ -46,6 +47,9 @@ pub(crate) struct Flight {
     pub(crate) profile: Profile,
     pub(crate) start_world: Vec3,
     pub(crate) goal_world: Option<Vec3>,
+    /// The goal, or what leads around a dead end.
+    pub(crate) waypoint_world: Option<Vec3>,
+    pub(crate) detour: Detour,
     pub(crate) takeoff: Takeoff,
     pub(crate) landing: Landing,
     pub(crate) begun: Time,
@@ -67,10 +71,13 @@ const SEEN_NOW: f64 = 0.15;
 impl Flight {
     fn new(profile: Profile, start: &Odometry, now: Time) -> Self {
         let world_from_start = Rotation3::from_axis_angle(&Vec3::z_axis(), yaw_of(&start.world_from_body));
+        let goal_world = profile.goal.map(|goal| start.pos_world + world_from_start * goal);
         Self {
             profile,
             start_world: start.pos_world,
-            goal_world: profile.goal.map(|goal| start.pos_world + world_from_start * goal),
+            goal_world,
+            waypoint_world: goal_world,
+            detour: Detour::default(),
             takeoff: Takeoff::new(now),
             landing: Landing::new(now),
             begun: now,
@@ -165,6 +172,7 @@ impl Controller {
         if let Some(flight) = &mut self.flight {
             flight.start_world += jump.pos_world;
             flight.goal_world = flight.goal_world.map(|goal| goal + jump.pos_world);
+            flight.detour.shift(jump.pos_world);
         }
     }
 
@@ -257,6 +265,7 @@ impl Controller {
             Mode::Hold => profile.task == Task::Track && !flight.held,
             _ => false,
         };
-        wanted.then_some(PlanningDemand { task: profile.task, speed: profile.speed, goal_world: flight.goal_world })
+        let goal_world = flight.waypoint_world;
+        wanted.then_some(PlanningDemand { task: profile.task, speed: profile.speed, goal_world })
     }
 }

@@ -54,6 +54,7 @@ impl Controller {
             return self.spool(thrust, request);
         }
         self.watch_side(now);
+        self.find_way(now, &odometry);
         let goal = self.yaw_goal(now, &odometry);
         let yaw = self.yaw.step(dt, goal);
         let intent = self.intent(now, &odometry);
@@ -185,9 +186,9 @@ impl Controller {
             Mode::Track | Mode::Search => at_target(),
             Mode::Hold if flight.profile.task == Task::Track => at_target(),
             Mode::Navigate => {
-                // Along the velocity when fast, to the goal when slow or on the way away from it, in between by their
+                // Along the velocity when fast, to the waypoint when slow or on the way away from it, in between by their
                 // share: whoever only looks where they go does not find back.
-                let to_goal = flight.goal_world.map_or_else(Vec3::zeros, |goal| goal - odometry.pos_world);
+                let to_goal = flight.waypoint_world.map_or_else(Vec3::zeros, |way| way - odometry.pos_world);
                 let to_goal = Vec3::new(to_goal.x, to_goal.y, 0.0).try_normalize(1e-6).unwrap_or_default();
                 let vel = Vec3::new(odometry.vel_world.x, odometry.vel_world.y, 0.0);
                 let share = (vel.norm() / config.along_velocity_speed - 0.5).clamp(0.0, 1.0);
@@ -197,6 +198,16 @@ impl Controller {
             }
             _ => YawGoal::Keep,
         }
+    }
+
+    /// A navigation that flies toward its goal may be stuck on the way.
+    fn find_way(&mut self, now: Time, odometry: &Odometry) {
+        let Some(flight) = &mut self.flight else { return };
+        let Some(goal) = flight.goal_world else { return };
+        flight.waypoint_world = Some(match self.mode {
+            Mode::Navigate => flight.detour.step(now, odometry.pos_world, goal),
+            _ => goal,
+        });
     }
 
     /// The target vanished near by: it is beside us rather than behind something ahead.

@@ -117,7 +117,7 @@ pub struct PlanningDemand {
     pub task: Task,
     /// Desired largest speed, m/s.
     pub speed: f64,
-    /// Navigation's goal.
+    /// Navigation's goal, or where it flies on the way there.
     pub goal_world: Option<Vec3>,
 }
 

@@ -8,6 +8,7 @@ pub mod aim;
 pub mod config;
 pub mod controller;
 pub mod decode;
+mod detour;
 pub mod disturbance;
 pub mod error;
 pub mod flatness;
