@@ -11,7 +11,7 @@ use crate::types::Vec3;
 pub struct ChaseConfig {
     /// Horizontal distance to keep from a target that stands, m (2.5).
     pub standoff: f64,
-    /// What is kept beyond that for each m/s of the target's speed, s (0.4): it may turn.
+    /// What is kept beyond that for each m/s of the target's speed, s (0.6): it may turn.
     pub headway: f64,
     /// Above the target's centre, m (0.3).
     pub height: f64,

@@ -9,7 +9,8 @@ use crate::mission::{Fallback, Mode};
 use crate::motion::Commanded;
 use crate::takeoff::{Stage, repeat};
 use crate::types::{AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3};
-use crate::yaw::{YawGoal, toward, yaw_of};
+use crate::yaw::{YawGoal, toward, wrap, yaw_of};
+use std::f64::consts::TAU;
 
 /// What a mode wants to fly.
 struct Intent {
@@ -28,6 +29,10 @@ const RAMP_END: f64 = 1.25;
 /// A target unseen for longer than this, s, that should be nearer than this, m, has left the image at its side.
 const SLIPPED_AFTER: f64 = 0.3;
 const SLIPPED_WITHIN: f64 = 4.0;
+/// A target that has been hidden for longer than this, s, is looked for so far to the sides, rad, to and fro in this, s.
+const GLANCE_AFTER: f64 = 0.5;
+const GLANCE_ANGLE: f64 = 0.6;
+const GLANCE_PERIOD: f64 = 2.4;
 
 impl Controller {
     /// The output of the current mode; transition, reply and readiness are the caller's.
@@ -183,7 +188,8 @@ impl Controller {
         match self.mode {
             Mode::Search if now.since(self.entered) > config.search_delay => YawGoal::Sweep(self.sweep),
             Mode::Track | Mode::Hold if self.slipped_by(now, odometry) => YawGoal::Sweep(self.sweep),
-            Mode::Track | Mode::Search => at_target(),
+            Mode::Track => self.glance(now, at_target()),
+            Mode::Search => at_target(),
             Mode::Hold if flight.profile.task == Task::Track => at_target(),
             Mode::Navigate => {
                 // Along the velocity when fast, to the waypoint when slow or on the way away from it, in between by their
@@ -208,6 +214,19 @@ impl Controller {
             Mode::Navigate => flight.detour.step(now, odometry.pos_world, goal),
             _ => goal,
         });
+    }
+
+    /// Toward where a hidden target should be, with looks to both sides of it, first to the one it was heading for: not so
+    /// far that the way ahead leaves the image.
+    fn glance(&self, now: Time, goal: YawGoal) -> YawGoal {
+        let hidden = self.plans.target().map_or(0.0, |target| now.since(target.last_seen)) - GLANCE_AFTER;
+        match goal {
+            YawGoal::Toward { yaw, rate } if hidden > 0.0 => {
+                let swing = GLANCE_ANGLE.copysign(self.sweep) * (TAU * hidden / GLANCE_PERIOD).sin();
+                YawGoal::Toward { yaw: wrap(yaw + swing), rate }
+            }
+            goal => goal,
+        }
     }
 
     /// The target vanished near by: it is beside us rather than behind something ahead.

@@ -2,7 +2,7 @@
 
 use crate::aim::{ChaseConfig, within_reach};
 use crate::decode::{Decoder, FramePose};
-use crate::error::{ConfigError, positive};
+use crate::error::{ConfigError, check, positive};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
 use crate::target::{Expected, TargetConfig, TargetFilter};
@@ -67,6 +67,8 @@ pub struct PlannerConfig {
     pub chase: ChaseConfig,
     /// The acceleration that trajectories may ask of the vehicle, m/s².
     pub max_acc: f64,
+    /// And the largest agility, above 0 and at most 1: less flies smoother, more turns quicker.
+    pub max_agility: f64,
 }
 
 /// One frame.
@@ -109,6 +111,7 @@ impl Planner {
         config.select.validate()?;
         config.chase.validate()?;
         positive("planner.max_acc", config.max_acc)?;
+        check("planner.max_agility", config.max_agility, "above 0 and at most 1", |x| x > 0.0 && x <= 1.0)?;
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.target);
         Ok(Self { config, decoder, filter, last: None })
@@ -129,7 +132,7 @@ impl Planner {
 
     /// The network's `state` input (eq. 5), camera frame: velocity / (alpha·v_max), acceleration / (alpha²·a_max), unit
     /// world-up, the aim / 2r, at most 1 long (the goal, or where the target will be; without either 0), and the
-    /// agility: the share of alpha²·a_max, at most 1, that the vehicle can give.
+    /// agility: the share of alpha²·a_max that the vehicle can give, at most `max_agility`.
     pub fn network_state(
         &mut self,
         odometry: &Odometry,
@@ -157,7 +160,7 @@ impl Planner {
                 state[3 * i + axis] = *x as f32;
             }
         }
-        state[12] = (self.config.max_acc / (alpha * alpha * p.a_max)).min(1.0) as f32;
+        state[12] = (self.config.max_acc / (alpha * alpha * p.a_max)).min(self.config.max_agility) as f32;
         state
     }
 

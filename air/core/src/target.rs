@@ -79,6 +79,8 @@ struct Track {
     last_seen: Time,
     /// Bit k: was seen k frames ago.
     history: u32,
+    /// Objectness of its detections, 0 where there was none, averaged over about `confirm_of` frames.
+    strength: f64,
     confirmed: bool,
 }
 
@@ -103,7 +105,13 @@ pub struct TargetFilter {
     track: Option<Track>,
     /// The last believed target, once it is lost: where and when it was believed last.
     lost: Option<Track>,
+    /// Something else that is seen while a target is believed: it takes its place if there is more evidence for it.
+    rival: Option<Track>,
 }
+
+/// A rival must be so much stronger than the target that is held, and so strong.
+const STRONGER: f64 = 0.2;
+const STRONG: f64 = 0.5;
 
 impl TargetConfig {
     /// Checks every value.
@@ -127,6 +135,11 @@ impl TargetConfig {
         not_negative("target.reacquire_margin", self.reacquire_margin)
     }
 
+    /// The acceleration that is hardly ever exceeded: two standard deviations along the axis of the largest, m/s².
+    fn hardest_turn(&self) -> f64 {
+        2.0 * self.acc_variance.into_iter().fold(0.0, f64::max).sqrt()
+    }
+
     /// Variance of a detection at `distance` m, m².
     #[must_use]
     pub fn variance(&self, distance: f64) -> f64 {
@@ -140,7 +153,14 @@ impl Track {
         // Half the largest speed as one standard deviation.
         let axis = |pos| Axis { pos, vel: 0.0, var: [variance, 0.0, (0.5 * config.max_speed).powi(2)] };
         let p = &detection.pos_world;
-        Self { axes: [axis(p.x), axis(p.y), axis(p.z)], stamp, last_seen: stamp, history: 1, confirmed: false }
+        Self {
+            axes: [axis(p.x), axis(p.y), axis(p.z)],
+            stamp,
+            last_seen: stamp,
+            history: 1,
+            strength: 0.0,
+            confirmed: false,
+        }
     }
 
     fn pos(&self) -> Vec3 {
@@ -188,6 +208,45 @@ impl Track {
         self.last_seen = self.stamp;
     }
 
+    /// One frame: predicts, marks the detections that are its own, and takes the nearest of them.
+    fn step<const N: usize>(
+        &mut self,
+        config: &TargetConfig,
+        now: Time,
+        detections: &[Option<Detection>; N],
+        consistent: &mut [bool; N],
+    ) {
+        self.predict(config, now);
+        let mut best: Option<(usize, f64)> = None;
+        for (index, detection) in detections.iter().enumerate() {
+            let Some(detection) = detection else { continue };
+            let inconsistency = self.inconsistency(config, detection);
+            if usable(config, detection) && inconsistency <= config.gate {
+                consistent[index] = true;
+                if best.is_none_or(|(_, least)| inconsistency < least) {
+                    best = Some((index, inconsistency));
+                }
+            }
+        }
+        let seen = best.and_then(|(index, _)| detections[index].as_ref());
+        if let Some(detection) = seen {
+            self.update(config, detection);
+        }
+        self.history = self.history << 1 | u32::from(seen.is_some());
+        self.strength += (seen.map_or(0.0, |d| d.objectness) - self.strength) / f64::from(config.confirm_of);
+    }
+
+    fn is_seen_often(&self, config: &TargetConfig) -> bool {
+        let window = u32::MAX >> (32 - config.confirm_of);
+        (self.history & window).count_ones() >= config.confirm_hits
+    }
+
+    /// Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
+    fn is_forgotten(&self, config: &TargetConfig, now: Time) -> bool {
+        let blank = self.history.trailing_zeros();
+        blank > config.confirm_of - config.confirm_hits || now.since(self.last_seen) > config.blind_time
+    }
+
     fn estimate(&self) -> TargetEstimate {
         let mut covariance = Matrix6::zeros();
         for (k, axis) in self.axes.iter().enumerate() {
@@ -211,7 +270,7 @@ impl TargetFilter {
     /// A filter that has seen nothing.
     #[must_use]
     pub fn new(config: TargetConfig) -> Self {
-        Self { config, track: None, lost: None }
+        Self { config, track: None, lost: None, rival: None }
     }
 
     /// Forgets everything.
@@ -221,7 +280,7 @@ impl TargetFilter {
 
     /// Moves all positions by `jump_world`: the odometry's origin jumped, the target did not.
     pub fn shift(&mut self, jump_world: Vec3) {
-        for track in [&mut self.track, &mut self.lost].into_iter().flatten() {
+        for track in [&mut self.track, &mut self.lost, &mut self.rival].into_iter().flatten() {
             for (axis, d) in track.axes.iter_mut().zip(jump_world.iter()) {
                 axis.pos += d;
             }
@@ -233,24 +292,9 @@ impl TargetFilter {
     pub fn step<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
         *consistent = [false; N];
         if let Some(track) = &mut self.track {
-            track.predict(&self.config, now);
-            let mut best: Option<(usize, f64)> = None;
-            for (index, detection) in detections.iter().enumerate() {
-                let Some(detection) = detection else { continue };
-                let inconsistency = track.inconsistency(&self.config, detection);
-                if usable(&self.config, detection) && inconsistency <= self.config.gate {
-                    consistent[index] = true;
-                    if best.is_none_or(|(_, least)| inconsistency < least) {
-                        best = Some((index, inconsistency));
-                    }
-                }
-            }
-            track.history <<= 1;
-            if let Some(detection) = best.and_then(|(index, _)| detections[index].as_ref()) {
-                track.update(&self.config, detection);
-                track.history |= 1;
-            }
+            track.step(&self.config, now, detections, consistent);
             self.judge(now);
+            self.compete(now, detections, consistent);
         }
         if self.track.is_none() {
             self.acquire(now, detections);
@@ -260,11 +304,31 @@ impl TargetFilter {
         }
     }
 
+    /// A target that was held by mistake must not hide the true one: whatever is seen beside it becomes a rival.
+    fn compete<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
+        let Some(track) = self.track.filter(|track| track.confirmed) else {
+            self.rival = None;
+            return;
+        };
+        let others = std::array::from_fn(|k| detections[k].filter(|d| !consistent[k] && usable(&self.config, d)));
+        let Some(rival) = &mut self.rival else {
+            self.rival = likeliest(others.iter().flatten()).map(|seen| Track::new(&self.config, now, seen));
+            return;
+        };
+        let mut of_rival = [false; N];
+        rival.step(&self.config, now, &others, &mut of_rival);
+        if rival.is_seen_often(&self.config) && rival.strength > (track.strength + STRONGER).max(STRONG) {
+            self.track = self.rival.take().map(|rival| Track { confirmed: true, ..rival });
+            *consistent = of_rival;
+        } else if rival.is_forgotten(&self.config, now) {
+            self.rival = None;
+        }
+    }
+
     /// Confirms, or gives up, the track.
     fn judge(&mut self, now: Time) {
         let Some(track) = &mut self.track else { return };
-        let window = u32::MAX >> (32 - self.config.confirm_of);
-        if (track.history & window).count_ones() >= self.config.confirm_hits {
+        if track.is_seen_often(&self.config) {
             track.confirmed = true;
             self.lost = None;
         }
@@ -273,12 +337,8 @@ impl TargetFilter {
             track.confirmed = false;
             self.lost = Some(*track);
             self.track = None;
-        } else if !track.confirmed {
-            // Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
-            let blank = track.history.trailing_zeros();
-            if blank > self.config.confirm_of - self.config.confirm_hits || blind > self.config.blind_time {
-                self.track = None;
-            }
+        } else if !track.confirmed && track.is_forgotten(&self.config, now) {
+            self.track = None;
         }
     }
 
@@ -286,16 +346,15 @@ impl TargetFilter {
     fn acquire<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N]) {
         let reachable = |detection: &Detection| {
             self.lost.is_none_or(|lost| {
-                let reach = self.config.reacquire_margin + self.config.max_speed * now.since(lost.last_seen).max(0.0);
-                (detection.pos_world - lost.pos()).norm() <= reach
+                let (unseen, margin) = (now.since(lost.last_seen).max(0.0), self.config.reacquire_margin);
+                let moved = detection.pos_world - lost.pos();
+                let turned = moved - lost.vel() * now.since(lost.stamp);
+                moved.norm() <= margin + self.config.max_speed * unseen
+                    && turned.norm() <= margin + 0.5 * self.config.hardest_turn() * unseen * unseen
             })
         };
-        let best = detections
-            .iter()
-            .flatten()
-            .filter(|d| usable(&self.config, d) && reachable(d))
-            .max_by(|a, b| a.objectness.total_cmp(&b.objectness));
-        self.track = best.map(|detection| Track::new(&self.config, now, detection));
+        let seen = detections.iter().flatten().filter(|d| usable(&self.config, d) && reachable(d));
+        self.track = likeliest(seen).map(|detection| Track::new(&self.config, now, detection));
         if self.config.confirm_hits == 1 {
             self.judge(now);
         }
@@ -327,6 +386,10 @@ impl TargetFilter {
             (None, None) => None,
         }
     }
+}
+
+fn likeliest<'a>(detections: impl Iterator<Item = &'a Detection>) -> Option<&'a Detection> {
+    detections.max_by(|a, b| a.objectness.total_cmp(&b.objectness))
 }
 
 fn usable(config: &TargetConfig, detection: &Detection) -> bool {

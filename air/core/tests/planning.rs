@@ -191,6 +191,33 @@ fn a_weak_detection_keeps_a_confirmed_target_and_begins_none() {
 }
 
 #[test]
+fn what_was_taken_for_the_target_gives_way_to_what_is_seen_more_clearly() {
+    let place = |plan: &Plan| plan.target.unwrap().pos_world;
+    let mut planner = planner(Task::Track);
+    // A post is taken for the target, and seen with half a doubt; then the target itself appears.
+    let mut post = network(&[(7, 1.0)]);
+    post.values[10 * ANCHORS + 7] = 0.2;
+    let wrong = place(&frames(&mut planner, 0, 8, &post));
+    let mut both = network(&[(7, 1.0), (10, 1.0)]);
+    both.values[10 * ANCHORS + 7] = 0.2;
+    let right = frames(&mut planner, 8, 20, &both);
+    assert!((place(&right) - wrong).norm() > 2.0 && right.target.unwrap().confirmed, "{right:?}");
+}
+
+#[test]
+fn a_target_that_is_seen_gives_way_to_nothing_and_a_hidden_one_to_nothing_doubtful() {
+    let place = |plan: &Plan| plan.target.unwrap().pos_world;
+    let mut planner = planner(Task::Track);
+    let before = place(&frames(&mut planner, 0, 8, &network(&[(7, 1.0)])));
+    let seen = frames(&mut planner, 8, 60, &network(&[(7, 1.0), (10, 0.0)]));
+    assert!((place(&seen) - before).norm() < 0.3, "equally clear");
+    let mut hidden = network(&[(10, 0.0)]);
+    hidden.values[10 * ANCHORS + 10] = -0.2;
+    let lost = frames(&mut planner, 68, 12, &hidden);
+    assert!((place(&lost) - before).norm() < 0.3, "0.45");
+}
+
+#[test]
 fn a_weak_detection_beside_a_strong_one_elsewhere_is_nothing() {
     let mut planner = planner(Task::Track);
     frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));

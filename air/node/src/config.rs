@@ -96,8 +96,8 @@ section! { /** Where logs go. */ Recorder { directory: PathBuf, keep_mb: f64 } }
 section! { /** The control loop. */ Controller { rate_hz: f64 } }
 section! { /** Detection, the chase and the target filter. */ Planner {
     min_objectness: f64, keep_objectness: f64, standoff_m: f64, headway_s: f64, above_target_m: f64,
-    pursue_until_s: f64, keep_off_m: f64, max_acc_mps2: f64, acc_variance_mps2: [f64; 3], measurement_variance_m2: f64,
-    variance_distance_m: f64, gate_sigmas: f64, confirm_hits: u32, confirm_of: u32, blind_time_s: f64,
+    pursue_until_s: f64, keep_off_m: f64, max_acc_mps2: f64, max_agility: f64, acc_variance_mps2: [f64; 3],
+    measurement_variance_m2: f64, variance_distance_m: f64, gate_sigmas: f64, confirm_hits: u32, confirm_of: u32, blind_time_s: f64,
     target_max_speed_mps: f64, target_max_distance_m: f64, reacquire_margin_m: f64,
 } }
 section! { /** Disturbance observer. */ Observer { alpha1: f64, alpha2: f64, zeta_s: f64, limit_mps2: f64 } }
@@ -332,6 +332,7 @@ impl Vehicle {
                 keep_off: p.keep_off_m,
             },
             max_acc: p.max_acc_mps2,
+            max_agility: p.max_agility,
         }
     }
 
@@ -452,7 +453,7 @@ mod tests {
     fn a_missing_safety_limit_is_refused() {
         let text = std::fs::read_to_string(shipped()).unwrap();
         let limits = text.split("\n[limits]").nth(1).unwrap().lines().skip(1).take_while(|line| line.contains('='));
-        let limits: Vec<&str> = limits.chain(["max_tilt_deg = 45.0", "max_thrust = 0.95"]).collect();
+        let limits: Vec<&str> = limits.chain(["max_tilt_deg = 65.0", "max_thrust = 0.95"]).collect();
         assert_eq!(limits.len(), 8, "{limits:?}");
         for line in limits {
             let error = edited(&format!("{line}\n"), "\n").unwrap_err().to_string();

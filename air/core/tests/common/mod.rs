@@ -102,6 +102,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
         select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
         chase: ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 },
         max_acc: 8.0,
+        max_agility: 1.0,
     }
 }
 
