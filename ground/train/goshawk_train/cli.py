@@ -22,6 +22,7 @@ EXAMPLES = """examples:
   torchrun --nproc-per-node 8 -m goshawk_train train --config configs/track.toml --data data/train --out runs/a
   python -m goshawk_train score    --run runs/a
   python -m goshawk_train flights  --trials 100
+  python -m goshawk_train robustness
   python -m goshawk_train validate --run runs/a --data data/val --json metrics.json
   python -m goshawk_train preview  --run runs/a --data data/val --out preview.png
   python -m goshawk_train export   --run runs/a --data data/val --out air/models/track.onnx
@@ -66,6 +67,15 @@ def _parser() -> argparse.ArgumentParser:
     table.add_argument("--trials", type=int, help="flights in each cell, instead of the table's")
     table.add_argument("--out", type=Path, default=Path("ground/train/results"), help="folder of the rows' JSON")
     table.add_argument("--markdown", type=Path, default=Path("ground/train/RESULTS.md"), help="where the table stands")
+    bears = add("robustness", "Fly with more and more wind, delay, noise and spread, and draw the successes.")
+    bears.add_argument(
+        "--sweeps", type=Path, default=Path("ground/train/configs/robustness.toml"), help="what is varied"
+    )
+    bears.add_argument("--models", type=Path, default=Path("air/models"), help="folder of track.onnx and navigate.onnx")
+    bears.add_argument("--simulator", type=Path, default=Path("target/release/goshawk-sim"), help="goshawk-sim")
+    bears.add_argument("--trials", type=int, help="flights in each campaign, instead of the file's")
+    bears.add_argument("--out", type=Path, default=Path("ground/train/results/robustness"), help="folder of the JSON")
+    bears.add_argument("--figure", type=Path, default=Path("docs/robustness.png"), help="PNG file")
     measure = add("validate", "Measure a run's averaged weights on held-out scenes.")
     picture = add("preview", "Draw candidates of some frames on the true map.")
     ship = add("export", "Write the ONNX policy with its contract, and its model card if --data is given.")
@@ -150,6 +160,23 @@ def _flights(args: argparse.Namespace) -> int:
     return 0
 
 
+def _robustness(args: argparse.Namespace) -> int:
+    from goshawk_train import flights, robustness
+
+    trials, seed, speeds_mps, sweeps = robustness.load(args.sweeps)
+    args.out.mkdir(parents=True, exist_ok=True)
+    points = []
+    for sweep in sweeps:
+        for task, speed_mps in speeds_mps.items():
+            for value in sweep.values:
+                row, count = sweep.row(task, speed_mps, value), args.trials or trials
+                report = flights.fly(row, args.out, args.simulator, args.models, trials=count, seed=seed)
+                points.append((sweep, task, value, report["cells"][0]))
+        robustness.draw(points, args.figure)
+    print(args.figure)
+    return 0
+
+
 def _preview(args: argparse.Namespace) -> int:
     from goshawk_train.preview import draw
 
@@ -192,6 +219,7 @@ def _run(args: argparse.Namespace) -> int:
         "train": _train,
         "score": _score,
         "flights": _flights,
+        "robustness": _robustness,
         "validate": _validate,
         "preview": _preview,
         "export": _export,
