@@ -30,9 +30,9 @@ const RAMP_END: f64 = 1.25;
 const SLIPPED_AFTER: f64 = 0.3;
 const SLIPPED_WITHIN: f64 = 4.0;
 /// A target that has been hidden for longer than this, s, is looked for so far to the sides, rad, to and fro in this, s.
-const GLANCE_AFTER: f64 = 0.5;
-const GLANCE_ANGLE: f64 = 0.6;
-const GLANCE_PERIOD: f64 = 2.4;
+const GLANCE_AFTER: f64 = 0.3;
+const GLANCE_ANGLE: f64 = 1.0;
+const GLANCE_PERIOD: f64 = 2.0;
 
 impl Controller {
     /// The output of the current mode; transition, reply and readiness are the caller's.

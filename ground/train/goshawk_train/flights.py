@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import subprocess
 import tomllib
 from dataclasses import dataclass, field
@@ -43,7 +44,7 @@ class Row:
 
     def file(self, folder: Path) -> Path:
         """Where its report is kept."""
-        return folder / ("-".join(self.name.replace(",", "").lower().split()) + ".json")
+        return folder / (re.sub(r"[^a-z0-9.]+", "-", self.name.lower()) + ".json")
 
 
 def load(path: Path) -> tuple[int, int, list[Row]]:

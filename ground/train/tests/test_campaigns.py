@@ -19,7 +19,7 @@ trials = 1
 seed = 3
 
 [[row]]
-name = "Navigation, slow"
+name = "Navigation, slow: 6 m/s"
 task = "navigate"
 speeds = [6]
 spacings = [6]
@@ -51,7 +51,7 @@ def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -
     assert main([*arguments, str(SIMULATOR)]) == 0
     text = markdown.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
-    report = json.loads((out / "navigation-slow.json").read_text())
+    report = json.loads((out / "navigation-slow-6-m-s.json").read_text())
     assert f"{report['cells'][0]['successes']} of 1" in text
     # What was flown is not flown again: no simulator is needed.
     assert main([*arguments, str(tmp_path / "none")]) == 0
