@@ -27,7 +27,7 @@ class Peer:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.socket.settimeout(5.0)
-        address = f"127.0.0.1:{self.socket.getsockname()[1]}"
+        address = f"udpout:127.0.0.1:{self.socket.getsockname()[1]}"
         self.process = subprocess.Popen([program, address], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.address = ("127.0.0.1", int(self._answer()["listening"]))
         self.mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
