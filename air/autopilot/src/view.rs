@@ -299,5 +299,8 @@ fn percent(remaining: i8) -> Option<f64> {
 }
 
 #[cfg(test)]
+#[path = "view_copter_tests.rs"]
+mod copter_tests;
+#[cfg(test)]
 #[path = "view_tests.rs"]
 mod tests;

@@ -14,6 +14,8 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::symlink;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 fn open(address: &str) -> Result<AutopilotLink, AutopilotError> {
@@ -21,6 +23,13 @@ fn open(address: &str) -> Result<AutopilotLink, AutopilotError> {
     let clock = move || Time::from_secs(100.0 + begun.elapsed().as_secs_f64());
     let address: Address = address.parse().unwrap();
     AutopilotLink::open(LinkConfig { address, ..LinkConfig::customary("127.0.0.1:0".parse().unwrap()) }, clock)
+}
+
+/// As [`open`], by a clock that another hand moves.
+fn open_at(address: &str, clock: &Arc<AtomicU64>) -> AutopilotLink {
+    let (address, clock): (Address, _) = (address.parse().unwrap(), Arc::clone(clock));
+    let config = LinkConfig { address, ..LinkConfig::customary("127.0.0.1:0".parse().unwrap()) };
+    AutopilotLink::open(config, move || Time(clock.load(Ordering::SeqCst))).unwrap()
 }
 
 fn connected(link: &AutopilotLink) -> bool {
@@ -180,6 +189,23 @@ fn a_tcp_peer_that_is_not_there_yet_is_called_until_it_is() {
     let (mut stream, _) = server.accept().unwrap();
     stream.write_all(&heartbeat(&Encoder::new(1, 1))).unwrap();
     eventually(|| connected(&link) && link.line_problem().is_none());
+}
+
+#[test]
+fn a_tcp_connection_that_falls_silent_is_made_anew() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let clock = Arc::new(AtomicU64::new(Time::from_secs(100.0).0));
+    let link = open_at(&format!("tcpout:{}", server.local_addr().unwrap()), &clock);
+    let (mut first, _) = server.accept().unwrap();
+    first.write_all(&heartbeat(&Encoder::new(1, 1))).unwrap();
+    eventually(|| received(&link) == 1);
+    // As behind a pulled cable: no end of the connection is ever told.
+    clock.store(Time::from_secs(105.5).0, Ordering::SeqCst);
+    eventually(|| link.line_problem().is_some_and(|why| why.contains("nothing came for 5 s")));
+    clock.store(Time::from_secs(108.0).0, Ordering::SeqCst);
+    let (mut second, _) = server.accept().unwrap();
+    second.write_all(&heartbeat(&Encoder::new(1, 1))).unwrap();
+    eventually(|| received(&link) == 2 && link.line_problem().is_none());
 }
 
 #[test]

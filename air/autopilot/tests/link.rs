@@ -4,7 +4,9 @@
 
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavMessage};
 use goshawk_autopilot::wire::Encoder;
-use goshawk_autopilot::{Address, AutopilotError, AutopilotLink, LinkConfig, Peer, StreamRates};
+use goshawk_autopilot::{
+    Address, AutopilotError, AutopilotLink, LinkConfig, Peer, SigningConfig, SigningKey, StreamRates,
+};
 use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
 use proptest::prelude::*;
 use std::net::{SocketAddr, UdpSocket};
@@ -108,6 +110,34 @@ fn a_stuck_or_absent_peer_never_blocks_a_setpoint_for_long() {
     let counters = link.status(Time::from_secs(5.0)).counters;
     assert_eq!(counters.send_errors, refused);
     assert!(counters.sent >= 2000 - refused);
+}
+
+#[test]
+fn a_signed_link_keeps_its_newest_stamp_beside_the_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let stamps = folder.path().join("key.stamp");
+    let listener = UdpSocket::bind(anywhere()).unwrap();
+    let signing = || Some(SigningConfig { key: SigningKey::new([7; 32]), stamps: Some(stamps.clone()) });
+    let newest = || std::fs::read_to_string(&stamps).ok()?.trim().parse::<u64>().ok();
+    let stamp_of = |frame: &[u8]| {
+        assert_eq!((frame[0], frame[2]), (0xFD, 1), "signed");
+        let stamp = &frame[frame.len() - 12..frame.len() - 6];
+        stamp.iter().rev().fold(0_u64, |sum, byte| sum << 8 | u64::from(*byte))
+    };
+    let mut frame = [0; 300];
+    let config = LinkConfig { signing: signing(), ..towards(listener.local_addr().unwrap()) };
+    let link = open(config.clone()).unwrap();
+    let length = listener.recv(&mut frame).unwrap();
+    let first = stamp_of(&frame[..length]);
+    eventually(|| newest().is_some_and(|saved| saved >= first));
+    drop(link);
+    // The wall clock went back by years: the next start goes on above all that was used.
+    let ahead = newest().unwrap() + 1_000_000_000;
+    std::fs::write(&stamps, ahead.to_string()).unwrap();
+    let listener = UdpSocket::bind(anywhere()).unwrap();
+    let _link = open(LinkConfig { signing: signing(), ..towards(listener.local_addr().unwrap()) }).unwrap();
+    let length = listener.recv(&mut frame).unwrap();
+    assert!(stamp_of(&frame[..length]) > ahead);
 }
 
 proptest! {
