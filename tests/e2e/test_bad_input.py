@@ -78,6 +78,20 @@ def test_a_mavlink_port_in_use_is_named(rig: Rig) -> None:
     assert "in use" in line
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("udpin:127.0.0.1:14540", "tcpout:127.0.0.1:5760", "udpin:ADDRESS:PORT"),
+        ('firmware = "px4"', 'firmware = "ardupilot"', "the simulated autopilot is a PX4"),
+    ],
+)
+def test_the_simulated_autopilot_says_what_it_cannot_be(
+    rig: Rig, tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    config = edited(tmp_path, old, new)
+    assert told in refused(BIN / "goshawk-sim", "serve", "--vehicle-file", config, "--connect", rig.endpoint)
+
+
 def test_a_zenoh_port_in_use_is_named(rig: Rig) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", rig.zenoh_port))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -21,3 +24,10 @@ def example() -> Callable[[str], Path]:
         return ROOT / "target/release/examples" / name
 
     return build
+
+
+@pytest.fixture(scope="session")
+def air() -> Path:
+    """The path of the onboard program, built."""
+    subprocess.run(["cargo", "build", "--release", "--locked", "-q", "-p", "goshawk-air"], cwd=ROOT, check=True)
+    return ROOT / "target/release/goshawk-air"

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 import socket
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +13,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
+from wire import Wire
 
 HEADINGS_DEG = {"north": 0.0, "east": 90.0, "south": 180.0, "west": -90.0}
 TILTS_DEG = {"level": (0.0, 0.0), "nose down": (0.0, -20.0), "right side down": (15.0, 0.0), "both": (15.0, 20.0)}
@@ -27,20 +26,10 @@ class Peer:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.socket.settimeout(5.0)
-        address = f"127.0.0.1:{self.socket.getsockname()[1]}"
-        self.process = subprocess.Popen([program, address], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self.address = ("127.0.0.1", int(self._answer()["listening"]))
+        self.wire = Wire(program, f"udpout:127.0.0.1:{self.socket.getsockname()[1]}")
+        self.tell = self.wire.tell
+        self.address = ("127.0.0.1", self.wire.port)
         self.mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-
-    def _answer(self) -> dict[str, Any]:
-        assert self.process.stdout is not None
-        return json.loads(self.process.stdout.readline())
-
-    def tell(self, line: str) -> dict[str, Any]:
-        assert self.process.stdin is not None
-        self.process.stdin.write(line + "\n")
-        self.process.stdin.flush()
-        return self._answer()
 
     def send(self, message: Any) -> None:
         self.socket.sendto(message.pack(self.mav), self.address)
@@ -67,9 +56,7 @@ class Peer:
         raise AssertionError("it was never read")
 
     def close(self) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        assert self.process.wait(timeout=5) == 0
+        self.wire.close()
         self.socket.close()
 
 

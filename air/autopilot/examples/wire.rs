@@ -1,28 +1,40 @@
-//! The link by hand: opens it towards `PEER` and does what the lines on stdin say, one JSON line an answer.
+//! The link by hand: opens `LINE` and does what the lines on stdin say, one JSON line an answer.
 //!
 //! ```text
-//! cargo run --release -p goshawk-autopilot --example wire -- 127.0.0.1:14580
+//! cargo run --release -p goshawk-autopilot --example wire -- udpout:127.0.0.1:14580
+//! … wire -- tcpout:127.0.0.1:5760 ardupilot|ardupilot-nogps|px4 [KEY_FILE]
 //! setpoint W X Y Z THRUST     send attitude (ENU from FLU) and thrust 0..1
 //! request offboard|arm|disarm|hand-back
 //! read                        what is known: odometry (ENU, FLU), status, answers to requests
 //! ```
 
-use goshawk_autopilot::{AutopilotLink, LinkConfig};
+use goshawk_autopilot::{AutopilotLink, Firmware, Guided, LinkConfig, SigningConfig, SigningKey};
 use goshawk_core::Request;
 use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
 use nalgebra::Quaternion;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::io::BufRead;
+use std::path::Path;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let peer = std::env::args().nth(1).ok_or("usage: wire PEER, such as 127.0.0.1:14580")?;
+    let mut args = std::env::args().skip(1);
+    let address =
+        args.next().ok_or("usage: wire LINE [FIRMWARE [KEY_FILE]], such as udpout:127.0.0.1:14580")?.parse()?;
+    let firmware = match args.next().as_deref() {
+        None | Some("px4") => Firmware::Px4,
+        Some("ardupilot") => Firmware::ArduPilot(Guided::Guided),
+        Some("ardupilot-nogps") => Firmware::ArduPilot(Guided::NoGps),
+        Some(other) => return Err(format!("unknown firmware {other}").into()),
+    };
+    let key = args.next().map(|path| SigningKey::load(Path::new(&path))).transpose()?;
+    let signing = key.map(|key| SigningConfig { key, stamps: None });
     let start = Instant::now();
     let clock = move || Time(start.elapsed().as_nanos() as u64);
-    let config = LinkConfig { peer: Some(peer.parse()?), ..LinkConfig::customary("127.0.0.1:0".parse()?) };
+    let config = LinkConfig { address, firmware, signing, ..LinkConfig::customary("127.0.0.1:0".parse()?) };
     let link = AutopilotLink::open(config, clock)?;
-    println!("{}", json!({ "listening": link.local_address()?.port() }));
+    println!("{}", json!({ "listening": link.local_address().ok().map(|address| address.port()) }));
     for line in std::io::stdin().lock().lines() {
         let line = line?;
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -75,6 +87,7 @@ fn read(link: &AutopilotLink, now: Time) -> Value {
     json!({
         "odometry": odometry,
         "acks": acks,
+        "problem": link.line_problem().or_else(|| status.problem()),
         "connected": status.connected,
         "armed": status.armed,
         "offboard": status.offboard,
@@ -83,6 +96,9 @@ fn read(link: &AutopilotLink, now: Time) -> Value {
         "mode": status.mode.map(|mode| mode.to_string()),
         "battery_fraction": status.battery_fraction,
         "round_trip_s": status.round_trip_s,
+        "unsigned": status.counters.unsigned,
+        "bad_signature": status.counters.bad_signature,
+        "stale_signature": status.counters.stale_signature,
         "not_finite": status.counters.not_finite,
         "odometry_frame": status.counters.odometry_frame,
     })

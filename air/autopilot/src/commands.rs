@@ -1,8 +1,7 @@
 //! What is asked of the autopilot and how it answered: COMMAND_LONG out, COMMAND_ACK in, repeated until answered.
 
 use crate::messages::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
-use crate::mode::Px4Mode;
-use goshawk_core::Request;
+use crate::mode::FlightMode;
 use goshawk_core::types::Time;
 use std::collections::VecDeque;
 use std::fmt;
@@ -21,7 +20,7 @@ pub const FORCE_MAGIC: f32 = 21196.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// MAV_CMD_DO_SET_MODE.
-    SetMode(Px4Mode),
+    SetMode(FlightMode),
     /// MAV_CMD_COMPONENT_ARM_DISARM, arm.
     Arm,
     /// MAV_CMD_COMPONENT_ARM_DISARM, disarm. Refused in the air unless forced; forced, the vehicle falls.
@@ -38,17 +37,6 @@ pub enum Command {
     },
 }
 
-impl From<Request> for Command {
-    fn from(request: Request) -> Self {
-        match request {
-            Request::Offboard => Self::SetMode(Px4Mode::Offboard),
-            Request::Arm => Self::Arm,
-            Request::Disarm => Self::Disarm { force: false },
-            Request::HandBack => Self::SetMode(Px4Mode::Land),
-        }
-    }
-}
-
 impl Command {
     fn id(self) -> MavCmd {
         match self {
@@ -61,8 +49,8 @@ impl Command {
     fn message(self, target_system: u8, target_component: u8, confirmation: u8) -> MavMessage {
         let (param1, param2, param3) = match self {
             Self::SetMode(mode) => {
-                let (main, sub) = mode.main_and_sub();
-                (1.0, f32::from(main), f32::from(sub)) // 1: custom mode enabled
+                let (second, third) = mode.parameters();
+                (1.0, second, third) // 1: custom mode enabled
             }
             Self::Arm => (1.0, 0.0, 0.0),
             Self::Disarm { force } => (0.0, if force { FORCE_MAGIC } else { 0.0 }, 0.0),
@@ -223,81 +211,5 @@ impl Commands {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn due(commands: &mut Commands, seconds: f64) -> Option<COMMAND_LONG_DATA> {
-        match commands.due(Time::from_secs(seconds), 1, 1) {
-            Some(MavMessage::COMMAND_LONG(long)) => Some(long),
-            Some(other) => panic!("{other:?}"),
-            None => None,
-        }
-    }
-
-    fn ack(command: MavCmd, result: MavResult) -> COMMAND_ACK_DATA {
-        COMMAND_ACK_DATA { command, result, ..COMMAND_ACK_DATA::default() }
-    }
-
-    #[test]
-    fn a_command_is_repeated_until_answered_and_then_given_up() {
-        let mut commands = Commands::default();
-        commands.submit(Command::Arm);
-        for attempt in 0..ATTEMPTS {
-            let long = due(&mut commands, f64::from(attempt) * 0.3).expect("due");
-            assert_eq!(long.confirmation, attempt);
-            assert!(due(&mut commands, f64::from(attempt) * 0.3 + 0.1).is_none());
-        }
-        assert!(due(&mut commands, 2.0).is_none());
-        let answers = commands.take_answers();
-        assert_eq!(answers.len(), 1);
-        assert_eq!(answers[0].outcome, Outcome::NoAnswer);
-    }
-
-    #[test]
-    fn requests_have_the_parameters_that_px4_takes() {
-        let cases = [
-            (Request::Offboard, MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 6.0, 0.0]),
-            (Request::HandBack, MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 4.0, 6.0]),
-            (Request::Arm, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0, 0.0]),
-            (Request::Disarm, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [0.0, 0.0, 0.0]),
-        ];
-        for (request, id, params) in cases {
-            let mut commands = Commands::default();
-            commands.submit(request.into());
-            let long = due(&mut commands, 1.0).unwrap();
-            assert_eq!((long.command, [long.param1, long.param2, long.param3]), (id, params), "{request:?}");
-        }
-    }
-
-    #[test]
-    fn streams_are_asked_for_one_by_one() {
-        let mut commands = Commands::default();
-        commands.submit(Command::Stream { message: 331, hz: 100.0 });
-        commands.submit(Command::Stream { message: 31, hz: 125.0 });
-        let first = due(&mut commands, 0.0).unwrap();
-        assert_eq!((first.param1, first.param2), (331.0, 10_000.0));
-        assert!(due(&mut commands, 0.01).is_none());
-        let accepted = ack(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, MavResult::MAV_RESULT_ACCEPTED);
-        assert!(commands.answered(Time::from_secs(0.02), &accepted).is_some());
-        assert_eq!(due(&mut commands, 0.02).unwrap().param2, 8_000.0);
-    }
-
-    #[test]
-    fn handing_back_replaces_an_unanswered_offboard() {
-        let mut commands = Commands::default();
-        commands.submit(Request::Offboard.into());
-        assert!(due(&mut commands, 0.0).is_some());
-        commands.submit(Request::HandBack.into());
-        assert_eq!(due(&mut commands, 0.001).unwrap().param2, 4.0);
-        assert!(due(&mut commands, 0.002).is_none());
-    }
-
-    #[test]
-    fn an_answer_to_nothing_is_ignored() {
-        let mut commands = Commands::default();
-        let stray = ack(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, MavResult::MAV_RESULT_ACCEPTED);
-        assert!(commands.answered(Time(0), &stray).is_none());
-        commands.submit(Command::Arm);
-        assert!(commands.answered(Time(0), &stray).is_none(), "not sent yet");
-    }
-}
+#[path = "commands_tests.rs"]
+mod tests;

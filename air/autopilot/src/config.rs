@@ -1,6 +1,9 @@
 //! Where the autopilot is, who we are, and what we ask to be told.
 
+use crate::address::Address;
 use crate::error::AutopilotError;
+use crate::firmware::Firmware;
+use crate::signing::SigningConfig;
 use std::net::SocketAddr;
 
 /// As what our heartbeat introduces us.
@@ -16,13 +19,13 @@ pub enum HeartbeatKind {
 /// How often each message is asked for when contact is made, Hz, above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamRates {
-    /// ODOMETRY.
+    /// ODOMETRY of PX4, LOCAL_POSITION_NED of ArduPilot.
     pub odometry_hz: f64,
-    /// ATTITUDE_QUATERNION, used when ODOMETRY does not come.
+    /// ATTITUDE_QUATERNION, joined with the position when ODOMETRY does not come.
     pub attitude_hz: f64,
-    /// HIGHRES_IMU.
+    /// HIGHRES_IMU, of PX4.
     pub imu_hz: f64,
-    /// CURRENT_MODE and EXTENDED_SYS_STATE: how late a lost mode is noticed at worst.
+    /// CURRENT_MODE (of ArduPilot: HEARTBEAT) and EXTENDED_SYS_STATE: how late a lost mode is noticed at worst.
     pub state_hz: f64,
 }
 
@@ -33,12 +36,14 @@ impl Default for StreamRates {
 }
 
 /// Where the autopilot is and who we are.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LinkConfig {
-    /// Our local address. PX4 sends to UDP 14540 unless told otherwise.
-    pub bind: SocketAddr,
-    /// The autopilot's address; none: that of the first heartbeat of the target.
-    pub peer: Option<SocketAddr>,
+    /// The line to it. PX4 sends to UDP 14540 unless told otherwise.
+    pub address: Address,
+    /// Which autopilot it is to be.
+    pub firmware: Firmware,
+    /// What messages are signed with, and must be; none: signatures are not looked at.
+    pub signing: Option<SigningConfig>,
     /// Our system id, by custom the vehicle's.
     pub system_id: u8,
     /// Our component id; 191 is the custom for a companion computer.
@@ -54,12 +59,13 @@ pub struct LinkConfig {
 }
 
 impl LinkConfig {
-    /// The customary ids, listening at `bind`, peer learned.
+    /// The customary ids, listening for PX4 on UDP at `bind`.
     #[must_use]
     pub fn customary(bind: SocketAddr) -> Self {
         Self {
-            bind,
-            peer: None,
+            address: Address::UdpIn(bind),
+            firmware: Firmware::default(),
+            signing: None,
             system_id: 1,
             component_id: 191,
             target_system: 1,
@@ -79,11 +85,6 @@ impl LinkConfig {
             if !(hz.is_finite() && hz > 0.0 && hz <= 1000.0) {
                 return Err(AutopilotError::Config(format!("stream rate {hz} Hz is not above 0 and up to 1000")));
             }
-        }
-        if let Some(peer) = self.peer
-            && peer.is_ipv4() != self.bind.is_ipv4()
-        {
-            return Err(AutopilotError::Config(format!("peer {peer} cannot be reached from {}", self.bind)));
         }
         Ok(())
     }

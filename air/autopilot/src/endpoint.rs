@@ -1,46 +1,45 @@
-//! The socket, the clock and what the receiving thread does: it takes packets, keeps heartbeat and clocks going and
-//! repeats commands.
+//! What the threads of a link share: the transport, the clock, the key and the state.
 
-use crate::commands::{Command, Commands, Outcome};
-use crate::config::{HeartbeatKind, LinkConfig};
+use crate::address::Peer;
+use crate::commands::Commands;
+use crate::config::LinkConfig;
 use crate::error::AutopilotError;
-use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, HIGHRES_IMU_DATA,
-    MavAutopilot, MavMessage, MavModeFlag, MavState, MavType, ODOMETRY_DATA,
-};
+use crate::messages::MavMessage;
+use crate::signing::{self, Signer, Verifier};
 use crate::status::Status;
+use crate::transport::Transport;
 use crate::view::View;
-use crate::wire::{Encoder, Packet, for_each_packet};
+use crate::wire::Encoder;
 use goshawk_core::types::Time;
-use mavlink::MessageData;
-use std::io::ErrorKind;
-use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// How long the receiver waits for a datagram before it looks at the clock.
-const RECEIVE_WAIT: Duration = Duration::from_millis(5);
-/// How long a send may wait for room in the socket's buffer, which is empty unless the network is stuck.
-const SEND_WAIT: Duration = Duration::from_millis(1);
-const HEARTBEAT_EVERY_S: f64 = 1.0;
-const TIMESYNC_EVERY_S: f64 = 0.1;
-
-/// What the threads share.
 pub(crate) struct State {
     pub(crate) view: View,
     pub(crate) commands: Commands,
-    pub(crate) peer: Option<SocketAddr>,
-    heartbeat_sent: Option<Time>,
-    timesync_sent: Option<Time>,
+    pub(crate) verifier: Verifier,
+    pub(crate) peer: Option<Peer>,
+    /// The line was opened anew: at the next heartbeat the streams are asked for again, as another line's may be.
+    pub(crate) reopened: bool,
+    pub(crate) sent: Sent,
 }
 
-/// One socket with its state. Every method may be called from any thread.
+/// When what repeats was last done.
+#[derive(Default)]
+pub(crate) struct Sent {
+    pub(crate) heartbeat: Option<Time>,
+    pub(crate) timesync: Option<Time>,
+    pub(crate) parameters: Option<Time>,
+    pub(crate) stamp_saved: Option<Time>,
+}
+
+/// One link. Every method may be called from any thread.
 pub(crate) struct Endpoint {
-    config: LinkConfig,
-    socket: UdpSocket,
+    pub(crate) config: LinkConfig,
+    pub(crate) transport: Transport,
     clock: Box<dyn Fn() -> Time + Send + Sync>,
     encoder: Encoder,
+    pub(crate) signer: Option<Arc<Signer>>,
     state: Mutex<State>,
     stop: AtomicBool,
     sent: AtomicU64,
@@ -48,38 +47,31 @@ pub(crate) struct Endpoint {
 }
 
 impl Endpoint {
-    /// Listens at `config.bind`.
-    pub(crate) fn bind(config: LinkConfig, clock: Box<dyn Fn() -> Time + Send + Sync>) -> Result<Self, AutopilotError> {
-        let socket = UdpSocket::bind(config.bind).map_err(|source| match source.kind() {
-            ErrorKind::AddrInUse => AutopilotError::PortInUse(config.bind),
-            _ => AutopilotError::Bind { address: config.bind, source },
-        })?;
-        socket.set_read_timeout(Some(RECEIVE_WAIT)).map_err(AutopilotError::Receiver)?;
-        socket.set_write_timeout(Some(SEND_WAIT)).map_err(AutopilotError::Receiver)?;
+    /// Listens, or is ready to call.
+    pub(crate) fn new(config: LinkConfig, clock: Box<dyn Fn() -> Time + Send + Sync>) -> Result<Self, AutopilotError> {
+        let transport = Transport::new(&config.address)?;
+        let signer = config.signing.as_ref().map(|signing| {
+            let saved = signing.stamps.as_deref().and_then(signing::saved_stamp);
+            Arc::new(Signer::new(signing.key.clone(), saved, signing::wall_clock))
+        });
         Ok(Self {
-            config,
-            socket,
             clock,
-            encoder: Encoder::new(config.system_id, config.component_id),
+            encoder: Encoder::new(config.system_id, config.component_id).signed(signer.clone()),
+            signer,
             state: Mutex::new(State {
-                view: View::new(config.target_system, config.target_component),
+                view: View::new(config.target_system, config.target_component, config.firmware),
                 commands: Commands::default(),
-                peer: config.peer,
-                heartbeat_sent: None,
-                timesync_sent: None,
+                verifier: Verifier::default(),
+                peer: transport.first_peer(),
+                reopened: false,
+                sent: Sent::default(),
             }),
+            config,
+            transport,
             stop: AtomicBool::new(false),
             sent: AtomicU64::new(0),
             send_errors: AtomicU64::new(0),
         })
-    }
-
-    pub(crate) fn config(&self) -> &LinkConfig {
-        &self.config
-    }
-
-    pub(crate) fn local_address(&self) -> Result<SocketAddr, AutopilotError> {
-        self.socket.local_addr().map_err(AutopilotError::Receiver)
     }
 
     pub(crate) fn status(&self, now: Time) -> Status {
@@ -93,9 +85,13 @@ impl Endpoint {
         status
     }
 
-    /// Lets [`Self::receive`] return.
+    /// Lets the receiver return.
     pub(crate) fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
+    }
+
+    pub(crate) fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     pub(crate) fn lock(&self) -> MutexGuard<'_, State> {
@@ -120,13 +116,15 @@ impl Endpoint {
         (self.clock)()
     }
 
-    pub(crate) fn send(&self, peer: SocketAddr, message: &MavMessage) -> Result<(), AutopilotError> {
-        self.send_bytes(peer, self.encoder.encode(message).raw_bytes())
+    /// Sends a message; one that cannot go out is lost, and counted.
+    pub(crate) fn send(&self, peer: Peer, message: &MavMessage) -> Result<(), AutopilotError> {
+        self.send_frame(peer, self.encoder.encode(message).raw_bytes(), false)
     }
 
-    pub(crate) fn send_bytes(&self, peer: SocketAddr, bytes: &[u8]) -> Result<(), AutopilotError> {
-        match self.socket.send_to(bytes, peer) {
-            Ok(_) => {
+    /// Sends a frame. `hurried`: for the control thread, which waits for no other.
+    pub(crate) fn send_frame(&self, peer: Peer, frame: &[u8], hurried: bool) -> Result<(), AutopilotError> {
+        match self.transport.send(peer, frame, hurried) {
+            Ok(()) => {
                 self.sent.fetch_add(1, Ordering::Relaxed);
                 Ok(())
             }
@@ -138,152 +136,11 @@ impl Endpoint {
     }
 
     /// For the housekeeping, whose failures the counters show.
-    fn send_counted(&self, message: &MavMessage) {
+    pub(crate) fn send_counted(&self, message: &MavMessage) {
         let peer = self.lock().peer;
         if let Some(peer) = peer {
             let _ = self.send(peer, message);
         }
-    }
-
-    /// Receives and keeps house until stopped. Runs on a thread of its own.
-    pub(crate) fn receive(&self) {
-        let mut buffer = [0_u8; 65_536];
-        while !self.stop.load(Ordering::Relaxed) {
-            match self.socket.recv_from(&mut buffer) {
-                Ok((length, from)) => self.datagram(&buffer[..length], from),
-                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => {
-                    tracing::warn!(%error, "receiving from the autopilot failed");
-                    std::thread::sleep(Duration::from_millis(100));
-                }
-            }
-            self.housekeeping();
-        }
-    }
-
-    fn datagram(&self, bytes: &[u8], from: SocketAddr) {
-        for_each_packet(bytes, |result| {
-            let now = self.now();
-            match result {
-                Err(reject) => self.lock().view.reject(reject),
-                Ok(packet) => self.packet(now, &packet, from),
-            }
-        });
-    }
-
-    fn packet(&self, now: Time, packet: &Packet, from: SocketAddr) {
-        let accepted = {
-            let mut state = self.lock();
-            if !self.is_peer(&mut state, now, packet, from) {
-                state.view.counters.strangers += 1;
-                return;
-            }
-            let accepted = state.view.accept(now, packet);
-            if accepted.greet {
-                state.commands.clear();
-                self.ask_for_streams(&mut state.commands);
-            }
-            self.settle(&mut state, now, packet);
-            accepted
-        };
-        if accepted.greet {
-            tracing::info!(autopilot = %from, "contact with the autopilot");
-        }
-        if let Some(reply) = accepted.reply {
-            self.send_counted(&reply);
-        }
-        self.send_due_commands();
-    }
-
-    /// Learns the peer from the target's heartbeat if none is configured: the first one, and another only when the
-    /// old one fell silent.
-    fn is_peer(&self, state: &mut State, now: Time, packet: &Packet, from: SocketAddr) -> bool {
-        if state.peer == Some(from) {
-            return true;
-        }
-        let heartbeat = matches!(packet.message, MavMessage::HEARTBEAT(_)) && state.view.is_target(packet);
-        if self.config.peer.is_none() && heartbeat && !state.view.status(now).connected {
-            state.peer = Some(from);
-            return true;
-        }
-        false
-    }
-
-    fn settle(&self, state: &mut State, now: Time, packet: &Packet) {
-        let MavMessage::COMMAND_ACK(ack) = &packet.message else {
-            return;
-        };
-        let ours = [0, self.config.system_id].contains(&ack.target_system)
-            && [0, self.config.component_id].contains(&ack.target_component);
-        if !ours || !state.view.is_target(packet) {
-            return;
-        }
-        if let Some(settled) = state.commands.answered(now, ack) {
-            state.view.settled(&settled);
-            match settled.outcome {
-                Outcome::Accepted => {
-                    tracing::debug!(command = %settled.command, "autopilot accepted")
-                }
-                outcome => {
-                    tracing::warn!(command = %settled.command, %outcome, "autopilot refused")
-                }
-            }
-        }
-    }
-
-    fn ask_for_streams(&self, commands: &mut Commands) {
-        let rates = &self.config.rates;
-        for (message, hz) in [
-            (CURRENT_MODE_DATA::ID, rates.state_hz),
-            (ODOMETRY_DATA::ID, rates.odometry_hz),
-            (ATTITUDE_QUATERNION_DATA::ID, rates.attitude_hz),
-            (HIGHRES_IMU_DATA::ID, rates.imu_hz),
-            (EXTENDED_SYS_STATE_DATA::ID, rates.state_hz),
-        ] {
-            commands.submit(Command::Stream { message, hz });
-        }
-    }
-
-    fn housekeeping(&self) {
-        let now = self.now();
-        let is_due = |sent: Option<Time>, every: f64| sent.is_none_or(|sent| now.since(sent) >= every);
-        let (heartbeat, timesync) = {
-            let mut state = self.lock();
-            if state.peer.is_none() {
-                return;
-            }
-            let heartbeat = is_due(state.heartbeat_sent, HEARTBEAT_EVERY_S);
-            if heartbeat {
-                state.heartbeat_sent = Some(now);
-            }
-            let timesync = is_due(state.timesync_sent, TIMESYNC_EVERY_S).then(|| {
-                state.timesync_sent = Some(now);
-                state.view.timesync_request(now)
-            });
-            (heartbeat, timesync)
-        };
-        if let Some(request) = timesync {
-            self.send_counted(&request);
-        }
-        if heartbeat {
-            self.send_counted(&self.heartbeat());
-        }
-        self.send_due_commands();
-    }
-
-    fn heartbeat(&self) -> MavMessage {
-        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: 0,
-            mavtype: match self.config.heartbeat {
-                HeartbeatKind::OnboardController => MavType::MAV_TYPE_ONBOARD_CONTROLLER,
-                HeartbeatKind::GroundStation => MavType::MAV_TYPE_GCS,
-            },
-            autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
-            base_mode: MavModeFlag::empty(),
-            system_status: MavState::MAV_STATE_ACTIVE,
-            mavlink_version: 3,
-        })
     }
 
     pub(crate) fn send_due_commands(&self) {

@@ -1,5 +1,6 @@
 //! The link to the autopilot, as the control thread uses it.
 
+use crate::address::Peer;
 use crate::commands::{Ack, Command};
 use crate::config::LinkConfig;
 use crate::endpoint::Endpoint;
@@ -24,7 +25,7 @@ pub struct Glance {
     /// Newest odometry in our clock; none: nothing usable came yet.
     pub odometry: Option<Odometry>,
     /// Where setpoints go; none: not known yet.
-    pub peer: Option<SocketAddr>,
+    pub peer: Option<Peer>,
 }
 
 /// The link to the autopilot. Its own thread receives, keeps heartbeat and clocks going and repeats commands; sending
@@ -35,13 +36,14 @@ pub struct AutopilotLink {
 }
 
 impl AutopilotLink {
-    /// Listens at `config.bind`; `clock` is the vehicle's monotonic clock.
+    /// Listens, or calls again and again until somebody answers; `clock` is the vehicle's monotonic clock.
     ///
     /// # Errors
-    /// The port is in use or cannot be bound, a config value is unusable, the thread does not start.
+    /// The port is in use or cannot be bound, the host is not known, a config value is unusable, the thread does not
+    /// start. A serial port that is not there, or a TCP peer that does not answer, is none: see [`Self::line_problem`].
     pub fn open(config: LinkConfig, clock: impl Fn() -> Time + Send + Sync + 'static) -> Result<Self, AutopilotError> {
         config.validate()?;
-        let endpoint = Arc::new(Endpoint::bind(config, Box::new(clock))?);
+        let endpoint = Arc::new(Endpoint::new(config, Box::new(clock))?);
         let for_thread = Arc::clone(&endpoint);
         let receiver = std::thread::Builder::new()
             .name("autopilot".to_owned())
@@ -53,14 +55,20 @@ impl AutopilotLink {
     /// The address that we listen at, with the port that the system chose if the config said 0.
     ///
     /// # Errors
-    /// The socket does not say.
+    /// The socket does not say, or the line has none.
     pub fn local_address(&self) -> Result<SocketAddr, AutopilotError> {
-        self.endpoint.local_address()
+        self.endpoint.transport.local_address()
+    }
+
+    /// Why the line to the autopilot is not open, in one line; none: it is.
+    #[must_use]
+    pub fn line_problem(&self) -> Option<String> {
+        self.endpoint.transport.problem()
     }
 
     /// The autopilot's address, configured or learned.
     #[must_use]
-    pub fn peer(&self) -> Option<SocketAddr> {
+    pub fn peer(&self) -> Option<Peer> {
         self.endpoint.lock().peer
     }
 
@@ -93,24 +101,24 @@ impl AutopilotLink {
     }
 
     /// Sends the attitude and thrust (SET_ATTITUDE_TARGET, type mask 7). Call it at the control rate: PX4 wants more
-    /// than 2 Hz for a second before it follows, and fails safe when they stop.
+    /// than 2 Hz for a second before it follows, and fails safe when they stop; ArduPilot then levels and holds its
+    /// height.
     ///
     /// # Errors
-    /// The setpoint is not finite, no peer is known, or the datagram did not go out (counted; the next one may).
+    /// The setpoint is not finite, no peer is known, or the message did not go out (counted; the next one may).
     pub fn send_setpoint(&self, setpoint: &AttitudeThrust) -> Result<(), AutopilotError> {
-        let frame = self.setpoint_frame(setpoint)?;
-        self.endpoint.send_bytes(self.peer().ok_or(AutopilotError::NoPeer)?, frame.raw_bytes())
+        self.send_setpoint_to(self.peer().ok_or(AutopilotError::NoPeer)?, setpoint)
     }
 
-    /// [`Self::send_setpoint`] to a peer that a [`Glance`] has told: takes no lock.
+    /// [`Self::send_setpoint`] to a peer that a [`Glance`] has told: waits for no other thread, nor for the line.
     ///
     /// # Errors
     /// As there.
-    pub fn send_setpoint_to(&self, peer: SocketAddr, setpoint: &AttitudeThrust) -> Result<(), AutopilotError> {
-        self.endpoint.send_bytes(peer, self.setpoint_frame(setpoint)?.raw_bytes())
+    pub fn send_setpoint_to(&self, peer: Peer, setpoint: &AttitudeThrust) -> Result<(), AutopilotError> {
+        self.endpoint.send_frame(peer, self.setpoint_frame(setpoint)?.raw_bytes(), true)
     }
 
-    /// The datagram of [`Self::send_setpoint`], with the next sequence number.
+    /// The frame of [`Self::send_setpoint`], with the next sequence number.
     ///
     /// # Errors
     /// The setpoint is not finite.
@@ -122,11 +130,11 @@ impl AutopilotLink {
         }
         let q = ned_from_frd(&setpoint.world_from_body);
         let message = MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
-            time_boot_ms: (self.endpoint.now().0 / 1_000_000) as u32, // wraps after 49 days; PX4 ignores it
+            time_boot_ms: (self.endpoint.now().0 / 1_000_000) as u32, // wraps after 49 days; neither firmware looks at it
             q: [q.w as f32, q.i as f32, q.j as f32, q.k as f32],
             thrust: thrust as f32,
-            target_system: self.endpoint.config().target_system,
-            target_component: self.endpoint.config().target_component,
+            target_system: self.endpoint.config.target_system,
+            target_component: self.endpoint.config.target_component,
             type_mask: AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
                 | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
                 | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
@@ -137,7 +145,7 @@ impl AutopilotLink {
 
     /// Asks what the controller wants. Repeated until answered; see [`Self::take_acks`].
     pub fn request(&self, request: Request) {
-        self.command(request.into());
+        self.command(self.endpoint.config.firmware.command(request));
     }
 
     /// Asks anything of the autopilot. Repeated until answered; see [`Self::take_acks`].
@@ -149,9 +157,9 @@ impl AutopilotLink {
     /// Asks for a parameter by its name; what comes back is [`Self::parameter`]'s. An unknown one gets no answer.
     ///
     /// # Errors
-    /// No peer is known, or the datagram did not go out.
+    /// No peer is known, or the message did not go out.
     pub fn request_parameter(&self, name: &str) -> Result<(), AutopilotError> {
-        let config = self.endpoint.config();
+        let config = &self.endpoint.config;
         let message = parameters::request(name, config.target_system, config.target_component);
         self.endpoint.send(self.peer().ok_or(AutopilotError::NoPeer)?, &message)
     }

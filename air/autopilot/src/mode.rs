@@ -1,6 +1,39 @@
-//! PX4's flight modes as HEARTBEAT's and CURRENT_MODE's `custom_mode` number them.
+//! PX4's flight modes as HEARTBEAT's and CURRENT_MODE's `custom_mode` number them, and a mode of either firmware.
 
+use crate::copter::CopterMode;
 use std::fmt;
+
+/// A flight mode of whichever firmware flies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FlightMode {
+    /// PX4's.
+    Px4(Px4Mode),
+    /// ArduPilot Copter's.
+    Copter(CopterMode),
+}
+
+impl FlightMode {
+    /// Parameters 2 and 3 of MAV_CMD_DO_SET_MODE: main and sub mode for PX4, `custom_mode` and nothing for ArduPilot.
+    #[must_use]
+    pub fn parameters(self) -> (f32, f32) {
+        match self {
+            Self::Px4(mode) => {
+                let (main, sub) = mode.main_and_sub();
+                (f32::from(main), f32::from(sub))
+            }
+            Self::Copter(CopterMode(number)) => (number as f32, 0.0),
+        }
+    }
+}
+
+impl fmt::Display for FlightMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Px4(mode) => mode.fmt(f),
+            Self::Copter(mode) => mode.fmt(f),
+        }
+    }
+}
 
 /// A PX4 flight mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

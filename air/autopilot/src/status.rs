@@ -1,6 +1,8 @@
 //! What the link tells of the autopilot: plain values.
 
-use crate::mode::Px4Mode;
+use crate::firmware::{Firmware, Identity, THRUST_AS_THRUST};
+use crate::mode::FlightMode;
+use crate::parameters::Parameter;
 use goshawk_core::AutopilotStatus;
 use goshawk_core::types::{Time, Vec3};
 
@@ -11,8 +13,16 @@ pub struct Counters {
     pub received: u64,
     /// Packets of other systems or components.
     pub foreign: u64,
-    /// Datagrams from an address that is not the peer's.
+    /// Packets from an address that is not the peer's.
     pub strangers: u64,
+    /// Packets without a signature, refused because we have a key.
+    pub unsigned: u64,
+    /// Packets signed with another key, refused.
+    pub bad_signature: u64,
+    /// Packets rightly signed with a time that is too old, refused.
+    pub stale_signature: u64,
+    /// Signed packets that could not be checked because we have no key; taken.
+    pub unchecked: u64,
     /// Runs of bytes that were no MAVLink 2.
     pub garbage: u64,
     /// Frames cut short.
@@ -27,29 +37,35 @@ pub struct Counters {
     pub odometry_frame: u64,
     /// The autopilot's packets that never came, by their sequence numbers.
     pub lost: u64,
-    /// Datagrams sent.
+    /// Packets sent.
     pub sent: u64,
-    /// Datagrams that could not be sent.
+    /// Packets that could not be sent.
     pub send_errors: u64,
 }
 
 /// The autopilot's state at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Status {
+    /// What it is to be.
+    pub firmware: Firmware,
+    /// What its heartbeat says that it is; none: not heard yet.
+    pub identity: Option<Identity>,
+    /// ArduPilot's options of the guided modes; none: not told.
+    pub guided_options: Option<Parameter>,
     /// Its heartbeat is younger than 3 s.
     pub connected: bool,
     /// Motors may turn.
     pub armed: bool,
-    /// It follows our setpoints.
+    /// It follows our setpoints: it is in the mode for them, and takes our thrust as thrust.
     pub offboard: bool,
     /// It left the mode that was asked for by itself (lost setpoints, battery, …). A pilot's choice is no failsafe.
     pub failsafe: bool,
     /// Its landed detector; none: unknown.
     pub landed: Option<bool>,
     /// The mode that it flies; none: not heard yet.
-    pub mode: Option<Px4Mode>,
+    pub mode: Option<FlightMode>,
     /// The mode that was last asked for by anyone; none: not heard yet.
-    pub intended_mode: Option<Px4Mode>,
+    pub intended_mode: Option<FlightMode>,
     /// Battery left, 0..=1; none: not measured.
     pub battery_fraction: Option<f64>,
     /// Age of its newest heartbeat, s; none: never heard.
@@ -61,6 +77,58 @@ pub struct Status {
 }
 
 impl Status {
+    /// Why it cannot be flown with, and what to do, in one line; none: it can.
+    #[must_use]
+    pub fn problem(&self) -> Option<String> {
+        match self.heartbeat_age_s {
+            None => Some(self.unheard()),
+            Some(age) if !self.connected => Some(format!("its last heartbeat is {age:.1} s old: check the link")),
+            Some(_) => {
+                let mismatch = self.identity.and_then(|identity| self.firmware.mismatch(identity));
+                mismatch.or_else(|| self.thrust_problem())
+            }
+        }
+    }
+
+    fn unheard(&self) -> String {
+        let counters = &self.counters;
+        let what = if counters.bad_signature > 0 {
+            "what comes is signed with another key: give the autopilot the key of signing_key_file"
+        } else if counters.unsigned > 0 {
+            "what comes is not signed: give the autopilot the key of signing_key_file, or do without the file"
+        } else if counters.stale_signature > 0 {
+            "what comes is signed with a time long past: set this computer's clock, or wait until the autopilot follows it"
+        } else if counters.foreign > 0 {
+            "others are heard on this link, the autopilot is not: check target_system and target_component"
+        } else if counters.garbage + counters.checksum + counters.truncated > 0 {
+            "bytes come that are no MAVLink 2: check the baud rate, and that the autopilot's port speaks MAVLink 2"
+        } else {
+            "no autopilot has been heard: check the MAVLink port and the wiring"
+        };
+        what.to_owned()
+    }
+
+    /// Why ArduPilot would take our thrust for something else; none: it would not.
+    #[must_use]
+    pub fn thrust_problem(&self) -> Option<String> {
+        match (self.firmware, self.guided_options) {
+            (Firmware::Px4, _) => None,
+            (_, Some(Parameter::Int(options))) if options & THRUST_AS_THRUST != 0 => None,
+            (_, None) => Some(
+                "GUID_OPTIONS is not read yet, which tells whether it takes our thrust as thrust: if this stays, see \
+                 that the autopilot answers on this link"
+                    .to_owned(),
+            ),
+            (_, Some(Parameter::Int(options))) => Some(format!(
+                "GUID_OPTIONS is {options}: it would take our thrust for a climb rate; set it to {}",
+                options | THRUST_AS_THRUST
+            )),
+            (_, Some(Parameter::Real(value))) => {
+                Some(format!("GUID_OPTIONS is {value}, no bit mask: set it to {THRUST_AS_THRUST}"))
+            }
+        }
+    }
+
     /// What the controller wants to know of it.
     #[must_use]
     pub fn core(&self) -> AutopilotStatus {

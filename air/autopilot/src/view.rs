@@ -2,14 +2,16 @@
 
 use crate::clock::ClockMap;
 use crate::commands::{Ack, Command, Outcome};
+use crate::estimate::Estimate;
 use crate::events::AutopilotEvent;
+use crate::firmware::{Firmware, GUIDED_OPTIONS, Identity};
 use crate::messages::{
     CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage, MavModeFlag, MavState,
     PARAM_VALUE_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
-use crate::mode::Px4Mode;
+use crate::mode::FlightMode;
 use crate::parameters::{self, Parameter};
-use crate::pose::{self, Position, Unusable};
+use crate::pose::Unusable;
 use crate::status::{Counters, Imu, Status, StatusText};
 use crate::wire::{Packet, Reject};
 use goshawk_core::types::{Odometry, Time};
@@ -17,12 +19,6 @@ use std::collections::{BTreeMap, VecDeque};
 
 /// Without a heartbeat for this long the autopilot counts as gone.
 pub const HEARTBEAT_TIMEOUT_S: f64 = 3.0;
-/// Without ODOMETRY for this long, position and attitude messages are joined instead.
-const ODOMETRY_SILENCE_S: f64 = 0.5;
-/// A position older than this is not joined with an attitude.
-const POSITION_AGE_S: f64 = 0.3;
-/// Packets that come this much late are old news; more is a restart.
-const REORDER_NS: u64 = 1_000_000_000;
 /// Texts and events kept for whoever takes them; older ones go first.
 const NOTES_KEPT: usize = 64;
 
@@ -40,6 +36,8 @@ pub struct Accepted {
 pub struct View {
     target_system: u8,
     target_component: u8,
+    firmware: Firmware,
+    identity: Option<Identity>,
     clock: ClockMap,
     heartbeat: Option<Time>,
     sequence: Option<u8>,
@@ -47,15 +45,10 @@ pub struct View {
     offboard: bool,
     failsafe: bool,
     landed: Option<bool>,
-    mode: Option<Px4Mode>,
-    intended_mode: Option<Px4Mode>,
+    mode: Option<FlightMode>,
+    intended_mode: Option<FlightMode>,
     battery_fraction: Option<f64>,
-    odometry: Option<Odometry>,
-    odometry_remote_ns: u64,
-    /// When ODOMETRY last came.
-    odometry_arrival: Option<Time>,
-    position: Option<Position>,
-    imu: Option<Imu>,
+    estimate: Estimate,
     parameters: BTreeMap<String, Parameter>,
     texts: VecDeque<StatusText>,
     events: VecDeque<(Time, AutopilotEvent)>,
@@ -64,12 +57,14 @@ pub struct View {
 }
 
 impl View {
-    /// Knows nothing yet of the given system and component.
+    /// Knows nothing yet of the given system and component, which is to be of that firmware.
     #[must_use]
-    pub fn new(target_system: u8, target_component: u8) -> Self {
+    pub fn new(target_system: u8, target_component: u8, firmware: Firmware) -> Self {
         Self {
             target_system,
             target_component,
+            firmware,
+            identity: None,
             clock: ClockMap::default(),
             heartbeat: None,
             sequence: None,
@@ -80,11 +75,7 @@ impl View {
             mode: None,
             intended_mode: None,
             battery_fraction: None,
-            odometry: None,
-            odometry_remote_ns: 0,
-            odometry_arrival: None,
-            position: None,
-            imu: None,
+            estimate: Estimate::default(),
             parameters: BTreeMap::new(),
             texts: VecDeque::with_capacity(NOTES_KEPT),
             events: VecDeque::with_capacity(NOTES_KEPT),
@@ -132,7 +123,11 @@ impl View {
             MavMessage::STATUSTEXT(text) => self.text(now, text),
             MavMessage::PARAM_VALUE(value) => self.parameter_told(value),
             MavMessage::TIMESYNC(sync) => accepted.reply = self.timesync(now, sync),
-            motion => self.motion(now, motion),
+            motion => match self.estimate.take(&mut self.clock, now, motion) {
+                Ok(()) => {}
+                Err(Unusable::NotFinite) => self.counters.not_finite += 1,
+                Err(Unusable::Frame) => self.counters.odometry_frame += 1,
+            },
         }
         accepted
     }
@@ -161,7 +156,10 @@ impl View {
     #[must_use]
     pub fn status(&self, now: Time) -> Status {
         let heartbeat_age_s = self.heartbeat.map(|heard| now.since(heard));
-        Status {
+        let mut status = Status {
+            firmware: self.firmware,
+            identity: self.identity,
+            guided_options: self.parameter(GUIDED_OPTIONS),
             connected: heartbeat_age_s.is_some_and(|age| age < HEARTBEAT_TIMEOUT_S),
             armed: self.armed,
             offboard: self.offboard,
@@ -173,19 +171,22 @@ impl View {
             heartbeat_age_s,
             round_trip_s: self.clock.round_trip(now),
             counters: self.counters,
-        }
+        };
+        // In the right mode, but with our thrust taken for a climb rate, it does not follow us.
+        status.offboard &= status.thrust_problem().is_none();
+        status
     }
 
     /// Newest odometry, stamped in our clock; none: nothing usable came yet. Freshness is for the caller to judge.
     #[must_use]
     pub fn odometry(&self) -> Option<Odometry> {
-        self.odometry
+        self.estimate.odometry()
     }
 
     /// Newest inertial sample.
     #[must_use]
     pub fn imu(&self) -> Option<Imu> {
-        self.imu
+        self.estimate.imu()
     }
 
     /// A parameter that the autopilot has told; none: it has not.
@@ -195,7 +196,7 @@ impl View {
     }
 
     fn parameter_told(&mut self, message: &PARAM_VALUE_DATA) {
-        if let Some((name, parameter)) = parameters::told(message)
+        if let Some((name, parameter)) = parameters::told(message, self.firmware)
             && (self.parameters.len() < parameters::KEPT || self.parameters.contains_key(&name))
         {
             self.parameters.insert(name, parameter);
@@ -215,22 +216,28 @@ impl View {
     /// True: contact is new.
     fn heartbeat(&mut self, now: Time, heartbeat: &HEARTBEAT_DATA) -> bool {
         let greet = !self.status(now).connected;
+        if greet {
+            self.parameters.clear(); // after a restart they may be others
+        }
         self.heartbeat = Some(now);
+        self.identity = Some(Identity { autopilot: heartbeat.autopilot, vehicle: heartbeat.mavtype });
         self.armed = heartbeat.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
-        let mode = Px4Mode::from_custom_mode(heartbeat.custom_mode);
-        self.mode = Some(mode);
-        self.offboard = mode == Px4Mode::Offboard;
+        self.enter(heartbeat.custom_mode);
         self.failsafe = matches!(heartbeat.system_status, MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY);
         greet
     }
 
-    fn current_mode(&mut self, current: &CURRENT_MODE_DATA) {
-        let mode = Px4Mode::from_custom_mode(current.custom_mode);
+    fn enter(&mut self, custom_mode: u32) {
+        let mode = self.firmware.mode(custom_mode);
         self.mode = Some(mode);
-        self.offboard = mode == Px4Mode::Offboard;
-        // 0 stands for "not known" in the message's definition.
+        self.offboard = mode == self.firmware.follows();
+    }
+
+    fn current_mode(&mut self, current: &CURRENT_MODE_DATA) {
+        self.enter(current.custom_mode);
+        // 0 stands for "not known" in the message's definition; ArduPilot's STABILIZE is 0 too, and never our wish.
         let intended = (current.intended_custom_mode != 0).then_some(current.intended_custom_mode);
-        self.intended_mode = intended.map(Px4Mode::from_custom_mode);
+        self.intended_mode = intended.map(|intended| self.firmware.mode(intended));
         self.failsafe = intended.is_some_and(|intended| intended != current.custom_mode);
     }
 
@@ -269,61 +276,6 @@ impl View {
         }
         None
     }
-
-    fn motion(&mut self, now: Time, message: &MavMessage) {
-        let outcome = match message {
-            MavMessage::ODOMETRY(odometry) => self.odometry_message(now, odometry),
-            MavMessage::LOCAL_POSITION_NED(local) => {
-                let stamp = self.clock.local(u64::from(local.time_boot_ms) * 1_000_000, now);
-                pose::position(local, stamp).map(|position| self.position = Some(position))
-            }
-            MavMessage::ATTITUDE_QUATERNION(attitude) => self.attitude_message(now, attitude),
-            MavMessage::HIGHRES_IMU(imu) => {
-                let stamp = self.clock.local(imu.time_usec.saturating_mul(1000), now);
-                pose::imu(imu, stamp).map(|imu| self.imu = Some(imu))
-            }
-            _ => Ok(()),
-        };
-        match outcome {
-            Ok(()) => {}
-            Err(Unusable::NotFinite) => self.counters.not_finite += 1,
-            Err(Unusable::Frame) => self.counters.odometry_frame += 1,
-        }
-    }
-
-    fn odometry_message(&mut self, now: Time, message: &crate::messages::ODOMETRY_DATA) -> Result<(), Unusable> {
-        let remote_ns = message.time_usec.saturating_mul(1000);
-        let odometry = pose::odometry(message, self.clock.local(remote_ns, now))?;
-        self.odometry_arrival = Some(now);
-        self.keep_odometry(remote_ns, odometry);
-        Ok(())
-    }
-
-    fn attitude_message(
-        &mut self,
-        now: Time,
-        message: &crate::messages::ATTITUDE_QUATERNION_DATA,
-    ) -> Result<(), Unusable> {
-        let remote_ns = u64::from(message.time_boot_ms) * 1_000_000;
-        let stamp = self.clock.local(remote_ns, now);
-        let streamed = self.odometry_arrival.is_some_and(|heard| now.since(heard) < ODOMETRY_SILENCE_S);
-        let Some(position) = self.position.filter(|position| stamp.since(position.stamp).abs() < POSITION_AGE_S) else {
-            return Ok(());
-        };
-        if !streamed {
-            let resets = self.odometry.map_or(0, |odometry| odometry.reset_counter);
-            self.keep_odometry(remote_ns, pose::combined(message, &position, stamp, resets)?);
-        }
-        Ok(())
-    }
-
-    fn keep_odometry(&mut self, remote_ns: u64, odometry: Odometry) {
-        let late = remote_ns < self.odometry_remote_ns && self.odometry_remote_ns - remote_ns < REORDER_NS;
-        if !late {
-            self.odometry_remote_ns = remote_ns;
-            self.odometry = Some(odometry);
-        }
-    }
 }
 
 fn keep<T>(notes: &mut VecDeque<T>, note: T) {
@@ -346,6 +298,9 @@ fn percent(remaining: i8) -> Option<f64> {
     (0..=100).contains(&remaining).then(|| f64::from(remaining) / 100.0)
 }
 
+#[cfg(test)]
+#[path = "view_copter_tests.rs"]
+mod copter_tests;
 #[cfg(test)]
 #[path = "view_tests.rs"]
 mod tests;

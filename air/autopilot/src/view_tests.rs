@@ -2,6 +2,7 @@ use super::*;
 use crate::messages::{
     ATTITUDE_QUATERNION_DATA, EVENT_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA, SYS_STATUS_DATA,
 };
+use crate::mode::Px4Mode;
 use mavlink::MavHeader;
 
 fn packet(message: MavMessage) -> Packet {
@@ -23,7 +24,7 @@ fn at(seconds: f64) -> Time {
 
 #[test]
 fn connected_is_a_function_of_the_heartbeats_age() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     assert!(!view.status(at(1.0)).connected);
     assert!(view.accept(at(1.0), &packet(heartbeat(Px4Mode::Hold, false))).greet);
     assert!(view.status(at(3.9)).connected);
@@ -34,7 +35,7 @@ fn connected_is_a_function_of_the_heartbeats_age() {
 
 #[test]
 fn other_systems_are_counted_and_change_nothing() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     for (system_id, component_id) in [(2, 1), (1, 2), (255, 190)] {
         let header = MavHeader { system_id, component_id, sequence: 0 };
         view.accept(at(1.0), &Packet { header, message: heartbeat(Px4Mode::Offboard, true) });
@@ -46,7 +47,7 @@ fn other_systems_are_counted_and_change_nothing() {
 
 #[test]
 fn lost_packets_are_counted_by_their_sequence() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     for sequence in [253, 254, 1, 0, 2] {
         let header = MavHeader { system_id: 1, component_id: 1, sequence };
         view.accept(at(1.0), &Packet { header, message: heartbeat(Px4Mode::Hold, false) });
@@ -57,7 +58,7 @@ fn lost_packets_are_counted_by_their_sequence() {
 
 #[test]
 fn a_failsafe_is_not_a_pilots_choice() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     let mode = |custom: Px4Mode, intended: Px4Mode| {
         packet(MavMessage::CURRENT_MODE(CURRENT_MODE_DATA {
             custom_mode: custom.custom_mode(),
@@ -75,7 +76,7 @@ fn a_failsafe_is_not_a_pilots_choice() {
 
 #[test]
 fn events_tell_at_once_what_the_heartbeat_tells_late() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     view.accept(at(1.0), &packet(heartbeat(Px4Mode::Offboard, false)));
     let failsafe = |action: u8| {
         let mut arguments = [0; 40];
@@ -112,7 +113,7 @@ fn odometry(time_us: u64, x: f32) -> Packet {
 
 #[test]
 fn without_odometry_messages_position_and_attitude_are_joined() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     let position = |ms: u32| {
         packet(MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
             time_boot_ms: ms,
@@ -144,7 +145,7 @@ fn without_odometry_messages_position_and_attitude_are_joined() {
 
 #[test]
 fn odometry_that_comes_late_does_not_replace_newer() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     view.accept(at(10.0), &odometry(1_000_000, 1.0));
     view.accept(at(10.03), &odometry(1_030_000, 2.0));
     view.accept(at(10.04), &odometry(1_010_000, 3.0));
@@ -153,7 +154,7 @@ fn odometry_that_comes_late_does_not_replace_newer() {
 
 #[test]
 fn unusable_odometry_is_counted_and_not_used() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     view.accept(at(1.0), &odometry(1, f32::NAN));
     let MavMessage::ODOMETRY(mut message) = odometry(2, 0.0).message else { unreachable!() };
     message.frame_id = MavFrame::MAV_FRAME_LOCAL_FLU;
@@ -164,7 +165,7 @@ fn unusable_odometry_is_counted_and_not_used() {
 
 #[test]
 fn a_timesync_question_is_answered_with_our_clock() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     let question = TIMESYNC_DATA { tc1: 0, ts1: 77, ..TIMESYNC_DATA::default() };
     match view.accept(Time(123), &packet(MavMessage::TIMESYNC(question))).reply {
         Some(MavMessage::TIMESYNC(answer)) => assert_eq!((answer.tc1, answer.ts1), (123, 77)),
@@ -174,7 +175,7 @@ fn a_timesync_question_is_answered_with_our_clock() {
 
 #[test]
 fn an_unknown_battery_is_none() {
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     let battery = |remaining: i8| {
         packet(MavMessage::SYS_STATUS(SYS_STATUS_DATA { battery_remaining: remaining, ..SYS_STATUS_DATA::default() }))
     };
@@ -182,4 +183,15 @@ fn an_unknown_battery_is_none() {
     assert_eq!(view.status(at(1.0)).battery_fraction, Some(0.42));
     view.accept(at(1.0), &battery(-1));
     assert_eq!(view.status(at(1.0)).battery_fraction, None);
+}
+
+#[test]
+fn the_reset_counter_of_odometry_is_passed_on() {
+    let mut view = View::new(1, 1, Firmware::Px4);
+    for (time_us, counter) in [(1_000_000, 3), (1_030_000, 4), (1_060_000, 255), (1_090_000, 0)] {
+        let MavMessage::ODOMETRY(mut message) = odometry(time_us, 0.0).message else { unreachable!() };
+        message.reset_counter = counter;
+        view.accept(at(1.0 + time_us as f64 * 1e-6), &packet(MavMessage::ODOMETRY(message)));
+        assert_eq!(view.odometry().unwrap().reset_counter, u32::from(counter));
+    }
 }

@@ -1,7 +1,9 @@
 //! MAVLink 2 framing: bytes to packets and back. Total: any input gives packets and typed rejects, never a panic.
 
 use crate::messages::MavMessage;
+use crate::signing::Signer;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message, calculate_crc};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// First byte of a MAVLink 2 frame.
@@ -50,9 +52,24 @@ pub fn frame_length(bytes: &[u8]) -> Option<usize> {
     }
 }
 
+/// A whole frame carries a signature.
+pub(crate) fn is_signed(frame: &[u8]) -> bool {
+    frame[2] & SIGNED != 0
+}
+
 /// Calls `each` for every packet and every reject in `bytes` (a datagram), in order. Signatures are skipped, not
 /// checked. After a bad frame the search goes on at the next frame start.
 pub fn for_each_packet(bytes: &[u8], mut each: impl FnMut(Result<Packet, Reject>)) {
+    for_each_frame(bytes, true, |result| each(result.map(|(packet, _)| packet)));
+}
+
+/// As [`for_each_packet`], with the bytes of each packet's frame. `whole`: nothing follows `bytes`, so that a frame that
+/// does not end there is cut short; else it waits for the rest. Gives how many bytes are done with.
+pub(crate) fn for_each_frame(
+    bytes: &[u8],
+    whole: bool,
+    mut each: impl FnMut(Result<(Packet, &[u8]), Reject>),
+) -> usize {
     let mut rest = bytes;
     while !rest.is_empty() {
         if rest[0] != MAGIC {
@@ -61,6 +78,9 @@ pub fn for_each_packet(bytes: &[u8], mut each: impl FnMut(Result<Packet, Reject>
             continue;
         }
         let Some(frame) = frame_length(rest).and_then(|length| rest.get(..length)) else {
+            if !whole {
+                break;
+            }
             each(Err(Reject::Truncated));
             rest = &rest[1 + next_magic(&rest[1..])..];
             continue;
@@ -72,9 +92,10 @@ pub fn for_each_packet(bytes: &[u8], mut each: impl FnMut(Result<Packet, Reject>
             Err(Reject::Checksum | Reject::Flags) if !lands => 1 + next_magic(&rest[1..]),
             _ => frame.len(),
         };
-        each(packet);
+        each(packet.map(|packet| (packet, frame)));
         rest = &rest[used..];
     }
+    bytes.len() - rest.len()
 }
 
 fn next_magic(bytes: &[u8]) -> usize {
@@ -102,19 +123,25 @@ fn parse_frame(frame: &[u8]) -> Result<Packet, Reject> {
     Ok(Packet { header, message })
 }
 
-/// Gives one component's messages their header and sequence number. Shared by threads.
+/// Gives one component's messages their header, sequence number and, where there is a key, signature. Shared by
+/// threads.
 #[derive(Debug)]
 pub struct Encoder {
     system_id: u8,
     component_id: u8,
     sequence: AtomicU8,
+    signer: Option<Arc<Signer>>,
 }
 
 impl Encoder {
-    /// An encoder for the component that sends.
+    /// An encoder for the component that sends, without a key.
     #[must_use]
     pub fn new(system_id: u8, component_id: u8) -> Self {
-        Self { system_id, component_id, sequence: AtomicU8::new(0) }
+        Self { system_id, component_id, sequence: AtomicU8::new(0), signer: None }
+    }
+
+    pub(crate) fn signed(self, signer: Option<Arc<Signer>>) -> Self {
+        Self { signer, ..self }
     }
 
     /// The frame of `message`; `raw_bytes()` of it is what goes into a datagram.
@@ -123,7 +150,10 @@ impl Encoder {
         let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
         let header = MavHeader { system_id: u32::from(self.system_id), component_id: self.component_id, sequence };
         let mut raw = MAVLinkV2MessageRaw::new();
-        raw.serialize_message(header, message);
+        match &self.signer {
+            Some(signer) => signer.sign(&mut raw, header, message),
+            None => raw.serialize_message(header, message),
+        }
         raw
     }
 }
@@ -211,6 +241,25 @@ mod tests {
                 bytes.extend_from_slice(&[0; SIGNATURE]);
             }
             prop_assert!(!parse(&bytes).is_empty());
+        }
+
+        #[test]
+        fn a_stream_cut_anywhere_gives_the_same_packets(cuts in proptest::collection::vec(0usize..60, 0..6)) {
+            let bytes = [frames(), frames()].concat();
+            let mut ends: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
+            ends.sort_unstable();
+            ends.push(bytes.len());
+            let (mut held, mut begin, mut packets) = (Vec::new(), 0, 0);
+            for end in ends {
+                held.extend_from_slice(&bytes[begin..end]);
+                begin = end;
+                let used = for_each_frame(&held, false, |packet| {
+                    assert!(packet.is_ok());
+                    packets += 1;
+                });
+                held.drain(..used);
+            }
+            prop_assert_eq!((packets, held.len()), (4, 0));
         }
 
         #[test]

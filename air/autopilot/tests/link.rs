@@ -4,7 +4,9 @@
 
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavMessage};
 use goshawk_autopilot::wire::Encoder;
-use goshawk_autopilot::{AutopilotError, AutopilotLink, LinkConfig, StreamRates};
+use goshawk_autopilot::{
+    Address, AutopilotError, AutopilotLink, LinkConfig, Peer, SigningConfig, SigningKey, StreamRates,
+};
 use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
 use proptest::prelude::*;
 use std::net::{SocketAddr, UdpSocket};
@@ -16,6 +18,10 @@ fn anywhere() -> SocketAddr {
 
 fn open(config: LinkConfig) -> Result<AutopilotLink, AutopilotError> {
     AutopilotLink::open(config, || Time::from_secs(5.0))
+}
+
+fn towards(peer: SocketAddr) -> LinkConfig {
+    LinkConfig { address: Address::UdpOut(peer.to_string()), ..LinkConfig::customary(anywhere()) }
 }
 
 fn level(thrust: f64) -> AttitudeThrust {
@@ -36,21 +42,24 @@ fn a_port_in_use_is_named_with_what_to_do() {
     let first = UdpSocket::bind(anywhere()).unwrap();
     let bind = first.local_addr().unwrap();
     let error = open(LinkConfig::customary(bind)).err().unwrap();
-    assert!(matches!(error, AutopilotError::PortInUse(address) if address == bind));
-    assert!(error.to_string().contains("stop it or change `bind`"), "{error}");
+    assert!(matches!(error, AutopilotError::PortInUse(Address::UdpIn(address)) if address == bind));
+    assert!(error.to_string().contains("stop it or change `link`"), "{error}");
 }
 
 #[test]
 fn an_unusable_configuration_is_refused() {
     let good = LinkConfig::customary(anywhere());
     let rates = StreamRates { odometry_hz: f64::NAN, ..StreamRates::default() };
-    for config in [
-        LinkConfig { target_component: 0, ..good },
-        LinkConfig { rates, ..good },
-        LinkConfig { peer: Some("[::1]:14580".parse().unwrap()), ..good },
-    ] {
-        assert!(matches!(open(config).err(), Some(AutopilotError::Config(_))), "{config:?}");
+    for config in [LinkConfig { target_component: 0, ..good.clone() }, LinkConfig { rates, ..good }] {
+        assert!(matches!(open(config.clone()).err(), Some(AutopilotError::Config(_))), "{config:?}");
     }
+}
+
+#[test]
+fn a_host_that_nobody_knows_is_named() {
+    let address: Address = "udpout:no-such-host.invalid:14580".parse().unwrap();
+    let error = open(LinkConfig { address, ..LinkConfig::customary(anywhere()) }).err().unwrap();
+    assert!(matches!(error, AutopilotError::Host { .. }) && error.to_string().contains("no-such-host"), "{error}");
 }
 
 #[test]
@@ -63,8 +72,7 @@ fn without_a_peer_nothing_is_sent_and_the_reason_is_given() {
 #[test]
 fn a_setpoint_that_is_no_setpoint_is_not_sent() {
     let listener = UdpSocket::bind(anywhere()).unwrap();
-    let peer = Some(listener.local_addr().unwrap());
-    let link = open(LinkConfig { peer, ..LinkConfig::customary(anywhere()) }).unwrap();
+    let link = open(towards(listener.local_addr().unwrap())).unwrap();
     let not_a_rotation = Rot::new_unchecked(nalgebra::Quaternion::new(f64::NAN, 0.0, 0.0, 0.0));
     for setpoint in
         [level(f64::NAN), level(1.01), level(-0.01), AttitudeThrust { world_from_body: not_a_rotation, ..level(0.5) }]
@@ -86,7 +94,7 @@ fn the_peer_is_learned_from_the_targets_heartbeat_only() {
     assert_eq!(link.peer(), None);
     let autopilot = UdpSocket::bind(anywhere()).unwrap();
     autopilot.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
-    eventually(|| link.peer() == autopilot.local_addr().ok());
+    eventually(|| link.peer() == autopilot.local_addr().ok().map(Peer::Udp));
     assert!(link.status(Time::from_secs(5.0)).connected);
     assert!(!link.status(Time::from_secs(8.5)).connected, "3 s later it is silent");
 }
@@ -94,8 +102,7 @@ fn the_peer_is_learned_from_the_targets_heartbeat_only() {
 #[test]
 fn a_stuck_or_absent_peer_never_blocks_a_setpoint_for_long() {
     // Port 9 of loopback: nobody reads, each send may come back refused; the caller goes on.
-    let peer = Some("127.0.0.1:9".parse().unwrap());
-    let link = open(LinkConfig { peer, ..LinkConfig::customary(anywhere()) }).unwrap();
+    let link = open(towards("127.0.0.1:9".parse().unwrap())).unwrap();
     let mut refused = 0;
     for _ in 0..2000 {
         refused += u64::from(link.send_setpoint(&level(0.5)).is_err());
@@ -103,6 +110,34 @@ fn a_stuck_or_absent_peer_never_blocks_a_setpoint_for_long() {
     let counters = link.status(Time::from_secs(5.0)).counters;
     assert_eq!(counters.send_errors, refused);
     assert!(counters.sent >= 2000 - refused);
+}
+
+#[test]
+fn a_signed_link_keeps_its_newest_stamp_beside_the_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let stamps = folder.path().join("key.stamp");
+    let listener = UdpSocket::bind(anywhere()).unwrap();
+    let signing = || Some(SigningConfig { key: SigningKey::new([7; 32]), stamps: Some(stamps.clone()) });
+    let newest = || std::fs::read_to_string(&stamps).ok()?.trim().parse::<u64>().ok();
+    let stamp_of = |frame: &[u8]| {
+        assert_eq!((frame[0], frame[2]), (0xFD, 1), "signed");
+        let stamp = &frame[frame.len() - 12..frame.len() - 6];
+        stamp.iter().rev().fold(0_u64, |sum, byte| sum << 8 | u64::from(*byte))
+    };
+    let mut frame = [0; 300];
+    let config = LinkConfig { signing: signing(), ..towards(listener.local_addr().unwrap()) };
+    let link = open(config.clone()).unwrap();
+    let length = listener.recv(&mut frame).unwrap();
+    let first = stamp_of(&frame[..length]);
+    eventually(|| newest().is_some_and(|saved| saved >= first));
+    drop(link);
+    // The wall clock went back by years: the next start goes on above all that was used.
+    let ahead = newest().unwrap() + 1_000_000_000;
+    std::fs::write(&stamps, ahead.to_string()).unwrap();
+    let listener = UdpSocket::bind(anywhere()).unwrap();
+    let _link = open(LinkConfig { signing: signing(), ..towards(listener.local_addr().unwrap()) }).unwrap();
+    let length = listener.recv(&mut frame).unwrap();
+    assert!(stamp_of(&frame[..length]) > ahead);
 }
 
 proptest! {

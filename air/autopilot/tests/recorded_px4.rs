@@ -6,7 +6,7 @@
 use goshawk_autopilot::events::AutopilotEvent;
 use goshawk_autopilot::messages::MavMessage;
 use goshawk_autopilot::wire::{Packet, for_each_packet, frame_length};
-use goshawk_autopilot::{Px4Mode, View};
+use goshawk_autopilot::{Firmware, Px4Mode, View};
 use goshawk_core::types::{Odometry, Time, Vec3};
 use mavlink::Message;
 use serde_json::Value;
@@ -102,7 +102,7 @@ fn the_rates_are_the_noted_ones() {
 fn the_view_lives_through_the_flight_as_noted() {
     let Some(recording) = recording() else { return };
     let facts = &recording.facts;
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     let mut changes: Vec<(f64, String)> = Vec::new();
     let mut last = String::new();
     for (arrival, packet) in &recording.packets {
@@ -150,7 +150,7 @@ fn the_view_lives_through_the_flight_as_noted() {
 #[test]
 fn takeoff_and_landing_are_seen_when_they_were_noted() {
     let Some(recording) = recording() else { return };
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     let mut seen: Vec<(f64, Option<bool>)> = Vec::new();
     for (arrival, packet) in &recording.packets {
         let now = Time::from_secs(100.0 + arrival);
@@ -172,7 +172,7 @@ fn takeoff_and_landing_are_seen_when_they_were_noted() {
 #[test]
 fn the_recorded_odometry_is_consistent_in_our_frames() {
     let Some(recording) = recording() else { return };
-    let mut view = View::new(1, 1);
+    let mut view = View::new(1, 1, Firmware::Px4);
     let mut all: Vec<(f64, Odometry)> = Vec::new();
     let mut up_force = Vec::new();
     for (arrival, packet) in &recording.packets {

@@ -1,5 +1,6 @@
 //! Before a flight: walks every condition and says of each whether it holds and, if not, what to do.
 
+mod autopilot;
 mod board;
 mod live;
 

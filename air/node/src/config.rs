@@ -1,6 +1,5 @@
 //! The vehicle file: TOML with units in its names, checked here, turned into the core's SI configuration.
 
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use goshawk_core::{
@@ -10,6 +9,10 @@ use goshawk_core::{
 };
 use goshawk_policy::Provider;
 use serde::Deserialize;
+
+mod autopilot;
+
+pub use autopilot::Autopilot;
 
 /// Why a vehicle file cannot be flown with.
 #[derive(Debug, thiserror::Error)]
@@ -87,9 +90,6 @@ section! { /** The airframe. */ Airframe {
     mass_kg: f64, hover_thrust: f64, hover_thrust_range: [f64; 2], min_thrust: f64, max_thrust: f64, max_tilt_deg: f64,
 } }
 section! { /** The camera as mounted. */ Camera { hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3] } }
-section! { /** Where the autopilot is. */ Autopilot {
-    bind: SocketAddr, system_id: u8, component_id: u8, target_system: u8, target_component: u8,
-} }
 section! { /** Where odometry comes from. */ Sensors { odometry: OdometrySource } }
 section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } }
 section! { /** Where logs go. */ Recorder { directory: PathBuf, keep_mb: f64 } }
@@ -225,6 +225,7 @@ impl Vehicle {
             }
         };
         range("controller.rate_hz", self.controller.rate_hz, 50.0, 1000.0)?;
+        self.autopilot.validate(self.controller.rate_hz)?;
         range("camera.hfov_deg", self.camera.hfov_deg, 30.0, 150.0)?;
         range("camera.vfov_deg", self.camera.vfov_deg, 20.0, 130.0)?;
         range("camera.tilt_deg", self.camera.tilt_deg, -60.0, 60.0)?;
@@ -418,6 +419,7 @@ fn parse_cause(text: &str, error: &toml::de::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use goshawk_autopilot::{Firmware, Guided};
 
     fn shipped() -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml")
@@ -477,10 +479,24 @@ mod tests {
             ("max_speed_mps = 20.0", "max_speed_mps = 5.0", "profile chase: its speed"),
             ("provider = \"cpu\"", "provider = \"npu\"", "npu"),
             ("controller_priority = 80", "controller_priority = 40", "controller_priority"),
+            ("udpin:127.0.0.1:14540", "127.0.0.1:14540", "udpin:ADDRESS:PORT"),
+            ("udpin:127.0.0.1:14540", "serial:/dev/ttyACM0:57600", "57600 bit/s is too slow"),
+            ("firmware = \"px4\"", "firmware = \"betaflight\"", "betaflight"),
+            ("firmware = \"px4\"", "guided = \"guided\"", "autopilot.guided"),
+            ("firmware = \"px4\"", "firmware = \"ardupilot\"\nguided = \"loiter\"", "loiter"),
         ] {
             let error = edited(from, to).unwrap_err().to_string();
             assert!(error.contains(name), "{error}");
         }
+    }
+
+    #[test]
+    fn the_autopilots_firmware_is_px4_unless_it_is_said() {
+        let firmware = |to: &str| edited("firmware = \"px4\"", to).unwrap().autopilot.firmware();
+        assert_eq!(firmware(""), Firmware::Px4);
+        assert_eq!(firmware("firmware = \"ardupilot\""), Firmware::ArduPilot(Guided::Guided));
+        let no_gps = "firmware = \"ardupilot\"\nguided = \"guided-nogps\"";
+        assert_eq!(firmware(no_gps), Firmware::ArduPilot(Guided::NoGps));
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub struct Facts {
     pub plan: Option<Time>,
     /// Why the last frame got no plan; none after a plan.
     pub plan_failed: Option<String>,
+    /// Why the line to the autopilot is not open; none: it is.
+    pub line: Option<String>,
     /// The log cannot be written, and why.
     pub recorder_failed: Option<String>,
     /// Images a second.
@@ -57,7 +59,7 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
             "odometry",
             stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1),
         ),
-        check("autopilot", autopilot_problem(autopilot)),
+        check("autopilot", facts.line.clone().or_else(|| autopilot.problem())),
         check("policy", policy_problem(facts, age(facts.plan))),
         check("battery", battery_problem(autopilot, battery_start)),
         check("recorder", facts.recorder_failed.clone()),
@@ -78,16 +80,6 @@ fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u6
 pub fn battery_problem(status: &Status, least: f64) -> Option<String> {
     let low = status.battery_fraction.filter(|fraction| *fraction < least);
     low.map(|f| format!("{:.0} % left, at least {:.0} % is needed: change it", f * 100.0, least * 100.0))
-}
-
-/// The autopilot is not heard.
-#[must_use]
-pub fn autopilot_problem(status: &Status) -> Option<String> {
-    match status.heartbeat_age_s {
-        None => Some("no autopilot has been heard: check the MAVLink port and the wiring".to_owned()),
-        Some(age) if !status.connected => Some(format!("its last heartbeat is {age:.1} s old: check the link")),
-        Some(_) => None,
-    }
 }
 
 fn policy_problem(facts: &Facts, plan_age_s: Option<f64>) -> Option<String> {
@@ -134,6 +126,7 @@ pub fn latencies(facts: &mut Facts) -> Vec<v1::Latency> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use goshawk_autopilot::{Firmware, Guided};
 
     fn good() -> (Facts, Status, Time) {
         let now = Time::from_secs(10.0);
@@ -167,6 +160,9 @@ mod tests {
         only(&Facts { plan_failed: Some("NaN".to_owned()), ..good().0 }, &status, now, "policy");
         only(&Facts { recorder_failed: Some("disk full".to_owned()), ..good().0 }, &status, now, "recorder");
         only(&facts, &Status { connected: false, heartbeat_age_s: None, ..status }, now, "autopilot");
+        let line = Some("serial:/dev/ttyACM0:921600 broke".to_owned());
+        only(&Facts { line, ..good().0 }, &status, now, "autopilot");
+        only(&facts, &Status { firmware: Firmware::ArduPilot(Guided::Guided), ..status }, now, "autopilot");
         only(&facts, &Status { battery_fraction: Some(0.1), ..status }, now, "battery");
     }
 }

@@ -33,7 +33,7 @@ struct Flying {
     /// Zenoh endpoint to listen on, instead of the vehicle file's; may be repeated.
     #[arg(long, value_name = "ENDPOINT")]
     listen: Vec<String>,
-    /// Local UDP address for MAVLink, instead of the vehicle file's.
+    /// UDP address to listen on for MAVLink, instead of the vehicle file's line.
     #[arg(long, value_name = "ADDRESS:PORT")]
     mavlink_bind: Option<SocketAddr>,
     /// Folder for the logs, instead of the vehicle file's.

@@ -8,7 +8,9 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use color_eyre::eyre::{Result, WrapErr, bail};
-use goshawk_autopilot::{AutopilotLink, HeartbeatKind, LinkConfig, StreamRates};
+use goshawk_autopilot::{
+    Address, AutopilotError, AutopilotLink, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates,
+};
 use goshawk_core::{Planner, PlanningDemand, Profile};
 use goshawk_policy::{Policy, PolicyError};
 use goshawk_proto::keys::Key;
@@ -30,7 +32,7 @@ use crate::{clock, commands};
 pub struct Overrides {
     /// Zenoh endpoints instead of `network.listen`.
     pub listen: Vec<String>,
-    /// Instead of `autopilot.bind`.
+    /// UDP to listen on instead of `autopilot.link`.
     pub mavlink_bind: Option<std::net::SocketAddr>,
     /// Instead of `recorder.directory`.
     pub log_dir: Option<PathBuf>,
@@ -43,7 +45,7 @@ impl Overrides {
     #[must_use]
     pub fn apply(self, vehicle: &mut Vehicle) -> (PathBuf, PathBuf) {
         if let Some(bind) = self.mavlink_bind {
-            vehicle.autopilot.bind = bind;
+            vehicle.autopilot.link = Address::UdpIn(bind);
         }
         if !self.listen.is_empty() {
             vehicle.network.listen = self.listen;
@@ -67,7 +69,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         .wrap_err_with(|| format!("the policy {} does not fit the vehicle file", model.display()))?;
     let controller = FlightController::new(vehicle.controller_config())?;
     let idle_demand = idle_demand(&vehicle, &policy)?;
-    let link = Arc::new(AutopilotLink::open(link_config(&vehicle), clock::now)?);
+    let link = Arc::new(AutopilotLink::open(link_config(&vehicle)?, clock::now)?);
     let bus = Bus::listen(vehicle.name.parse()?, &vehicle.network.listen)?;
 
     let (sender, reports) = sync_channel(REPORT_QUEUE);
@@ -157,18 +159,29 @@ fn wait(shared: &Shared, threads: [JoinHandle<()>; 4]) -> Result<()> {
     if failed.is_empty() { Ok(()) } else { bail!("these threads failed: {}", failed.join(", ")) }
 }
 
-pub(crate) fn link_config(vehicle: &Vehicle) -> LinkConfig {
+/// The link that the vehicle file asks for.
+///
+/// # Errors
+/// The signing key cannot be read.
+pub(crate) fn link_config(vehicle: &Vehicle) -> Result<LinkConfig, AutopilotError> {
     let a = &vehicle.autopilot;
-    LinkConfig {
-        bind: a.bind,
-        peer: None,
+    let signing = a.signing_key_file.as_ref().map(|file| {
+        let path = vehicle.resolve(file);
+        let mut stamps = path.clone().into_os_string();
+        stamps.push(".stamp");
+        SigningKey::load(&path).map(|key| SigningConfig { key, stamps: Some(stamps.into()) })
+    });
+    Ok(LinkConfig {
+        address: a.link.clone(),
+        firmware: a.firmware(),
+        signing: signing.transpose()?,
         system_id: a.system_id,
         component_id: a.component_id,
         target_system: a.target_system,
         target_component: a.target_component,
         heartbeat: HeartbeatKind::default(),
         rates: StreamRates::default(),
-    }
+    })
 }
 
 /// What is planned for before the first start; refuses a policy of another task than the profiles.

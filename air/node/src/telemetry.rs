@@ -272,11 +272,12 @@ impl Telemetry {
         for ack in self.link.take_acks() {
             let good = ack.outcome == Outcome::Accepted;
             let severity = if good { v1::Severity::Info } else { v1::Severity::Warning };
-            self.event(severity, "autopilot", format!("{:?} {}", ack.command, ack.outcome));
+            self.event(severity, "autopilot", format!("{}: {}", ack.command, ack.outcome));
         }
         for text in self.link.take_texts() {
             self.event(v1::Severity::Info, "autopilot", text.text);
         }
+        self.facts.line = self.link.line_problem();
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
         let (status, battery_start) = (self.link.status(now), self.identity.battery_start);
         let checks = health::checks(&self.facts, &status, refused, battery_start, now);
@@ -320,7 +321,7 @@ impl Telemetry {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             battery_fraction: status.battery_fraction,
             log_path: self.log.path(),
-            autopilot: status.mode.map_or_else(|| "not heard".to_owned(), |mode| format!("{mode:?}")),
+            autopilot: status.mode.map_or_else(|| "not heard".to_owned(), |mode| mode.to_string()),
             profiles: self.identity.profiles.clone(),
         };
         self.sequences.health += 1;

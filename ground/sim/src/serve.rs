@@ -13,9 +13,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use color_eyre::eyre::{Result, WrapErr, ensure};
+use color_eyre::eyre::{Result, WrapErr, bail, ensure};
 use goshawk_air::clock;
 use goshawk_air::config::Vehicle;
+use goshawk_autopilot::{Address, Firmware};
 use goshawk_core::types::{NormalisedThrust, Rot, Time, Vec3};
 
 use crate::evader::Course;
@@ -186,7 +187,16 @@ impl<'a> Simulation<'a> {
     fn new(args: &ServeArgs, vehicle: &Vehicle, sensors: &Sensors, scene: &'a Scene) -> Result<Self> {
         let parameters = airframe(vehicle);
         let start = scene.vehicle_start(&parameters);
-        let mut mavlink = vehicle.autopilot.bind;
+        let Address::UdpIn(mut mavlink) = vehicle.autopilot.link else {
+            bail!(
+                "the simulated PX4 speaks UDP: set autopilot.link to udpin:ADDRESS:PORT, not {}",
+                vehicle.autopilot.link
+            );
+        };
+        ensure!(
+            vehicle.autopilot.firmware() == Firmware::Px4 && vehicle.autopilot.signing_key_file.is_none(),
+            "the simulated autopilot is a PX4 without a signing key: change [autopilot] firmware or signing_key_file"
+        );
         if let Some(port) = args.mavlink_port {
             mavlink.set_port(port);
         }

@@ -3,17 +3,17 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use goshawk_autopilot::{AutopilotLink, Parameter, Status};
+use goshawk_autopilot::AutopilotLink;
 use goshawk_core::{Odometry, Time};
 use goshawk_policy::{Policy, Preprocessor};
 use goshawk_proto::keys::Key;
 
-use super::Findings;
+use super::{Findings, autopilot};
 use crate::bus::Bus;
+use crate::clock;
 use crate::config::{OdometrySource, Vehicle};
 use crate::run::link_config;
 use crate::sensors::{self, Frame};
-use crate::{clock, health};
 
 const POLL: Duration = Duration::from_millis(5);
 /// Streams are counted for this long once the first sample is there, s.
@@ -24,8 +24,6 @@ const LEAST_ODOMETRY_HZ: f64 = 25.0;
 const LEAST_MEASURED: f64 = 0.2;
 /// A colour image with less contrast than this (standard deviation, of 255) shows nothing.
 const LEAST_CONTRAST: f64 = 2.0;
-/// Autopilot parameters that decide what happens when we fall silent.
-const PARAMETERS: [&str; 2] = ["COM_OF_LOSS_T", "COM_OBL_RC_ACT"];
 const ASK_AGAIN_S: f64 = 0.5;
 
 /// A stream's samples so far.
@@ -69,7 +67,9 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
     let frames: Arc<Mutex<Stream<Frame>>> = Arc::default();
     let odometry: Arc<Mutex<Stream<Odometry>>> = Arc::default();
     let bus = network(vehicle, &frames, &odometry, findings);
-    let link = AutopilotLink::open(link_config(vehicle), clock::now).map_err(|e| e.to_string());
+    let link =
+        link_config(vehicle).and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
+    let parameters = vehicle.autopilot.firmware().parameters();
     let begun = clock::now();
     let mut asked = begun;
     while clock::now().since(begun) < wait_s {
@@ -83,18 +83,19 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
             }
             if now.since(asked) > ASK_AGAIN_S {
                 asked = now;
-                for name in PARAMETERS {
+                for name in parameters {
                     let _ = link.request_parameter(name); // without a peer there is nobody to ask; it is asked again
                 }
             }
         }
-        let known = link.as_ref().is_ok_and(|link| PARAMETERS.iter().all(|name| link.parameter(name).is_some()));
+        let known = link.as_ref().is_ok_and(|link| parameters.iter().all(|name| link.parameter(name).is_some()));
         if known && lock(&frames).counted(now) && lock(&odometry).counted(now) {
             break;
         }
     }
     drop(bus);
-    autopilot(&link, vehicle.limits.battery_start, findings);
+    autopilot::signing(vehicle, findings);
+    autopilot::judge(&link, vehicle, findings);
     camera(&lock(&frames), policy, findings);
     motion(&lock(&odometry), vehicle.sensors.odometry, findings);
 }
@@ -153,69 +154,6 @@ fn network(
             findings.fail("network", why);
             None
         }
-    }
-}
-
-fn autopilot(link: &Result<AutopilotLink, String>, battery_start: f64, findings: &mut Findings) {
-    let link = match link {
-        Ok(link) => link,
-        Err(why) => return findings.fail("autopilot", why.clone()),
-    };
-    let status = link.status(clock::now());
-    if let Some(problem) = health::autopilot_problem(&status) {
-        return findings.fail("autopilot", problem);
-    }
-    let mode = status.mode.map_or_else(|| "unknown".to_owned(), |mode| mode.to_string());
-    findings.judge("autopilot", on_ground(&status).map(|()| format!("mode {mode}, disarmed, on the ground")));
-    match health::battery_problem(&status, battery_start) {
-        Some(problem) => findings.fail("battery", problem),
-        None => match status.battery_fraction {
-            Some(fraction) => findings.ok("battery", format!("{:.0} %", fraction * 100.0)),
-            None => findings.warn("battery", "the autopilot does not measure it: watch the time"),
-        },
-    }
-    match status.round_trip_s {
-        Some(trip) => findings.ok("clocks", format!("synchronised, round trip {:.1} ms", trip * 1e3)),
-        None => findings.warn(
-            "clocks",
-            "not synchronised, stamps are from arrivals: see that the autopilot answers TIMESYNC on this link",
-        ),
-    }
-    loss_time(link.parameter(PARAMETERS[0]), findings);
-    loss_action(link.parameter(PARAMETERS[1]), findings);
-}
-
-fn on_ground(status: &Status) -> Result<(), String> {
-    if status.armed {
-        Err("it is armed: disarm it".to_owned())
-    } else if status.landed == Some(false) {
-        Err("it believes to be in the air: set it down and wait for its landing detector".to_owned())
-    } else {
-        Ok(())
-    }
-}
-
-/// The name that is told is the parameter's own: nobody reads "parameter 1".
-fn loss_time(parameter: Option<Parameter>, findings: &mut Findings) {
-    const NAME: &str = PARAMETERS[0];
-    match parameter {
-        Some(Parameter::Real(seconds)) if (0.1..=1.0).contains(&seconds) => findings.ok(NAME, format!("{seconds} s")),
-        Some(other) => findings.fail(NAME, format!("{other:?}: without us it waits that long; set 0.5 (s)")),
-        None => findings.warn(NAME, "not answered: set it to 0.5 (s), how long the autopilot waits for us"),
-    }
-}
-
-fn loss_action(parameter: Option<Parameter>, findings: &mut Findings) {
-    const NAME: &str = PARAMETERS[1];
-    match parameter {
-        Some(Parameter::Int(3)) => findings.ok(NAME, "3, return"),
-        Some(Parameter::Int(4)) => findings.ok(NAME, "4, land"),
-        Some(Parameter::Int(5)) => findings.ok(NAME, "5, hold"),
-        Some(other) => {
-            let danger = "without us and without sticks it sinks blindly, or cuts the motors";
-            findings.fail(NAME, format!("{other:?}: {danger}; set 4 (land) or 5 (hold)"));
-        }
-        None => findings.warn(NAME, "not answered: set it to 4 (land), what the autopilot does without us"),
     }
 }
 
@@ -319,18 +257,5 @@ mod tests {
         assert!(problem(&stream(|_| frame(7, 3000), 30.0)).contains("does not change"));
         assert!(problem(&stream(|k| frame(100, 3000 + k as u16), 30.0)).contains("blank"));
         assert!(problem(&stream(|k| frame(k as u8, 0), 30.0)).contains("0 %"));
-    }
-
-    #[test]
-    fn what_the_autopilot_would_do_without_us_is_judged() {
-        let level = |parameter| {
-            let mut findings = Findings::default();
-            loss_action(parameter, &mut findings);
-            findings.conditions[0].level
-        };
-        assert_eq!(level(Some(Parameter::Int(4))), crate::check::Level::Ok);
-        assert_eq!(level(Some(Parameter::Int(0))), crate::check::Level::Failed);
-        assert_eq!(level(Some(Parameter::Int(7))), crate::check::Level::Failed);
-        assert_eq!(level(None), crate::check::Level::Warning);
     }
 }

@@ -4,7 +4,9 @@
 use super::flight_tests::{hover_thrust, sensed};
 use super::{LossAction, OdometryFault, Px4Config, Px4Udp};
 use crate::quadrotor::{Quadrotor, QuadrotorParameters, QuadrotorState, STEP_S};
-use goshawk_autopilot::{AutopilotEvent, AutopilotLink, Command, LinkConfig, Outcome, Px4Mode};
+use goshawk_autopilot::{
+    Address, AutopilotEvent, AutopilotLink, Command, Firmware, FlightMode, LinkConfig, Outcome, Peer, Px4Mode,
+};
 use goshawk_core::Request;
 use goshawk_core::types::{AttitudeThrust, GRAVITY, NormalisedThrust, Rot, Time, Vec3};
 use nalgebra::Vector3;
@@ -141,8 +143,8 @@ impl Bench {
         bench.until("connected", |bench| bench.status().connected);
         bench.height = Some(-10.0); // idle
         bench.run(0.2);
-        assert_eq!(bench.ask(Request::Offboard.into()), Outcome::Accepted);
-        assert_eq!(bench.ask(Request::Arm.into()), Outcome::Accepted);
+        assert_eq!(bench.ask(Firmware::Px4.command(Request::Offboard)), Outcome::Accepted);
+        assert_eq!(bench.ask(Firmware::Px4.command(Request::Arm)), Outcome::Accepted);
         bench.height = Some(2.0);
         bench.run(3.0);
         assert!(bench.status().armed && bench.status().offboard);
@@ -155,8 +157,8 @@ impl Bench {
 #[test]
 fn the_link_connects_raises_its_streams_and_reads_the_true_motion() {
     let mut bench = Bench::airborne(Px4Config::default());
-    assert_eq!(bench.status().mode, Some(Px4Mode::Offboard));
-    assert_eq!(bench.status().intended_mode, Some(Px4Mode::Offboard));
+    assert_eq!(bench.status().mode, Some(FlightMode::Px4(Px4Mode::Offboard)));
+    assert_eq!(bench.status().intended_mode, Some(FlightMode::Px4(Px4Mode::Offboard)));
     bench.lively = true;
     bench.run(1.0);
     let (mut fastest, mut turning) = (0.0_f64, Vec3::zeros());
@@ -192,7 +194,7 @@ fn handing_back_lands_and_disarms() {
     let mut bench = Bench::airborne(Px4Config::default());
     bench.link.request(Request::HandBack);
     bench.height = None;
-    bench.until("land mode", |bench| bench.status().mode == Some(Px4Mode::Land));
+    bench.until("land mode", |bench| bench.status().mode == Some(FlightMode::Px4(Px4Mode::Land)));
     assert!(!bench.status().failsafe, "it was asked for");
     bench.until("landed", |bench| bench.status().landed == Some(true));
     bench.until("disarmed", |bench| !bench.status().armed);
@@ -203,15 +205,15 @@ fn handing_back_lands_and_disarms() {
 fn a_refused_arming_says_so() {
     let mut bench = Bench::new(Px4Config::default());
     bench.until("connected", |bench| bench.status().connected);
-    assert_eq!(bench.ask(Request::Offboard.into()), Outcome::Accepted);
-    assert_eq!(bench.ask(Request::Arm.into()), Outcome::TemporarilyRejected);
+    assert_eq!(bench.ask(Firmware::Px4.command(Request::Offboard)), Outcome::Accepted);
+    assert_eq!(bench.ask(Firmware::Px4.command(Request::Arm)), Outcome::TemporarilyRejected);
     assert!(!bench.status().armed);
 }
 
 #[test]
 fn disarming_in_the_air_is_refused() {
     let mut bench = Bench::airborne(Px4Config::default());
-    assert_eq!(bench.ask(Request::Disarm.into()), Outcome::TemporarilyRejected);
+    assert_eq!(bench.ask(Firmware::Px4.command(Request::Disarm)), Outcome::TemporarilyRejected);
     assert!(bench.status().armed);
 }
 
@@ -226,7 +228,7 @@ fn a_lost_stream_is_known_at_once_and_mends_by_itself() {
     assert!(!bench.status().offboard);
     assert!(bench.link.take_events().iter().any(|(_, event)| *event == AutopilotEvent::FailsafeEntered));
     bench.run(0.2);
-    assert_eq!(bench.status().mode, Some(Px4Mode::Hold));
+    assert_eq!(bench.status().mode, Some(FlightMode::Px4(Px4Mode::Hold)));
     bench.height = Some(2.0);
     let took = bench.until("offboard", |bench| bench.status().offboard);
     assert!(took < 0.15, "40 ms and CURRENT_MODE's 100: {took}");
@@ -261,12 +263,12 @@ fn silent_odometry_grows_old_and_a_number_that_is_none_is_not_passed_on() {
 fn a_wrong_target_component_hears_nothing_and_gets_no_answer() {
     let mut bench = Bench::with_link(Px4Config::default(), |config| {
         config.target_component = 2;
-        config.peer = Some("127.0.0.1:9".parse().unwrap());
+        config.address = Address::UdpOut("127.0.0.1:9".to_owned());
     });
     bench.run(2.0);
     assert!(!bench.status().connected);
     assert!(bench.status().counters.strangers > 0);
-    assert_eq!(bench.ask(Request::Arm.into()), Outcome::NoAnswer);
+    assert_eq!(bench.ask(Firmware::Px4.command(Request::Arm)), Outcome::NoAnswer);
 }
 
 #[test]
@@ -283,6 +285,6 @@ fn a_stranger_does_not_become_the_peer_and_garbage_is_counted() {
     bench.run(1.0);
     let counters = bench.status().counters;
     assert_eq!((counters.strangers, counters.garbage, counters.truncated), (1, 1, 1), "{counters:?}");
-    assert_eq!(bench.link.peer(), Some(bench.px4.local_address().unwrap()));
+    assert_eq!(bench.link.peer(), Some(Peer::Udp(bench.px4.local_address().unwrap())));
     assert!(bench.status().offboard);
 }

@@ -1,0 +1,85 @@
+//! The vehicle file's `[autopilot]`: which one it is, and the line to it.
+
+use std::fmt::Display;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use goshawk_autopilot::{Address, Firmware, Guided};
+use serde::{Deserialize, Deserializer};
+
+/// Where the autopilot is, which one it is, and who we are.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Autopilot {
+    /// The line to it.
+    #[serde(deserialize_with = "parsed")]
+    pub link: Address,
+    #[serde(default)]
+    firmware: FirmwareName,
+    /// Which mode takes our setpoints, of ArduPilot alone; absent: guided.
+    guided: Option<GuidedName>,
+    pub system_id: u8,
+    pub component_id: u8,
+    pub target_system: u8,
+    pub target_component: u8,
+    /// The key of MAVLink 2 signing; absent: nothing is signed.
+    pub signing_key_file: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+enum FirmwareName {
+    #[default]
+    Px4,
+    ArduPilot,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+enum GuidedName {
+    Guided,
+    GuidedNogps,
+}
+
+impl Autopilot {
+    /// The firmware that is to be flown.
+    #[must_use]
+    pub fn firmware(&self) -> Firmware {
+        match (self.firmware, self.guided) {
+            (FirmwareName::Px4, _) => Firmware::Px4,
+            (FirmwareName::ArduPilot, None | Some(GuidedName::Guided)) => Firmware::ArduPilot(Guided::Guided),
+            (FirmwareName::ArduPilot, Some(GuidedName::GuidedNogps)) => Firmware::ArduPilot(Guided::NoGps),
+        }
+    }
+
+    /// Checks what its keys do not say alone; `rate_hz`: setpoints a second.
+    pub(super) fn validate(&self, rate_hz: f64) -> Result<(), String> {
+        if self.firmware == FirmwareName::Px4 && self.guided.is_some() {
+            return Err(
+                "autopilot.guided is a mode of ArduPilot: set firmware = \"ardupilot\" or leave it out".to_owned()
+            );
+        }
+        if let Address::Serial { baud, .. } = self.link {
+            let needed = rate_hz * SETPOINT_BYTES * SERIAL_BITS / SERIAL_SHARE;
+            if f64::from(baud) < needed {
+                return Err(format!(
+                    "autopilot.link: {baud} bit/s is too slow for {rate_hz} setpoints a second, which need {needed:.0}: \
+                     raise the port's speed (921600 is usual), here and in the autopilot"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A signed SET_ATTITUDE_TARGET.
+const SETPOINT_BYTES: f64 = 64.0;
+/// On a serial line a byte takes a start and a stop bit.
+const SERIAL_BITS: f64 = 10.0;
+/// Of a serial line's speed, for setpoints at most: beside them go answers and questions.
+const SERIAL_SHARE: f64 = 0.8;
+
+fn parsed<'de, T: FromStr<Err: Display>, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
+    String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+}
