@@ -79,7 +79,7 @@ struct Track {
     last_seen: Time,
     /// Bit k: was seen k frames ago.
     history: u32,
-    /// Objectness of its detections, 0 where there was none, averaged over about `confirm_of` frames.
+    /// Objectness of its detections, averaged over about the last `confirm_of`: to be hidden is no evidence against it.
     strength: f64,
     confirmed: bool,
 }
@@ -158,7 +158,7 @@ impl Track {
             stamp,
             last_seen: stamp,
             history: 1,
-            strength: 0.0,
+            strength: detection.objectness,
             confirmed: false,
         }
     }
@@ -231,9 +231,9 @@ impl Track {
         let seen = best.and_then(|(index, _)| detections[index].as_ref());
         if let Some(detection) = seen {
             self.update(config, detection);
+            self.strength += (detection.objectness - self.strength) / f64::from(config.confirm_of);
         }
         self.history = self.history << 1 | u32::from(seen.is_some());
-        self.strength += (seen.map_or(0.0, |d| d.objectness) - self.strength) / f64::from(config.confirm_of);
     }
 
     fn is_seen_often(&self, config: &TargetConfig) -> bool {

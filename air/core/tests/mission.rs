@@ -319,7 +319,7 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
     sim.start(navigate(Vec3::new(0.0, 40.0, 1.5)));
     sim.until(12.0, |s| s.mode() == Mode::Navigate);
     // Not so long that it thinks itself stuck.
-    sim.run(1.8);
+    sim.run(1.5);
     let left = 0.5 + std::f64::consts::FRAC_PI_2;
     assert!(goshawk_core::yaw::wrap(sim.out().yaw_des - left).abs() < 0.02, "{}", sim.out().yaw_des);
     sim.frames = Frames::Goal;
