@@ -172,6 +172,7 @@ impl Controller {
         if let Some(flight) = &mut self.flight {
             flight.start_world += jump.pos_world;
             flight.goal_world = flight.goal_world.map(|goal| goal + jump.pos_world);
+            flight.waypoint_world = flight.waypoint_world.map(|way| way + jump.pos_world);
             flight.detour.shift(jump.pos_world);
         }
     }

@@ -174,7 +174,7 @@ mod tests {
                 for (epsilon, lag) in [(-0.9, 0.05), (-0.5, 0.3), (0.0, 0.1), (0.5, 0.3), (0.9, 0.05), (0.9, 0.3)] {
                     let config = ObserverConfig { alpha1, alpha2, zeta, limit: 6.0 };
                     let error = loop_error(config, epsilon, lag);
-                    assert!(error < 0.05, "{alpha1}, {alpha2}, {zeta}, {epsilon}, {lag}: {error}");
+                    assert!(error < 0.03, "{alpha1}, {alpha2}, {zeta}, {epsilon}, {lag}: {error}");
                 }
             }
         }

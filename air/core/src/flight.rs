@@ -216,8 +216,8 @@ impl Controller {
         });
     }
 
-    /// Toward where a hidden target should be, with looks to both sides of it, first to the one it was heading for: not so
-    /// far that the way ahead leaves the image.
+    /// Toward where a hidden target should be, with looks to both sides of it, first to the one it was heading for; at the
+    /// far end of a look the way ahead may leave the image for a moment.
     fn glance(&self, now: Time, goal: YawGoal) -> YawGoal {
         let hidden = self.plans.target().map_or(0.0, |target| now.since(target.last_seen)) - GLANCE_AFTER;
         match goal {

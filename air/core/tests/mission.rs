@@ -338,6 +338,41 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
 }
 
 #[test]
+fn a_hidden_target_is_glanced_for_on_the_side_it_was_heading_for_and_back() {
+    for side in [-1.0, 1.0] {
+        let mut sim = hovering_in_search();
+        sim.target_vel = Vec3::new(0.0, 3.0 * side, 0.0);
+        sim.frames = Frames::Target(Vec3::new(20.0, -2.0, 1.5));
+        sim.until(1.0, |s| s.mode() == Mode::Track);
+        sim.run(1.0);
+        sim.frames = Frames::Blank;
+        let ahead = sim.out().yaw_des;
+        let mut turned = Vec::new();
+        while sim.mode() == Mode::Track && turned.len() < 400 {
+            sim.tick(None);
+            turned.push(goshawk_core::yaw::wrap(sim.out().yaw_des - ahead) * side);
+        }
+        let farthest = turned.iter().copied().fold(0.0, f64::max);
+        assert!(farthest > 0.8 && turned[turned.len() - 1] < 0.3, "{side}: {farthest}");
+    }
+}
+
+#[test]
+fn a_navigation_that_is_stuck_is_led_aside_and_looks_there() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(navigate(Vec3::new(40.0, 0.0, 1.5)));
+    sim.until(12.0, |s| s.mode() == Mode::Navigate);
+    let aims = |sim: &Loop| sim.out().planning.unwrap().goal_world.unwrap() - sim.pos;
+    let goal = aims(&sim);
+    sim.run(3.0);
+    let aside = aims(&sim);
+    let turned = goshawk_core::yaw::wrap(aside.y.atan2(aside.x) - goal.y.atan2(goal.x));
+    assert!((turned - 1.0).abs() < 0.1, "{turned}");
+    assert!(goshawk_core::yaw::wrap(sim.out().yaw_des - aside.y.atan2(aside.x)).abs() < 0.1, "{}", sim.out().yaw_des);
+}
+
+#[test]
 fn a_target_that_vanishes_near_by_is_looked_for_at_its_side_at_once() {
     for side in [-1.0, 1.0] {
         let mut sim = hovering_in_search();

@@ -1,0 +1,86 @@
+use super::*;
+use goshawk_autopilot::{Firmware, Guided};
+
+fn shipped() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml")
+}
+
+fn edited(from: &str, to: &str) -> Result<Vehicle, VehicleError> {
+    let text = std::fs::read_to_string(shipped()).unwrap();
+    assert!(text.contains(from), "{from}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("vehicle.toml");
+    std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    Vehicle::load(&path)
+}
+
+#[test]
+fn every_shipped_vehicle_file_loads() {
+    let mut files = 0;
+    for entry in std::fs::read_dir(shipped().parent().unwrap()).unwrap() {
+        Vehicle::load(&entry.unwrap().path()).unwrap();
+        files += 1;
+    }
+    assert!(files >= 1);
+}
+
+#[test]
+fn an_unknown_key_is_refused_by_name_and_line_in_one_line() {
+    let error = edited("mass_kg", "mass_kgs").unwrap_err().to_string();
+    assert!(error.contains("mass_kgs") && error.contains("line "), "{error}");
+    assert_eq!(error.lines().count(), 1);
+}
+
+#[test]
+fn a_missing_safety_limit_is_refused() {
+    let text = std::fs::read_to_string(shipped()).unwrap();
+    let limits = text.split("\n[limits]").nth(1).unwrap().lines().skip(1).take_while(|line| line.contains('='));
+    let limits: Vec<&str> = limits.chain(["max_tilt_deg = 65.0", "max_thrust = 0.95"]).collect();
+    assert_eq!(limits.len(), 8, "{limits:?}");
+    for line in limits {
+        let error = edited(&format!("{line}\n"), "\n").unwrap_err().to_string();
+        assert!(error.contains(line.split(' ').next().unwrap()), "{error}");
+    }
+}
+
+#[test]
+fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
+    for (from, to, name) in [
+        ("mass_kg = 0.85", "mass_kg = -1.0", "mass"),
+        ("hover_thrust = 0.35", "hover_thrust = nan", "hover_thrust"),
+        ("rate_hz = 200.0", "rate_hz = 2.0", "rate_hz"),
+        ("name = \"goshawk\"", "name = \"**\"", "vehicle name"),
+        ("default_profile = \"chase\"", "default_profile = \"nap\"", "nap"),
+        ("listen = [\"tcp/0.0.0.0:7447\"]", "listen = []", "network.listen"),
+        ("task = \"track\"", "task = \"navigate\"", "goal_m"),
+        ("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.40, 0.55]", "thrust.least"),
+        ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "lag.most"),
+        ("on_stop = \"land\"", "on_stop = \"loiter\"", "loiter"),
+        ("max_speed_mps = 20.0", "max_speed_mps = 5.0", "profile chase: its speed"),
+        ("provider = \"cpu\"", "provider = \"npu\"", "npu"),
+        ("controller_priority = 80", "controller_priority = 40", "controller_priority"),
+        ("udpin:127.0.0.1:14540", "127.0.0.1:14540", "udpin:ADDRESS:PORT"),
+        ("udpin:127.0.0.1:14540", "serial:/dev/ttyACM0:57600", "57600 bit/s is too slow"),
+        ("firmware = \"px4\"", "firmware = \"betaflight\"", "betaflight"),
+        ("firmware = \"px4\"", "guided = \"guided\"", "autopilot.guided"),
+        ("firmware = \"px4\"", "firmware = \"ardupilot\"\nguided = \"loiter\"", "loiter"),
+    ] {
+        let error = edited(from, to).unwrap_err().to_string();
+        assert!(error.contains(name), "{error}");
+    }
+}
+
+#[test]
+fn the_autopilots_firmware_is_px4_unless_it_is_said() {
+    let firmware = |to: &str| edited("firmware = \"px4\"", to).unwrap().autopilot.firmware();
+    assert_eq!(firmware(""), Firmware::Px4);
+    assert_eq!(firmware("firmware = \"ardupilot\""), Firmware::ArduPilot(Guided::Guided));
+    let no_gps = "firmware = \"ardupilot\"\nguided = \"guided-nogps\"";
+    assert_eq!(firmware(no_gps), Firmware::ArduPilot(Guided::NoGps));
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let error = Vehicle::load(Path::new("nowhere.toml")).unwrap_err().to_string();
+    assert!(error.contains("nowhere.toml"), "{error}");
+}
