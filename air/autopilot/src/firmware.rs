@@ -135,13 +135,12 @@ pub const GUIDED_OPTIONS: &str = "GUID_OPTIONS";
 pub const THRUST_AS_THRUST: i32 = 8;
 /// PX4 tells its battery unasked; ArduPilot only what is asked for, or set for the port.
 const BATTERY_HZ: f64 = 2.0;
-const COPTERS: [MavType; 8] = [
+const COPTERS: [MavType; 7] = [
     MavType::MAV_TYPE_QUADROTOR,
     MavType::MAV_TYPE_HEXAROTOR,
     MavType::MAV_TYPE_OCTOROTOR,
     MavType::MAV_TYPE_TRICOPTER,
     MavType::MAV_TYPE_COAXIAL,
-    MavType::MAV_TYPE_HELICOPTER,
     MavType::MAV_TYPE_DODECAROTOR,
     MavType::MAV_TYPE_DECAROTOR,
 ];
