@@ -1,7 +1,8 @@
 //! Network tensor → end states and detections, world frame (eq. 4-9).
 
+use crate::activation::{LANES, Lanes, sigmoid, sin_cos, softplus, tanh};
 use crate::error::{ConfigError, check, positive};
-use crate::lattice::{COLUMNS, Lattice, ROWS, end_position};
+use crate::lattice::{Anchor, COLUMNS, Lattice, ROWS};
 use crate::planner::{CameraModel, PolicyModel};
 use crate::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Rejection, Rot, Task, Vec3};
 
@@ -20,6 +21,8 @@ pub struct FramePose {
 #[derive(Clone, Debug)]
 pub struct Decoder {
     lattice: Lattice,
+    /// Sines and cosines of the anchors' elevations, and of their azimuths.
+    angles: [(Lanes, Lanes); 2],
     policy: PolicyModel,
     /// Pixels for one unit of tan(angle).
     focal_u: f64,
@@ -37,26 +40,15 @@ const OBJECTNESS: usize = 10;
 const DELTA_U: usize = 11;
 const DELTA_V: usize = 12;
 const DISTANCE: usize = 13;
+const CHANNELS: usize = 14;
 
 /// Channels of one anchor.
 #[must_use]
 pub const fn channels(task: Task) -> usize {
     match task {
-        Task::Track => 14,
+        Task::Track => CHANNELS,
         Task::Navigate => 10,
     }
-}
-
-/// ln(1 + eˣ) without overflow.
-#[must_use]
-pub fn softplus(x: f64) -> f64 {
-    x.max(0.0) + (-x.abs()).exp().ln_1p()
-}
-
-/// 1 / (1 + e⁻ˣ).
-#[must_use]
-pub fn sigmoid(x: f64) -> f64 {
-    1.0 / (1.0 + (-x).exp())
 }
 
 impl Decoder {
@@ -66,8 +58,14 @@ impl Decoder {
     /// A contract value out of range, or a camera that differs from the policy's.
     pub fn new(policy: PolicyModel, camera: &CameraModel) -> Result<Self, ConfigError> {
         validate(&policy, camera)?;
+        let lattice = Lattice::new(policy.hfov, policy.vfov, policy.radius);
+        let lanes = |angle: fn(&Anchor) -> f64| {
+            let angles = std::array::from_fn(|k| lattice.anchors.get(k).map_or(0.0, angle) as f32);
+            (angles.map(f32::sin), angles.map(f32::cos))
+        };
         Ok(Self {
-            lattice: Lattice::new(policy.hfov, policy.vfov, policy.radius),
+            angles: [lanes(|anchor| anchor.elevation), lanes(|anchor| anchor.azimuth)],
+            lattice,
             focal_u: f64::from(policy.width) / 2.0 / (policy.hfov / 2.0).tan(),
             focal_v: f64::from(policy.height) / 2.0 / (policy.vfov / 2.0).tan(),
             policy,
@@ -85,54 +83,69 @@ impl Decoder {
     /// The lens's displacement along a trajectory is the body's: `end.pos` is `start_world` plus the rotated eq. 4.
     #[must_use]
     pub fn decode(&self, output: &NetworkOutput, alpha: f64, pose: &FramePose) -> [Candidate; ANCHORS] {
-        std::array::from_fn(|index| {
-            self.candidate(output, index, alpha, pose).unwrap_or_else(|| self.bare_anchor(index, pose))
-        })
-    }
-
-    fn candidate(&self, output: &NetworkOutput, index: usize, alpha: f64, pose: &FramePose) -> Option<Candidate> {
-        let mut y = [0.0; 14];
-        for (channel, value) in y.iter_mut().enumerate().take(channels(self.policy.task)) {
-            *value = f64::from(output.values[channel * ANCHORS + index]);
-            if !value.is_finite() {
-                return None;
-            }
-        }
         let p = &self.policy;
-        let anchor = &self.lattice.anchors[index];
-        // eq. 6, then eq. 4
-        let elevation = anchor.elevation + y[THETA].tanh() * p.elevation_offset;
-        let azimuth = anchor.azimuth + y[PHI].tanh() * p.azimuth_offset;
-        let radius = p.radius + y[RADIUS].tanh() * p.radius;
-        let pos_cam = end_position(radius, elevation, azimuth);
-        // eq. 7, from the cell's frame
-        let world_from_cell = pose.world_from_cam * anchor.cam_from_cell;
-        let bounded = |at: usize| Vec3::new(y[at].tanh(), y[at + 1].tanh(), y[at + 2].tanh());
-        let vel_cell = bounded(VELOCITY) * (alpha * p.v_max);
-        let acc_cell = bounded(ACCELERATION) * (alpha * alpha * p.a_max);
-        let tracking = p.task == Task::Track;
-        Some(Candidate {
-            end: FlatState {
-                pos: pose.start_world + pose.world_from_cam * pos_cam,
-                vel: world_from_cell * vel_cell,
-                acc: world_from_cell * acc_cell,
-            },
-            cost: softplus(y[COST]),
-            objectness: if tracking { sigmoid(y[OBJECTNESS]) } else { 1.0 },
-            target_world: tracking.then(|| pose.cam_world + pose.world_from_cam * self.detection(&y, index)),
-            rejection: None,
+        let (y, finite) = activated(output, channels(p.task));
+        let pos_cam = self.end_positions(&y);
+        let vel_cam = self.vectors_cam(&y, VELOCITY, alpha * p.v_max);
+        let acc_cam = self.vectors_cam(&y, ACCELERATION, alpha * alpha * p.a_max);
+        let world_from_cam = pose.world_from_cam.to_rotation_matrix();
+        std::array::from_fn(|index| {
+            if !finite[index] {
+                return self.bare_anchor(index, pose);
+            }
+            let target_world =
+                (p.task == Task::Track).then(|| pose.cam_world + world_from_cam * self.detection(&y, index));
+            Candidate {
+                end: FlatState {
+                    pos: pose.start_world + world_from_cam * pos_cam[index],
+                    vel: world_from_cam * vel_cam[index],
+                    acc: world_from_cam * acc_cam[index],
+                },
+                cost: y[COST][index].into(),
+                objectness: y[OBJECTNESS][index].into(),
+                target_world,
+                rejection: None,
+            }
         })
     }
 
-    /// The detected centre in the camera frame, m (eq. 8-9); the distance is along the optical axis.
-    fn detection(&self, y: &[f64; 14], index: usize) -> Vec3 {
+    /// End positions in the camera frame, m (eq. 6, then eq. 4).
+    fn end_positions(&self, y: &[Lanes; CHANNELS]) -> [Vec3; LANES] {
+        let p = &self.policy;
+        let turned = |at: usize, most: f64| sin_cos(&y[at].map(|bounded| bounded * most as f32));
+        let [(sin_el, cos_el), (sin_az, cos_az)] = &self.angles;
+        let (sin_up, cos_up) = turned(THETA, p.elevation_offset);
+        let (sin_left, cos_left) = turned(PHI, p.azimuth_offset);
+        std::array::from_fn(|k| {
+            // Of the sums of the anchor's angles and the offsets.
+            let (sin_el, cos_el) = sum((sin_el[k], cos_el[k]), (sin_up[k], cos_up[k]));
+            let (sin_az, cos_az) = sum((sin_az[k], cos_az[k]), (sin_left[k], cos_left[k]));
+            let radius = p.radius as f32 * (1.0 + y[RADIUS][k]);
+            double([radius * cos_el * cos_az, radius * cos_el * sin_az, radius * sin_el])
+        })
+    }
+
+    /// The vectors of three channels, which are in their cells' frames, times `scale` in the camera frame (eq. 7).
+    fn vectors_cam(&self, y: &[Lanes; CHANNELS], at: usize, scale: f64) -> [Vec3; LANES] {
+        let [(sin_el, cos_el), (sin_az, cos_az)] = &self.angles;
+        std::array::from_fn(|k| {
+            let [x, left, up] = [at, at + 1, at + 2].map(|channel| y[channel][k] * scale as f32);
+            let (ahead, up) = (cos_el[k] * x - sin_el[k] * up, sin_el[k] * x + cos_el[k] * up);
+            double([cos_az[k] * ahead - sin_az[k] * left, sin_az[k] * ahead + cos_az[k] * left, up])
+        })
+    }
+
+    /// The detected centre in the camera frame, m, from its place in the cell and its distance along the optical axis
+    /// (eq. 8-9).
+    fn detection(&self, y: &[Lanes; CHANNELS], index: usize) -> Vec3 {
         let p = &self.policy;
         let (width, height) = (f64::from(p.width), f64::from(p.height));
         let (row, column) = ((index / COLUMNS) as f64, (index % COLUMNS) as f64);
         // A centre may leave its cell by half a cell on each side.
-        let u = (2.0 * sigmoid(y[DELTA_U]) - 0.5 + column) * (width / COLUMNS as f64);
-        let v = (2.0 * sigmoid(y[DELTA_V]) - 0.5 + row) * (height / ROWS as f64);
-        let distance = p.target_depth_scale * softplus(y[DISTANCE]);
+        let at = |channel: usize| f64::from(y[channel][index]);
+        let u = (2.0 * at(DELTA_U) - 0.5 + column) * (width / COLUMNS as f64);
+        let v = (2.0 * at(DELTA_V) - 0.5 + row) * (height / ROWS as f64);
+        let distance = p.target_depth_scale * at(DISTANCE);
         distance * Vec3::new(1.0, (width / 2.0 - u) / self.focal_u, (height / 2.0 - v) / self.focal_v)
     }
 
@@ -147,6 +160,35 @@ impl Decoder {
             rejection: Some(Rejection::Invalid),
         }
     }
+}
+
+/// Sine and cosine of the sum of two angles, given theirs.
+fn sum(a: (f32, f32), b: (f32, f32)) -> (f32, f32) {
+    (a.0 * b.1 + a.1 * b.0, a.1 * b.1 - a.0 * b.0)
+}
+
+fn double(v: [f32; 3]) -> Vec3 {
+    Vec3::from(v.map(f64::from))
+}
+
+/// The channels after their output functions, and for which anchors all of them are finite. Navigation's objectness is 1.
+fn activated(output: &NetworkOutput, channels: usize) -> ([Lanes; CHANNELS], [bool; LANES]) {
+    let (mut y, mut finite) = ([[0.0; LANES]; CHANNELS], [true; LANES]);
+    for (lanes, values) in y.iter_mut().zip(output.values.chunks_exact(ANCHORS)).take(channels) {
+        for (k, value) in values.iter().enumerate() {
+            lanes[k] = *value;
+            finite[k] &= value.is_finite();
+        }
+    }
+    tanh(y[..COST].as_flattened_mut());
+    softplus(&mut y[COST]);
+    if channels == CHANNELS {
+        sigmoid(y[OBJECTNESS..=DELTA_V].as_flattened_mut());
+        softplus(&mut y[DISTANCE]);
+    } else {
+        y[OBJECTNESS] = [1.0; LANES];
+    }
+    (y, finite)
 }
 
 fn validate(policy: &PolicyModel, camera: &CameraModel) -> Result<(), ConfigError> {
@@ -226,7 +268,7 @@ mod tests {
         let decoder = decoder(Task::Navigate);
         let output = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
         for (index, candidate) in decoder.decode(&output, 1.0, &level()).iter().enumerate() {
-            assert!((candidate.end.pos - decoder.lattice.primitive(index)).norm() < 1e-12);
+            assert!((candidate.end.pos - decoder.lattice.primitive(index)).norm() < 2e-6);
             assert!(candidate.end.vel.norm() + candidate.end.acc.norm() < 1e-12);
             assert_eq!(candidate.target_world, None);
         }
@@ -238,7 +280,7 @@ mod tests {
         let mut output = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
         output.values[DISTANCE * ANCHORS + 7] = 1.0;
         let target = decoder.decode(&output, 1.0, &level())[7].target_world.unwrap();
-        assert!((target - Vec3::new(5.0 * softplus(1.0), 0.0, 0.0)).norm() < 1e-12);
+        assert!((target - Vec3::new(5.0 * 1f64.exp().ln_1p(), 0.0, 0.0)).norm() < 2e-6);
     }
 
     #[test]
@@ -262,9 +304,9 @@ mod tests {
             for (index, c) in decoder.decode(&output, alpha, &level()).iter().enumerate() {
                 let finite = (0..14).all(|channel| values[channel * ANCHORS + index].is_finite());
                 prop_assert_eq!(c.rejection, if finite { None } else { Some(Rejection::Invalid) });
-                prop_assert!(c.end.pos.norm() <= 10.0 + 1e-9);
-                prop_assert!(c.end.vel.amax() <= alpha * 6.0 * 3f64.sqrt() + 1e-9);
-                prop_assert!(c.end.acc.amax() <= alpha * alpha * 6.0 * 3f64.sqrt() + 1e-9);
+                prop_assert!(c.end.pos.norm() <= 10.0 + 1e-5);
+                prop_assert!(c.end.vel.amax() <= alpha * 6.0 * 3f64.sqrt() * (1.0 + 1e-6));
+                prop_assert!(c.end.acc.amax() <= alpha * alpha * 6.0 * 3f64.sqrt() * (1.0 + 1e-6));
                 prop_assert!(c.cost.is_finite() && c.cost >= 0.0);
                 prop_assert!((0.0..=1.0).contains(&c.objectness));
                 prop_assert!(c.target_world.is_none_or(|t| t.iter().all(|x| x.is_finite())));

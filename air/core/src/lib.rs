@@ -4,6 +4,7 @@
 //! after construction. Everything hangs on two functions: [`Planner::step`] once a camera frame, and
 //! [`Controller::step`] at a fixed rate.
 
+mod activation;
 pub mod aim;
 pub mod config;
 pub mod controller;

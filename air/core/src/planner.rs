@@ -6,7 +6,7 @@ use crate::error::{ConfigError, check, positive};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
 use crate::target::{Expected, TargetConfig, TargetFilter};
-use crate::types::{ANCHORS, FlatState, NetworkOutput, Odometry, Plan, Rot, Task, Time, Vec3};
+use crate::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Odometry, Plan, Rot, Task, Time, Vec3};
 
 /// The camera as mounted, and the image that the network sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -177,17 +177,14 @@ impl Planner {
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world };
         let duration = self.decoder.duration(alpha);
         let chosen = match self.config.policy.task {
-            Task::Navigate => {
-                let costs = std::array::from_fn(|index| candidates[index].cost);
-                select(Some(costs), &[None; ANCHORS], &mut candidates)
-            }
+            Task::Navigate => select(Some(|_: &Candidate| 0.0), &[None; ANCHORS], &mut candidates),
             Task::Track => {
                 let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);
-                let costs = self.target(stamp).map(|target| {
-                    candidates
-                        .map(|c| c.cost + self.config.chase.crowding(&Quintic::new(&start, &c.end, duration), &target))
+                let crowding = self.target(stamp).map(|target| {
+                    let chase = &self.config.chase;
+                    move |c: &Candidate| chase.crowding(&Quintic::new(&start, &c.end, duration), &target)
                 });
-                select(costs, &unseen, &mut candidates)
+                select(crowding, &unseen, &mut candidates)
             }
         };
         Plan {

@@ -52,20 +52,28 @@ pub fn detect(
 }
 
 /// Marks why each candidate is not flown and returns the index of the one that is: with an aim the valid one of least
-/// `costs`, without one (no costs) none, for `unseen`'s reasons.
+/// cost, together with what `added` says, which is never negative; without an aim (none added) none, for `unseen`'s
+/// reasons.
 pub fn select(
-    costs: Option<[f64; ANCHORS]>,
+    added: Option<impl Fn(&Candidate) -> f64>,
     unseen: &[Option<Rejection>; ANCHORS],
     candidates: &mut [Candidate; ANCHORS],
 ) -> Option<usize> {
-    let chosen = costs.and_then(|costs| {
-        (0..ANCHORS)
-            .filter(|&index| candidates[index].rejection.is_none())
-            .min_by(|&a, &b| costs[a].total_cmp(&costs[b]))
+    let chosen = added.as_ref().and_then(|added| {
+        let mut best: Option<(usize, f64)> = None;
+        for (index, candidate) in candidates.iter().enumerate().filter(|(_, c)| c.rejection.is_none()) {
+            let cheaper = |cost: f64| best.is_none_or(|(_, least)| cost < least);
+            // Most are too dear already.
+            if cheaper(candidate.cost) {
+                let cost = candidate.cost + added(candidate);
+                best = if cheaper(cost) { Some((index, cost)) } else { best };
+            }
+        }
+        best.map(|(index, _)| index)
     });
     for (index, candidate) in candidates.iter_mut().enumerate() {
         if candidate.rejection.is_none() && Some(index) != chosen {
-            let reason = if costs.is_some() { Some(Rejection::Cost) } else { unseen[index] };
+            let reason = if added.is_some() { Some(Rejection::Cost) } else { unseen[index] };
             candidate.rejection = reason.or(Some(Rejection::Gate));
         }
     }
