@@ -1,21 +1,19 @@
 //! The anchors: 3 rows × 5 columns over the camera's field of view (eq. 3).
 
-use crate::types::{ANCHORS, Rot, Vec3};
+use crate::types::{ANCHORS, Vec3};
 
 /// Rows of the grid, row 0 at the image's top.
 pub const ROWS: usize = 3;
 /// Columns of the grid, column 0 at the image's left.
 pub const COLUMNS: usize = 5;
 
-/// One primitive: a direction in the camera frame, and the frame that looks along it.
+/// One primitive: a direction in the camera frame. Its cell's frame has x along it, and y level in the camera frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchor {
     /// phi, rad; positive to the left.
     pub azimuth: f64,
     /// theta, rad; positive upward.
     pub elevation: f64,
-    /// The cell's frame: x along the anchor, y level in the camera frame.
-    pub cam_from_cell: Rot,
 }
 
 /// All anchors, row-major from the image's top left.
@@ -43,9 +41,7 @@ impl Lattice {
             let (row, column) = (index / COLUMNS, index % COLUMNS);
             let azimuth = hfov * (0.5 - (column as f64 + 0.5) / COLUMNS as f64);
             let elevation = vfov * (0.5 - (row as f64 + 0.5) / ROWS as f64);
-            let cam_from_cell =
-                Rot::from_axis_angle(&Vec3::z_axis(), azimuth) * Rot::from_axis_angle(&Vec3::y_axis(), -elevation);
-            Anchor { azimuth, elevation, cam_from_cell }
+            Anchor { azimuth, elevation }
         });
         Self { anchors, radius }
     }
@@ -70,15 +66,5 @@ mod tests {
         let last = lattice.primitive(ANCHORS - 1);
         assert!(last.x > 0.0 && last.y < 0.0 && last.z < 0.0);
         assert!((lattice.primitive(7) - Vec3::new(5.0, 0.0, 0.0)).norm() < 1e-12);
-    }
-
-    #[test]
-    fn a_cell_looks_along_its_anchor_with_a_level_left_axis() {
-        let lattice = Lattice::new(1.5, 1.0, 2.0);
-        for (index, anchor) in lattice.anchors.iter().enumerate() {
-            let ahead = anchor.cam_from_cell * Vec3::x() * 2.0;
-            assert!((ahead - lattice.primitive(index)).norm() < 1e-12);
-            assert!((anchor.cam_from_cell * Vec3::y()).z.abs() < 1e-12);
-        }
     }
 }
