@@ -42,7 +42,7 @@ class PlanView:
     cost_N: Array
     objectness_N: Array
     rejections: tuple[str, ...]
-    """For each candidate "none" (flown), "objectness", "gate", "cost" or "invalid"."""
+    """For each candidate "none" (flown), "objectness", "gate", "cost", "blocked" or "invalid"."""
     target_pos_world_N3: Array | None
     """Each candidate's detection; None in navigation."""
     chosen: int | None

@@ -163,6 +163,7 @@ fn planner_input() -> PlannerInput {
         goal_world: vec3(),
         state: vec![6.5, 60.0],
         prediction: vec![7.5, 70.0],
+        nearest_mm: vec![8, 80],
     }
 }
 

@@ -2,7 +2,8 @@
 
 use crate::aim::{ChaseConfig, within_reach};
 use crate::decode::{Decoder, FramePose};
-use crate::error::{ConfigError, check, positive};
+use crate::error::{ConfigError, check, not_negative, positive};
+use crate::obstacles::{Ignored, Nearest, Obstacles};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
 use crate::target::{Expected, TargetConfig, TargetFilter};
@@ -69,6 +70,8 @@ pub struct PlannerConfig {
     pub max_acc: f64,
     /// And the largest agility, above 0 and at most 1: less flies smoother, more turns quicker.
     pub max_agility: f64,
+    /// What is nearer than this is remembered and flown around, m (6; 0: nothing is).
+    pub remember: f64,
 }
 
 /// One frame.
@@ -88,18 +91,26 @@ pub struct PlannerInput<'a> {
     pub network: &'a NetworkOutput,
 }
 
-/// Aims, decodes, filters the target, chooses.
+/// Where the target is, nothing is an obstacle: [`ChaseConfig::crowding`] keeps away from it.
+fn about(target: &Expected) -> Ignored {
+    Ignored { at_world: target.pos_world, radius: TARGET_RADIUS }
+}
+
+/// Aims, decodes, filters the target, remembers obstacles, chooses.
 #[derive(Clone, Debug)]
 pub struct Planner {
     config: PlannerConfig,
     decoder: Decoder,
     filter: TargetFilter,
+    obstacles: Obstacles,
     /// The last frame's motion: stamp, position, velocity, reset counter.
     last: Option<(Time, Vec3, Vec3, u32)>,
 }
 
 /// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s.
 const LONGEST_BRIDGED_GAP: f64 = 0.5;
+/// What is so near to the target's axis is the target, m: half a person, its stride, and the estimate's error.
+const TARGET_RADIUS: f64 = 0.8;
 
 impl Planner {
     /// A planner with an empty target filter.
@@ -112,9 +123,11 @@ impl Planner {
         config.chase.validate()?;
         positive("planner.max_acc", config.max_acc)?;
         check("planner.max_agility", config.max_agility, "above 0 and at most 1", |x| x > 0.0 && x <= 1.0)?;
+        not_negative("planner.remember", config.remember)?;
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.target);
-        Ok(Self { config, decoder, filter, last: None })
+        let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.remember);
+        Ok(Self { config, decoder, filter, obstacles, last: None })
     }
 
     /// The configuration that it plans with.
@@ -177,12 +190,19 @@ impl Planner {
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world };
         let duration = self.decoder.duration(alpha);
         let chosen = match self.config.policy.task {
-            Task::Navigate => select(Some(|_: &Candidate| 0.0), &[None; ANCHORS], &mut candidates),
+            Task::Navigate => {
+                let meeting = |c: &Candidate| self.obstacles.meeting(&Quintic::new(&start, &c.end, duration), None);
+                select(Some(meeting), &[None; ANCHORS], &mut candidates)
+            }
             Task::Track => {
                 let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);
                 let crowding = self.target(stamp).map(|target| {
-                    let chase = &self.config.chase;
-                    move |c: &Candidate| chase.crowding(&Quintic::new(&start, &c.end, duration), &target)
+                    let (chase, obstacles) = (&self.config.chase, &self.obstacles);
+                    let ignored = about(&target);
+                    move |c: &Candidate| {
+                        let trajectory = Quintic::new(&start, &c.end, duration);
+                        chase.crowding(&trajectory, &target) + obstacles.meeting(&trajectory, Some(&ignored))
+                    }
                 });
                 select(crowding, &unseen, &mut candidates)
             }
@@ -200,6 +220,15 @@ impl Planner {
         }
     }
 
+    /// Takes in the nearest depths of a frame, before the network answers it; odometry at the frame's stamp.
+    pub fn see(&mut self, odometry: &Odometry, nearest: &Nearest) {
+        self.follow_jumps(odometry);
+        let world_from_cam = odometry.world_from_body * self.config.camera.body_from_cam;
+        let cam_world = odometry.pos_world + odometry.world_from_body * self.config.camera.pos_cam_body;
+        let ignored = self.target(odometry.stamp).map(|target| about(&target));
+        self.obstacles.see(&cam_world, &world_from_cam, nearest, ignored.as_ref());
+    }
+
     /// The target, if it is worth going after at `now`.
     fn target(&self, now: Time) -> Option<Expected> {
         self.filter.expected(now).filter(|target| self.config.chase.pursues(target))
@@ -208,6 +237,7 @@ impl Planner {
     /// Forgets the target.
     pub fn reset(&mut self) {
         self.filter.reset();
+        self.obstacles.reset();
         self.last = None;
     }
 
@@ -217,6 +247,7 @@ impl Planner {
             && counter != odometry.reset_counter
         {
             let gap = odometry.stamp.since(stamp);
+            self.obstacles.reset();
             if (0.0..=LONGEST_BRIDGED_GAP).contains(&gap) {
                 self.filter.shift(odometry.pos_world - (pos + vel * gap));
             } else {

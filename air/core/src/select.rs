@@ -59,7 +59,7 @@ pub fn select(
     unseen: &[Option<Rejection>; ANCHORS],
     candidates: &mut [Candidate; ANCHORS],
 ) -> Option<usize> {
-    let chosen = added.as_ref().and_then(|added| {
+    let best = added.as_ref().and_then(|added| {
         let mut best: Option<(usize, f64)> = None;
         for (index, candidate) in candidates.iter().enumerate().filter(|(_, c)| c.rejection.is_none()) {
             let cheaper = |cost: f64| best.is_none_or(|(_, least)| cost < least);
@@ -69,12 +69,17 @@ pub fn select(
                 best = if cheaper(cost) { Some((index, cost)) } else { best };
             }
         }
-        best.map(|(index, _)| index)
+        best
     });
+    let chosen = best.map(|(index, _)| index);
     for (index, candidate) in candidates.iter_mut().enumerate() {
         if candidate.rejection.is_none() && Some(index) != chosen {
-            let reason = if added.is_some() { Some(Rejection::Cost) } else { unseen[index] };
-            candidate.rejection = reason.or(Some(Rejection::Gate));
+            candidate.rejection = match best {
+                // Cheaper by itself than the one that is flown: what was added decided.
+                Some((_, least)) if candidate.cost < least => Some(Rejection::Blocked),
+                Some(_) => Some(Rejection::Cost),
+                None => unseen[index].or(Some(Rejection::Gate)),
+            };
         }
     }
     chosen

@@ -106,6 +106,8 @@ pub enum Rejection {
     Gate,
     /// Another was cheaper.
     Cost,
+    /// It would have been the cheapest, but for what it meets: an obstacle, or the target.
+    Blocked,
     /// The network's values for it are not finite; `end` is the bare anchor, `objectness` 0.
     Invalid,
 }

@@ -7,6 +7,7 @@
 mod common;
 
 use common::{Frames, Loop};
+use goshawk_core::obstacles::{COLUMNS, ROWS};
 use goshawk_core::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -73,6 +74,7 @@ fn planner_steps_allocate_nothing() {
             goal_world: None,
             network: &network,
         };
+        planner.see(&odometry, &[3000 + seq as u16; COLUMNS * ROWS]);
         chosen += usize::from(planner.step(&input).chosen.is_some());
     }
     assert_eq!(allocations() - before, 0);

@@ -3,6 +3,7 @@
 
 mod common;
 
+use goshawk_core::obstacles::{COLUMNS, ROWS};
 use goshawk_core::target::{Detection, TargetFilter};
 use goshawk_core::*;
 use proptest::prelude::*;
@@ -249,6 +250,37 @@ fn a_missed_frame_keeps_the_target() {
     frames(&mut planner, 0, 6, &network(&[(7, 1.0)]));
     let plan = frames(&mut planner, 6, 1, &network(&[]));
     assert!(plan.chosen.is_some() && plan.target.unwrap().confirmed);
+}
+
+/// Shows the planner, which looks along x, something 2.5 m ahead.
+fn show_a_thing_ahead(planner: &mut Planner, odometry: &Odometry) {
+    let mut nearest = [9000; COLUMNS * ROWS];
+    for row in 0..ROWS {
+        nearest[row * COLUMNS + COLUMNS / 2 - 1..][..2].fill(2500);
+    }
+    (0..3).for_each(|_| planner.see(odometry, &nearest));
+}
+
+#[test]
+fn what_would_meet_something_that_was_seen_is_not_flown() {
+    let mut planner = planner(Task::Navigate);
+    let output = network(&[(5, 2.0), (7, 0.2)]);
+    show_a_thing_ahead(&mut planner, &odometry(0.0));
+    let plan = frames(&mut planner, 0, 1, &output);
+    assert_eq!((plan.chosen, plan.candidates[7].rejection), (Some(5), Some(Rejection::Blocked)));
+    assert_eq!(plan.candidates[0].rejection, Some(Rejection::Cost));
+}
+
+#[test]
+fn what_was_seen_before_a_jump_of_the_odometry_or_a_reset_is_forgotten() {
+    let output = network(&[(7, 0.2)]);
+    let mut jumped = planner(Task::Navigate);
+    show_a_thing_ahead(&mut jumped, &Odometry { reset_counter: 1, ..odometry(0.0) });
+    assert_eq!(frames(&mut jumped, 1, 1, &output).chosen, Some(7));
+    let mut reset = planner(Task::Navigate);
+    show_a_thing_ahead(&mut reset, &odometry(0.0));
+    reset.reset();
+    assert_eq!(frames(&mut reset, 1, 1, &output).chosen, Some(7));
 }
 
 #[test]

@@ -149,6 +149,7 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         chase: ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 },
         max_acc: 8.0,
         max_agility: 1.0,
+        remember: 6.0,
     };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };

@@ -52,6 +52,7 @@ fn rejection(rejection: Option<core::Rejection>) -> v1::Rejection {
         Some(core::Rejection::Objectness) => v1::Rejection::Objectness,
         Some(core::Rejection::Gate) => v1::Rejection::Gate,
         Some(core::Rejection::Cost) => v1::Rejection::Cost,
+        Some(core::Rejection::Blocked) => v1::Rejection::Blocked,
         Some(core::Rejection::Invalid) => v1::Rejection::Invalid,
     }
 }

@@ -1,9 +1,10 @@
 //! What planner and controller are given, as values that a log can hold and [`crate::replay`] gives back: a step is a
 //! function of these and of the steps before, on board, in lockstep and in a replay alike.
 
+use goshawk_core::obstacles::Nearest;
 use goshawk_core::{
     AutopilotStatus, Command, ConfigError, Controller, ControllerConfig, ControllerInput, ControllerOutput, Mode,
-    NetworkOutput, Odometry, Plan, PlannerInput, Profile, Rot, Task, Time, Vec3,
+    NetworkOutput, Odometry, Plan, PlannerInput, PlanningDemand, Profile, Rot, Task, Time, Vec3,
 };
 use goshawk_proto::v1;
 
@@ -22,6 +23,8 @@ pub struct FrameInput {
     pub speed: f64,
     /// Navigation's goal.
     pub goal_world: Option<Vec3>,
+    /// The nearest depth in each block of the image.
+    pub nearest: Nearest,
     /// The network's state input.
     pub state: [f32; 13],
     /// The network's raw answer.
@@ -49,13 +52,14 @@ pub fn plain_odometry(o: &Odometry) -> Odometry {
 impl FrameInput {
     /// A frame that the network has yet to see: `state` and `network` are zero.
     #[must_use]
-    pub fn new(seq: u64, at_stamp: &Odometry, acc_world: Vec3, speed: f64, goal_world: Option<Vec3>) -> Self {
+    pub fn new(seq: u64, at_stamp: &Odometry, acc_world: Vec3, demand: &PlanningDemand, nearest: Nearest) -> Self {
         FrameInput {
             seq,
             odometry: plain_odometry(at_stamp),
             acc_world: plain(acc_world),
-            speed,
-            goal_world: goal_world.map(plain),
+            speed: demand.speed,
+            goal_world: demand.goal_world.map(plain),
+            nearest,
             state: [0.0; 13],
             network: NetworkOutput { values: [0.0; goshawk_core::MAX_CHANNELS * goshawk_core::ANCHORS] },
         }
@@ -85,6 +89,7 @@ impl FrameInput {
             goal_world: self.goal_world.map(vec3),
             state: self.state.to_vec(),
             prediction: self.network.values.to_vec(),
+            nearest_mm: self.nearest.iter().flat_map(|mm| mm.to_le_bytes()).collect(),
         }
     }
 
@@ -97,10 +102,17 @@ impl FrameInput {
             acc_world: vector(m.acc_world?),
             speed: m.speed_mps,
             goal_world: m.goal_world.map(vector),
+            nearest: nearest_from(&m.nearest_mm)?,
             state: m.state.as_slice().try_into().ok()?,
             network: NetworkOutput { values: m.prediction.as_slice().try_into().ok()? },
         })
     }
+}
+
+fn nearest_from(bytes: &[u8]) -> Option<Nearest> {
+    let (depths, rest) = bytes.as_chunks::<2>();
+    let nearest: Nearest = depths.iter().map(|mm| u16::from_le_bytes(*mm)).collect::<Vec<_>>().try_into().ok()?;
+    rest.is_empty().then_some(nearest)
 }
 
 fn vector(v: v1::Vec3) -> Vec3 {
@@ -252,7 +264,9 @@ mod tests {
             ang_vel_body: Vec3::new(-0.0, 1.0, 2.0),
             reset_counter: 3,
         };
-        let mut input = FrameInput::new(5, &at_stamp, Vec3::new(-0.0, 0.7, 0.1), 6.1, Some(Vec3::x()));
+        let demand = PlanningDemand { task: Task::Navigate, speed: 6.1, goal_world: Some(Vec3::x()) };
+        let nearest = std::array::from_fn(|block| 7 * block as u16);
+        let mut input = FrameInput::new(5, &at_stamp, Vec3::new(-0.0, 0.7, 0.1), &demand, nearest);
         input.state[3] = -0.0;
         input.network.values[17] = -0.0;
         let bytes = input.to_proto().encode_to_vec();

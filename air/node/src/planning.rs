@@ -64,14 +64,15 @@ impl Planning {
         };
         let odometry = odometry.ok_or("no odometry around the frame's stamp")?;
         let demand = shared.demand.latest().unwrap_or(self.idle_demand);
-        let mut input = FrameInput::new(seq, &odometry, acc_world, demand.speed, demand.goal_world);
         let source = frame.source();
         let preprocessor = match self.preprocessor.take().filter(|p| p.source() == source) {
             Some(fitting) => fitting,
             None => Preprocessor::new(self.policy.contract(), source).map_err(|e| e.to_string())?,
         };
-        let image =
-            self.preprocessor.insert(preprocessor).run(&frame.rgb, &frame.depth_mm).map_err(|e| e.to_string())?;
+        let preprocessor = self.preprocessor.insert(preprocessor);
+        let nearest = preprocessor.nearest(&frame.depth_mm).map_err(|e| e.to_string())?;
+        let mut input = FrameInput::new(seq, &odometry, acc_world, &demand, nearest);
+        let image = preprocessor.run(&frame.rgb, &frame.depth_mm).map_err(|e| e.to_string())?;
         let begun = clock::now();
         answer(&mut self.planner, &mut self.policy, image, &mut input).map_err(|e| e.to_string())?;
         let inference_s = clock::now().since(begun);
@@ -79,7 +80,7 @@ impl Planning {
     }
 }
 
-/// Lets the network answer the frame: fills in `state` and `network` of `input`.
+/// Shows the frame to the planner, then to the network: fills in `state` and `network` of `input`.
 ///
 /// # Errors
 /// The network failed.
@@ -89,6 +90,7 @@ pub fn answer(
     image: &[f32],
     input: &mut FrameInput,
 ) -> Result<(), PolicyError> {
+    planner.see(&input.odometry, &input.nearest);
     input.state = planner.network_state(&input.odometry, input.acc_world, input.speed, input.goal_world);
     input.network = policy.infer(image, &input.state[..policy.state_len()])?;
     Ok(())

@@ -8,6 +8,8 @@
 //! each filling pass gives a pixel without one the nearest of its 3 x 3 neighbours as they were before the pass; what
 //! still has none becomes `max_m`; clipped to `max_m` and divided by it. Nothing is allocated after construction.
 
+use goshawk_core::obstacles::{COLUMNS, Nearest, ROWS};
+
 use crate::contract::{Contract, Depth, Image};
 
 /// Largest relative difference between the source's field of view and the policy's.
@@ -77,6 +79,8 @@ pub struct Preprocessor {
     source: Source,
     colour: Colour,
     depth: DepthImage,
+    /// The block's column of each of the source's.
+    blocks: Vec<usize>,
     /// `[4, height, width]`.
     rgbd: Vec<f32>,
 }
@@ -104,6 +108,7 @@ impl Preprocessor {
             source,
             colour: Colour::new(source, image),
             depth: DepthImage::new(source, image, contract.depth),
+            blocks: (0..width as usize).map(|u| u * COLUMNS / width as usize).collect(),
             rgbd: vec![0.0; 4 * image.width * image.height],
         })
     }
@@ -151,15 +156,35 @@ impl Preprocessor {
         Ok((small, taken.map(|index| depth_mm[index]).collect()))
     }
 
-    fn check(&self, rgb: &[u8], depth_bytes: usize) -> Result<(), PreprocessError> {
+    /// The nearest measurement in each block of a depth image, `[height, width]`, for [`goshawk_core::Planner::see`].
+    ///
+    /// # Errors
+    /// A buffer of the wrong length.
+    pub fn nearest(&self, depth_mm: &[u16]) -> Result<Nearest, PreprocessError> {
         let Source { width, height, .. } = self.source;
-        let pixels = width as usize * height as usize;
-        for (buffer, found, needed) in [("rgb", rgb.len(), 3 * pixels), ("depth", depth_bytes, 2 * pixels)] {
-            if found != needed {
-                return Err(PreprocessError::Length { buffer, found, needed, width, height });
+        self.check_buffer("depth", 2 * depth_mm.len(), 2 * width as usize * height as usize)?;
+        let mut nearest = [NONE; COLUMNS * ROWS];
+        for (v, row) in depth_mm.chunks_exact(width as usize).enumerate() {
+            let first = v * ROWS / height as usize * COLUMNS;
+            for (u, &mm) in row.iter().enumerate() {
+                if mm >= self.depth.near_mm.max(1) {
+                    let block = &mut nearest[first + self.blocks[u]];
+                    *block = mm.min(*block);
+                }
             }
         }
-        Ok(())
+        Ok(nearest.map(|mm| if mm == NONE { 0 } else { mm }))
+    }
+
+    fn check(&self, rgb: &[u8], depth_bytes: usize) -> Result<(), PreprocessError> {
+        let pixels = self.source.width as usize * self.source.height as usize;
+        self.check_buffer("rgb", rgb.len(), 3 * pixels)?;
+        self.check_buffer("depth", depth_bytes, 2 * pixels)
+    }
+
+    fn check_buffer(&self, buffer: &'static str, found: usize, needed: usize) -> Result<(), PreprocessError> {
+        let Source { width, height, .. } = self.source;
+        if found == needed { Ok(()) } else { Err(PreprocessError::Length { buffer, found, needed, width, height }) }
     }
 
     fn prepare(&mut self, rgb: &[u8], depth_at: impl Fn(usize) -> u16) {

@@ -28,6 +28,22 @@ fn depth_plane(depth_mm: &[u16]) -> Vec<f32> {
     run(WIDTH, HEIGHT, &vec![0; 3 * WIDTH * HEIGHT], depth_mm)[3 * WIDTH * HEIGHT..].to_vec()
 }
 
+#[test]
+fn the_nearest_of_each_block_is_kept_whatever_the_sources_size() {
+    for (width, height) in [(WIDTH, HEIGHT), (848, 480), (50, 30)] {
+        let preprocessor = Preprocessor::new(&contract(), source(width as u32, height as u32)).unwrap();
+        let mut depth_mm = vec![5000; width * height];
+        depth_mm[..2].copy_from_slice(&[0, 199]); // no measurements
+        *depth_mm.last_mut().unwrap() = 700;
+        let nearest = preprocessor.nearest(&depth_mm).unwrap();
+        assert_eq!((nearest[nearest.len() - 1], nearest[500]), (700, 5000));
+        assert!(nearest.iter().all(|mm| [0, 700, 5000].contains(mm)));
+        let nothing = preprocessor.nearest(&vec![0; width * height]).unwrap();
+        assert!(nothing.iter().all(|mm| *mm == 0));
+        assert!(preprocessor.nearest(&depth_mm[1..]).is_err());
+    }
+}
+
 /// The definition, word for word, in float64.
 fn definition(width: usize, height: usize, rgb: &[u8], depth_mm: &[u16]) -> Vec<f64> {
     let overlap = |a: (f64, f64), b: (f64, f64)| (a.1.min(b.1) - a.0.max(b.0)).max(0.0);

@@ -36,6 +36,7 @@ class Rejection(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     REJECTION_GATE: _ClassVar[Rejection]
     REJECTION_COST: _ClassVar[Rejection]
     REJECTION_INVALID: _ClassVar[Rejection]
+    REJECTION_BLOCKED: _ClassVar[Rejection]
 
 class Severity(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -64,6 +65,7 @@ REJECTION_OBJECTNESS: Rejection
 REJECTION_GATE: Rejection
 REJECTION_COST: Rejection
 REJECTION_INVALID: Rejection
+REJECTION_BLOCKED: Rejection
 SEVERITY_UNSPECIFIED: Severity
 SEVERITY_INFO: Severity
 SEVERITY_WARNING: Severity
@@ -418,7 +420,7 @@ class CompressedRgbd(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., depth_png: _Optional[bytes] = ..., rgb_png: _Optional[bytes] = ...) -> None: ...
 
 class PlannerInput(_message.Message):
-    __slots__ = ("seq", "odometry", "acc_world", "speed_mps", "goal_world", "state", "prediction")
+    __slots__ = ("seq", "odometry", "acc_world", "speed_mps", "goal_world", "state", "prediction", "nearest_mm")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_FIELD_NUMBER: _ClassVar[int]
     ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
@@ -426,6 +428,7 @@ class PlannerInput(_message.Message):
     GOAL_WORLD_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     PREDICTION_FIELD_NUMBER: _ClassVar[int]
+    NEAREST_MM_FIELD_NUMBER: _ClassVar[int]
     seq: int
     odometry: Odometry
     acc_world: Vec3
@@ -433,7 +436,8 @@ class PlannerInput(_message.Message):
     goal_world: Vec3
     state: _containers.RepeatedScalarFieldContainer[float]
     prediction: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, seq: _Optional[int] = ..., odometry: _Optional[_Union[Odometry, _Mapping]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., speed_mps: _Optional[float] = ..., goal_world: _Optional[_Union[Vec3, _Mapping]] = ..., state: _Optional[_Iterable[float]] = ..., prediction: _Optional[_Iterable[float]] = ...) -> None: ...
+    nearest_mm: bytes
+    def __init__(self, seq: _Optional[int] = ..., odometry: _Optional[_Union[Odometry, _Mapping]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., speed_mps: _Optional[float] = ..., goal_world: _Optional[_Union[Vec3, _Mapping]] = ..., state: _Optional[_Iterable[float]] = ..., prediction: _Optional[_Iterable[float]] = ..., nearest_mm: _Optional[bytes] = ...) -> None: ...
 
 class ControllerInput(_message.Message):
     __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop", "odometry_ns", "battery")

@@ -103,6 +103,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
         chase: ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 },
         max_acc: 8.0,
         max_agility: 1.0,
+        remember: 6.0,
     }
 }
 

@@ -64,6 +64,7 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
         };
         if let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) {
             let input = FrameInput::from_proto(&message).ok_or_else(|| eyre!("frame {}: input cut", message.seq))?;
+            planner.see(&input.odometry, &input.nearest);
             let state = planner.network_state(&input.odometry, input.acc_world, input.speed, input.goal_world);
             if state.map(f32::to_bits) != input.state.map(f32::to_bits) {
                 let [field, logged, replayed] = first_field(&input.state, &state);

@@ -89,7 +89,9 @@ impl<'a> PolicyPlanner<'a> {
     /// If the network fails.
     pub fn plan(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<(Plan, FrameInput), TrialError> {
         let Seen { seq, odometry, acc_world, demand } = *seen;
-        let mut input = FrameInput::new(seq, odometry, acc_world, demand.speed, demand.goal_world);
+        let nearest = self.preprocessor.nearest(&image.depth_mm)?;
+        let mut input = FrameInput::new(seq, odometry, acc_world, demand, nearest);
+        self.planner.see(&input.odometry, &input.nearest);
         input.state = self.planner.network_state(&input.odometry, input.acc_world, input.speed, input.goal_world);
         let rgbd = self.preprocessor.run(&image.rgb, &image.depth_mm)?;
         let state_len = self.network.contract().state_len();

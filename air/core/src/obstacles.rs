@@ -1,0 +1,344 @@
+//! What was seen to stand about the vehicle in the last seconds, and what it costs to meet it (beyond the paper).
+//!
+//! The network sees one image. A thin branch is missing in many of them, and out of sight when it is passed: so the
+//! nearest depths of each image are kept in a voxel grid that rolls along, and the trajectories are held against it. One
+//! that meets something costs more, the sooner the more; none is forbidden, since one must be flown.
+
+use crate::quintic::Quintic;
+use crate::types::{Rot, Vec3};
+use nalgebra::{Matrix3, Vector3};
+
+/// Columns of [`Nearest`].
+pub const COLUMNS: usize = 40;
+/// Rows of [`Nearest`].
+pub const ROWS: usize = 24;
+
+/// The nearest depth in each block of an image, mm along the optical axis, row-major from the top left; 0: none measured.
+pub type Nearest = [u16; COLUMNS * ROWS];
+
+/// Edge of a voxel, m.
+const VOXEL: f64 = 0.2;
+/// Voxels along x, y, z: powers of two, so that an index wraps by a mask. A row along x is one word of bits.
+const SIZE: [i32; 3] = [64, 64, 32];
+const VOXELS: usize = 64 * ROW_COUNT;
+const ROW_COUNT: usize = 64 * 32;
+
+/// Evidence for something in a voxel: a frame that ends in it gives `HIT`, one that looks through it takes `MISS`. Two
+/// frames make an obstacle, a stray pixel does not.
+const HIT: i8 = 3;
+const MISS: i8 = 2;
+const OCCUPIED: i8 = 6;
+const LEAST: i8 = -4;
+const MOST: i8 = 24;
+
+/// Looking through ends this far before the measured depth, m, and as much more as this times its square, 1/m: its noise.
+const SHORT: f32 = 0.25;
+const SHORT_PER_M: f32 = 0.006;
+/// Between the points of a ray, voxels.
+const STEP: f32 = 0.8;
+
+/// A trajectory is looked at in so many instants.
+const LOOKS: u32 = 20;
+/// What it costs to meet something at once, on the scale of the network's costs, which differ by a few units.
+const MEETING: f64 = 30.0;
+/// Meeting it costs the less the later, and nothing after this time, s: till then there is another way.
+const HORIZON: f64 = 2.5;
+
+type Voxel = Vector3<i32>;
+
+/// Something that is no obstacle: an upright cylinder about the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ignored {
+    /// A point of its axis, world frame, m.
+    pub at_world: Vec3,
+    /// m.
+    pub radius: f64,
+}
+
+/// The grid.
+#[derive(Clone, Debug)]
+pub struct Obstacles {
+    /// Rays of the blocks' middles, camera frame, 1 along the optical axis.
+    rays: Vec<Vector3<f32>>,
+    /// Nothing farther is remembered, m along the optical axis.
+    range: f32,
+    /// Lowest voxel; none: nothing was seen.
+    low: Option<Voxel>,
+    evidence: Vec<i8>,
+    /// The frame that last ended in a voxel or looked through it.
+    touched: Vec<u16>,
+    frame: u16,
+    /// Of each row along x, which voxels are occupied: those whose evidence suffices.
+    rows: Vec<u64>,
+}
+
+impl Obstacles {
+    /// Seen through a camera of these fields of view, rad, and remembered within `range`, m (6; 0: nothing is): beyond,
+    /// depth is worse than a voxel is wide.
+    #[must_use]
+    pub fn new(hfov: f64, vfov: f64, range: f64) -> Self {
+        let middle = |k: usize, n: usize, fov: f64| ((1.0 - (2 * k + 1) as f64 / n as f64) * (fov / 2.0).tan()) as f32;
+        let ray = |k: usize| Vector3::new(1.0, middle(k % COLUMNS, COLUMNS, hfov), middle(k / COLUMNS, ROWS, vfov));
+        Self {
+            rays: (0..COLUMNS * ROWS).map(ray).collect(),
+            range: range as f32,
+            low: None,
+            evidence: vec![0; VOXELS],
+            touched: vec![0; VOXELS],
+            frame: 0,
+            rows: vec![0; ROW_COUNT],
+        }
+    }
+
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        self.low = None;
+        self.evidence.fill(0);
+        self.rows.fill(0);
+    }
+
+    /// Takes in what is seen from `cam_world` (m). Not finite: nothing is.
+    pub fn see(&mut self, cam_world: &Vec3, world_from_cam: &Rot, nearest: &Nearest, ignored: Option<&Ignored>) {
+        if self.range <= 0.0 || !cam_world.iter().chain(world_from_cam.coords.iter()).all(|x| x.is_finite()) {
+            return;
+        }
+        let low = self.roll(cam_world);
+        self.begin_frame();
+        let lens = in_voxels(cam_world, &low);
+        let turn = world_from_cam.to_rotation_matrix().into_inner().map(|x| x as f32) / VOXEL as f32;
+        let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
+        let depths = || nearest.iter().enumerate().filter(|(_, mm)| **mm > 0).map(|(k, mm)| (k, f32::from(*mm) * 1e-3));
+        let range = self.range;
+        for (block, depth) in depths().filter(|(_, depth)| *depth <= range) {
+            let at = lens + turn * self.rays[block] * depth;
+            if skipped.is_none_or(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) >= radius) {
+                self.learn(&low, &at, HIT);
+            }
+        }
+        for (block, depth) in depths() {
+            self.look_through(&low, &lens, &turn, block, depth);
+        }
+    }
+
+    fn look_through(&mut self, low: &Voxel, lens: &Vector3<f32>, turn: &Matrix3<f32>, block: usize, depth: f32) {
+        let ray = turn * self.rays[block];
+        let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(self.range);
+        let step = STEP / ray.norm();
+        let mut along = step;
+        while along < free && self.learn(low, &(lens + ray * along), -MISS) {
+            along += step;
+        }
+    }
+
+    /// Each voxel learns once a frame. False outside the grid.
+    fn learn(&mut self, low: &Voxel, at: &Vector3<f32>, change: i8) -> bool {
+        if !is_inside(at) {
+            return false;
+        }
+        let voxel = low + at.map(|x| x as i32);
+        let (row, bit) = (row_of(&voxel), bit_of(voxel.x));
+        let slot = 64 * row + bit as usize;
+        if self.touched[slot] != self.frame {
+            self.touched[slot] = self.frame;
+            self.evidence[slot] = (self.evidence[slot] + change).clamp(LEAST, MOST);
+            let occupied = u64::from(self.evidence[slot] >= OCCUPIED);
+            self.rows[row] = self.rows[row] & !(1 << bit) | occupied << bit;
+        }
+        true
+    }
+
+    fn begin_frame(&mut self) {
+        self.frame = self.frame.checked_add(1).unwrap_or_else(|| {
+            self.touched.fill(0);
+            1
+        });
+    }
+
+    /// What a trajectory costs for what it would meet.
+    #[must_use]
+    pub fn meeting(&self, trajectory: &Quintic, ignored: Option<&Ignored>) -> f64 {
+        let Some(low) = self.low else { return 0.0 };
+        let horizon = trajectory.duration().min(HORIZON);
+        let met = (1..=LOOKS).map(|k| horizon * f64::from(k) / f64::from(LOOKS)).find(|time| {
+            let pos = trajectory.at(*time).pos;
+            let expected = ignored.is_some_and(|c| (pos.xy() - c.at_world.xy()).norm() < c.radius);
+            !expected && self.is_near(&low, &in_voxels(&pos, &low))
+        });
+        met.map_or(0.0, |time| MEETING * (1.0 - time / HORIZON).powi(2))
+    }
+
+    /// Something is in the point's voxel or in one of those about it: within 0.2 to 0.4 m.
+    fn is_near(&self, low: &Voxel, at: &Vector3<f32>) -> bool {
+        if !is_inside(at) {
+            return false;
+        }
+        let inner = at.map(|x| x as i32);
+        // The voxel's neighbours along x, but for those beyond the grid, where the rows wrap.
+        let (first, last) = ((inner.x - 1).max(0), (inner.x + 1).min(SIZE[0] - 1));
+        let about = (first..=last).fold(0_u64, |bits, x| bits | 1 << bit_of(low.x + x));
+        let rows = |axis: usize| (inner[axis] - 1).max(0)..=(inner[axis] + 1).min(SIZE[axis] - 1);
+        rows(2).any(|z| rows(1).any(|y| self.rows[row_of(&(low + Voxel::new(0, y, z)))] & about != 0))
+    }
+
+    /// Moves the grid so that `centre` is in its middle, and forgets what it leaves. Returns the lowest voxel.
+    fn roll(&mut self, centre: &Vec3) -> Voxel {
+        let low = centre.map(|x| ((x / VOXEL).floor() as i32).clamp(-FARTHEST, FARTHEST)) - Voxel::from(SIZE) / 2;
+        let old = self.low.replace(low).unwrap_or(low);
+        for axis in 0..3 {
+            let moved = low[axis] - old[axis];
+            // The planes that come in take the memory of those that go.
+            let first = if moved > 0 { old[axis] + SIZE[axis] } else { low[axis] };
+            for plane in first..first + moved.abs().min(SIZE[axis]) {
+                self.forget_plane(axis, plane);
+            }
+        }
+        low
+    }
+
+    fn forget_plane(&mut self, axis: usize, plane: i32) {
+        let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut voxel = Voxel::zeros();
+        voxel[axis] = plane;
+        for i in 0..SIZE[a] {
+            for j in 0..SIZE[b] {
+                (voxel[a], voxel[b]) = (i, j);
+                let (row, bit) = (row_of(&voxel), bit_of(voxel.x));
+                self.evidence[64 * row + bit as usize] = 0;
+                self.rows[row] &= !(1 << bit);
+            }
+        }
+    }
+}
+
+/// No voxel's index is larger: nobody flies farther than 200 km, and differences do not overflow.
+const FARTHEST: i32 = 1_000_000;
+
+/// A point, in voxels from `low`.
+fn in_voxels(pos_world: &Vec3, low: &Voxel) -> Vector3<f32> {
+    (pos_world / VOXEL - low.map(f64::from)).map(|x| x as f32)
+}
+
+fn is_inside(at: &Vector3<f32>) -> bool {
+    (0..3).all(|axis| at[axis] >= 0.0 && at[axis] < SIZE[axis] as f32)
+}
+
+fn row_of(voxel: &Voxel) -> usize {
+    let wrap = |axis: usize| (voxel[axis] & (SIZE[axis] - 1)) as usize;
+    wrap(2) * SIZE[1] as usize + wrap(1)
+}
+
+fn bit_of(x: i32) -> u32 {
+    (x & (SIZE[0] - 1)) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::FlatState;
+    use proptest::prelude::*;
+
+    const AHEAD: usize = COLUMNS * ROWS / 2 + COLUMNS / 2;
+
+    fn obstacles() -> Obstacles {
+        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0)
+    }
+
+    fn see(obstacles: &mut Obstacles, from: Vec3, nearest: &Nearest) {
+        obstacles.see(&from, &Rot::identity(), nearest, None);
+    }
+
+    /// All blocks at 9 m, but the one right of and below the middle.
+    fn thing_at(mm: u16) -> Nearest {
+        let mut nearest = [9000; COLUMNS * ROWS];
+        nearest[AHEAD] = mm;
+        nearest
+    }
+
+    /// Straight ahead from `from`, `length` m in `duration` s.
+    fn ahead(from: Vec3, length: f64, duration: f64) -> Quintic {
+        let vel = Vec3::x() * (length / duration);
+        let start = FlatState { pos: from, vel, acc: Vec3::zeros() };
+        Quintic::new(&start, &FlatState { pos: from + Vec3::x() * length, ..start }, duration)
+    }
+
+    #[test]
+    fn what_was_seen_in_two_frames_costs_the_more_the_sooner_it_is_met() {
+        let mut obstacles = obstacles();
+        see(&mut obstacles, Vec3::zeros(), &thing_at(4000));
+        assert_eq!(obstacles.meeting(&ahead(Vec3::zeros(), 6.0, 2.0), None), 0.0, "a stray pixel");
+        see(&mut obstacles, Vec3::zeros(), &thing_at(4000));
+        let [slow, fast] = [2.0, 1.0].map(|duration| obstacles.meeting(&ahead(Vec3::zeros(), 6.0, duration), None));
+        assert!(slow > 0.0 && fast > 1.5 * slow, "{slow} {fast}");
+        assert_eq!(obstacles.meeting(&ahead(Vec3::y(), 6.0, 1.0), None), 0.0, "beside it");
+        assert_eq!(obstacles.meeting(&ahead(Vec3::zeros(), 3.0, 1.0), None), 0.0, "short of it");
+        assert_eq!(obstacles.meeting(&ahead(Vec3::zeros(), 40.0, 30.0), None), 0.0, "long after");
+    }
+
+    #[test]
+    fn it_is_remembered_while_it_is_not_measured_and_forgotten_once_it_is_looked_through() {
+        let mut obstacles = obstacles();
+        let way = ahead(Vec3::zeros(), 6.0, 1.0);
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
+        (0..30).for_each(|_| see(&mut obstacles, Vec3::zeros(), &[0; COLUMNS * ROWS]));
+        assert!(obstacles.meeting(&way, None) > 0.0, "holes look through nothing");
+        (0..10).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(9000)));
+        assert_eq!(obstacles.meeting(&way, None), 0.0);
+    }
+
+    #[test]
+    fn a_branch_that_every_third_image_misses_stays() {
+        let mut obstacles = obstacles();
+        for frame in 0..30 {
+            see(&mut obstacles, Vec3::zeros(), &thing_at(if frame % 3 == 2 { 9000 } else { 4000 }));
+        }
+        assert!(obstacles.meeting(&ahead(Vec3::zeros(), 6.0, 1.0), None) > 0.0);
+    }
+
+    #[test]
+    fn the_target_is_no_obstacle() {
+        let mut obstacles = obstacles();
+        let ignored = Ignored { at_world: Vec3::new(4.0, 0.0, 1.0), radius: 0.8 };
+        let way = ahead(Vec3::zeros(), 6.0, 1.0);
+        (0..4).for_each(|_| obstacles.see(&Vec3::zeros(), &Rot::identity(), &thing_at(4000), Some(&ignored)));
+        assert_eq!(obstacles.meeting(&way, None), 0.0);
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
+        assert!(obstacles.meeting(&way, None) > 0.0 && obstacles.meeting(&way, Some(&ignored)) == 0.0);
+    }
+
+    #[test]
+    fn it_stays_where_it_is_while_the_vehicle_flies_and_goes_when_it_is_far_behind() {
+        let mut obstacles = obstacles();
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::new(0.0, 0.0, 30.0), &thing_at(4000)));
+        let back = |x: f64| ahead(Vec3::new(x, 0.0, 30.0), -4.0, 1.0);
+        for step in 1..=20 {
+            let at = Vec3::new(0.5 * f64::from(step), 0.0, 30.0);
+            see(&mut obstacles, at, &[0; COLUMNS * ROWS]);
+        }
+        assert!(obstacles.meeting(&back(7.0), None) > 0.0, "6 m behind the vehicle");
+        see(&mut obstacles, Vec3::new(90.0, 0.0, 30.0), &[0; COLUMNS * ROWS]);
+        see(&mut obstacles, Vec3::new(7.0, 0.0, 30.0), &[0; COLUMNS * ROWS]);
+        assert_eq!(obstacles.meeting(&back(7.0), None), 0.0);
+    }
+
+    #[test]
+    fn with_a_range_of_zero_nothing_is_remembered() {
+        let mut none = Obstacles::new(1.5, 1.0, 0.0);
+        (0..4).for_each(|_| see(&mut none, Vec3::zeros(), &thing_at(1000)));
+        assert_eq!(none.meeting(&ahead(Vec3::zeros(), 6.0, 1.0), None), 0.0);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_comes_nothing_panics(
+            at in prop::array::uniform3(prop::num::f64::ANY), to in prop::array::uniform3(prop::num::f64::ANY),
+            mm in prop::num::u16::ANY, frames in 1..4
+        ) {
+            let mut obstacles = obstacles();
+            (0..frames).for_each(|_| see(&mut obstacles, Vec3::from(at), &[mm; COLUMNS * ROWS]));
+            let start = FlatState { pos: Vec3::from(at), ..FlatState::default() };
+            let end = FlatState { pos: Vec3::from(to), ..FlatState::default() };
+            let cost = obstacles.meeting(&Quintic::new(&start, &end, 1.0), None);
+            prop_assert!((0.0..=MEETING).contains(&cost));
+        }
+    }
+}
