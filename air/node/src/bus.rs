@@ -152,6 +152,12 @@ impl Publisher {
         self.inner.put(self.buffer.as_slice()).wait().ok()?;
         Some(self.buffer.len())
     }
+
+    /// Somebody subscribes to it; true where that cannot be told.
+    #[must_use]
+    pub fn is_wanted(&self) -> bool {
+        self.inner.matching_status().wait().map_or(true, |status| status.matching())
+    }
 }
 
 // What both sides have in common: no multicast, no connections made by gossip, a lease of 2 s.

@@ -20,7 +20,7 @@ use crate::shared::{Planned, Report, Shared, Started};
 use crate::{clock, convert};
 
 /// Reports are looked for so often. Waiting for them instead would make whoever reports wake this thread, under a lock.
-const POLL: Duration = Duration::from_millis(4);
+const POLL: Duration = Duration::from_millis(10);
 const CONTROL_PERIOD_S: f64 = 0.02;
 const CHECK_PERIOD_S: f64 = 0.1;
 const HEALTH_PERIOD_S: f64 = 0.5;
@@ -198,6 +198,9 @@ impl Telemetry {
             return;
         }
         self.last_preview = now;
+        if !self.publishers.preview.is_wanted() {
+            return;
+        }
         let mut jpeg = Vec::with_capacity(8 * 1024);
         let encoded = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, PREVIEW_QUALITY).encode(
             &frame.rgb,
