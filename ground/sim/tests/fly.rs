@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Constant, config, contract, fly, sectors, vehicle};
+use common::{Constant, config, contract, fly, forgetful_vehicle, sectors, vehicle};
 use goshawk_core::types::Task;
 use goshawk_core::{Cause, Mode};
 use goshawk_sim::cloud::{self, Point};
@@ -13,6 +13,7 @@ use goshawk_sim::moving::{Body, Flat, Mover};
 use goshawk_sim::sensors::Sensors;
 use goshawk_sim::trial::{
     Contact, Difference, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_in,
+    fly_trial,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -61,8 +62,11 @@ fn sensors_and_airframe_of_another_kind_are_another_flight_and_none_is_the_same(
 }
 
 #[test]
-fn a_blind_flight_through_a_dense_forest_ends_at_a_tree() {
-    let flight = fly(&config(Task::Navigate, 6.0, 3.0, 1), &mut sectors(true));
+fn a_blind_flight_through_a_dense_forest_ends_at_a_tree_unless_what_was_seen_is_remembered() {
+    let config = config(Task::Navigate, 6.0, 3.0, 1);
+    let with_memory = fly(&config, &mut sectors(true));
+    assert_ne!(with_memory.outcome, Outcome::Collision, "{with_memory:?}");
+    let flight = fly_trial(&config, &forgetful_vehicle(), Some(&mut sectors(true)), &mut Unwatched).unwrap();
     assert_eq!(flight.outcome, Outcome::Collision, "{flight:?}");
     assert!(matches!(flight.contact, Some(Contact::Trunk | Contact::Branch | Contact::Foliage)), "{flight:?}");
     assert!(flight.metrics.clearance_m.unwrap() < 0.1);

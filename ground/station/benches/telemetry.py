@@ -74,8 +74,8 @@ def start(stack: ExitStack, folder: Path, zenoh_port: int) -> int:
             "--mavlink-bind", f"127.0.0.1:{mavlink}", "--log-dir", str(folder),
         ],
         [
-            str(bins / "goshawk-sim"), "serve", "--seed", "3", "--spacing", "6", "--speed", "2", "--distance", "400", "--frame-rate", "60",
-            "--connect", endpoint, "--mavlink-port", str(mavlink),
+            str(bins / "goshawk-sim"), "serve", "--seed", "3", "--spacing", "6", "--speed", "2", "--distance", "400",
+            "--frame-rate", "60", "--connect", endpoint, "--mavlink-port", str(mavlink),
         ],
     )  # fmt: skip
     pids = []

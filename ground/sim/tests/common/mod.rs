@@ -10,8 +10,18 @@ use goshawk_sim::sensors::Sensors;
 use goshawk_sim::trial::{Difference, Flight, Network, PilotKind, TrialConfig, Unwatched, WorldSource, fly_trial};
 use std::path::Path;
 
+const VEHICLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../air/vehicles/sim.toml");
+
 pub fn vehicle() -> Vehicle {
-    Vehicle::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml")).unwrap()
+    Vehicle::load(Path::new(VEHICLE)).unwrap()
+}
+
+/// The vehicle, but that it remembers nothing of what it saw.
+pub fn forgetful_vehicle() -> Vehicle {
+    let text = std::fs::read_to_string(VEHICLE).unwrap();
+    let other = text.replace("remember_within_m = 6.0", "remember_within_m = 0.0");
+    assert_ne!(text, other);
+    Vehicle::parse(other, Path::new(VEHICLE)).unwrap()
 }
 
 pub fn contract(task: &str) -> Contract {
