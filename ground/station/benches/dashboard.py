@@ -23,7 +23,8 @@ VEHICLES = 10
 TARGET_CORE = 1.0
 TARGET_MB_PER_MIN = 0.1
 """6 MB in an hour."""
-WARM_UP_S = 20.0
+WARM_UP_S = 240.0
+"""Until its windows are full: in the first two minutes it grows by 0.3 MB/min."""
 MOST_WAITED = 0.5
 """Seconds a second that the ground station's threads may have waited for a core: beyond it, it was not doing its work,
 and what it used says nothing."""
