@@ -294,15 +294,21 @@ fn an_updraught_is_not_taken_for_the_ground() {
     sim.until(10.0, |s| s.mode() == Mode::Landed);
 }
 
+/// A chase whose target, heading left (1) or right (-1), has just hidden.
+fn hiding_target(side: f64) -> Loop {
+    let mut sim = hovering_in_search();
+    sim.target_vel = Vec3::new(0.0, 3.0 * side, 0.0);
+    sim.frames = Frames::Target(Vec3::new(20.0, -2.0, 1.5));
+    sim.until(1.0, |s| s.mode() == Mode::Track);
+    sim.run(1.0);
+    sim.frames = Frames::Blank;
+    sim
+}
+
 #[test]
 fn the_sweep_turns_the_way_the_target_was_heading() {
     for side in [-1.0, 1.0] {
-        let mut sim = hovering_in_search();
-        sim.target_vel = Vec3::new(0.0, 3.0 * side, 0.0);
-        sim.frames = Frames::Target(Vec3::new(20.0, -2.0, 1.5));
-        sim.until(1.0, |s| s.mode() == Mode::Track);
-        sim.run(1.0);
-        sim.frames = Frames::Blank;
+        let mut sim = hiding_target(side);
         sim.until(5.0, |s| s.mode() == Mode::Search);
         sim.run(1.4);
         let before = sim.out().yaw_des;
@@ -340,12 +346,7 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
 #[test]
 fn a_hidden_target_is_glanced_for_on_the_side_it_was_heading_for_and_back() {
     for side in [-1.0, 1.0] {
-        let mut sim = hovering_in_search();
-        sim.target_vel = Vec3::new(0.0, 3.0 * side, 0.0);
-        sim.frames = Frames::Target(Vec3::new(20.0, -2.0, 1.5));
-        sim.until(1.0, |s| s.mode() == Mode::Track);
-        sim.run(1.0);
-        sim.frames = Frames::Blank;
+        let mut sim = hiding_target(side);
         let ahead = sim.out().yaw_des;
         let mut turned = Vec::new();
         while sim.mode() == Mode::Track && turned.len() < 400 {
