@@ -6,7 +6,7 @@
 
 use crate::quintic::Quintic;
 use crate::types::{Rot, Vec3};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 /// Columns of [`Nearest`].
 pub const COLUMNS: usize = 40;
@@ -55,6 +55,13 @@ pub struct Ignored {
     pub radius: f64,
 }
 
+/// A bit for each voxel, a row along x being one word.
+type Bits = Box<[u64; ROW_COUNT]>;
+
+/// A voxel's edge in steps of whole numbers.
+const FINE: f32 = (1 << FINE_BITS) as f32;
+const FINE_BITS: u32 = 16;
+
 /// The grid.
 #[derive(Clone, Debug)]
 pub struct Obstacles {
@@ -65,11 +72,13 @@ pub struct Obstacles {
     /// Lowest voxel; none: nothing was seen.
     low: Option<Voxel>,
     evidence: Vec<i8>,
-    /// The frame that last ended in a voxel or looked through it.
-    touched: Vec<u16>,
-    frame: u16,
-    /// Of each row along x, which voxels are occupied: those whose evidence suffices.
-    rows: Vec<u64>,
+    /// Where the evidence suffices.
+    occupied: Bits,
+    /// Where the evidence is the least: to look through such a voxel once more, as most are, changes nothing.
+    free: Bits,
+    /// This frame: in what voxels its rays end, and through which they pass. Each voxel learns once a frame.
+    ended: Bits,
+    passed: Bits,
 }
 
 impl Obstacles {
@@ -84,9 +93,10 @@ impl Obstacles {
             range: range as f32,
             low: None,
             evidence: vec![0; VOXELS],
-            touched: vec![0; VOXELS],
-            frame: 0,
-            rows: vec![0; ROW_COUNT],
+            occupied: Box::new([0; ROW_COUNT]),
+            free: Box::new([0; ROW_COUNT]),
+            ended: Box::new([0; ROW_COUNT]),
+            passed: Box::new([0; ROW_COUNT]),
         }
     }
 
@@ -94,7 +104,8 @@ impl Obstacles {
     pub fn reset(&mut self) {
         self.low = None;
         self.evidence.fill(0);
-        self.rows.fill(0);
+        self.occupied.fill(0);
+        self.free.fill(0);
     }
 
     /// Takes in what is seen from `cam_world` (m). Not finite: nothing is.
@@ -103,55 +114,47 @@ impl Obstacles {
             return;
         }
         let low = self.roll(cam_world);
-        self.begin_frame();
         let lens = in_voxels(cam_world, &low);
+        if !is_inside(&lens) {
+            return;
+        }
+        let fine =
+            Voxel::from_fn(|axis, _| (low[axis] & (SIZE[axis] - 1)) << FINE_BITS) + lens.map(|x| (x * FINE) as i32);
         let turn = world_from_cam.to_rotation_matrix().into_inner().map(|x| x as f32) / VOXEL as f32;
         let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
-        let depths = || nearest.iter().enumerate().filter(|(_, mm)| **mm > 0).map(|(k, mm)| (k, f32::from(*mm) * 1e-3));
-        let range = self.range;
-        for (block, depth) in depths().filter(|(_, depth)| *depth <= range) {
-            let at = lens + turn * self.rays[block] * depth;
-            if skipped.is_none_or(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) >= radius) {
-                self.learn(&low, &at, HIT);
+        for (block, mm) in nearest.iter().enumerate().filter(|(_, mm)| **mm > 0) {
+            let (ray, depth) = (turn * self.rays[block], f32::from(*mm) * 1e-3);
+            let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(self.range);
+            pass(&mut self.passed, &fine, &ray, free);
+            let at = lens + ray * depth;
+            let expected = skipped.is_some_and(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) < radius);
+            if depth <= self.range && is_inside(&at) && !expected {
+                let (row, bit) = place(&low, &at);
+                self.ended[row] |= bit;
             }
         }
-        for (block, depth) in depths() {
-            self.look_through(&low, &lens, &turn, block, depth);
+        self.learn();
+    }
+
+    /// What the frame's rays say of the voxels.
+    fn learn(&mut self) {
+        for row in 0..ROW_COUNT {
+            let (ended, passed) = (std::mem::take(&mut self.ended[row]), std::mem::take(&mut self.passed[row]));
+            for bit in bits(ended) {
+                self.change(row, bit, HIT);
+            }
+            for bit in bits(passed & !ended & !self.free[row]) {
+                self.change(row, bit, -MISS);
+            }
         }
     }
 
-    fn look_through(&mut self, low: &Voxel, lens: &Vector3<f32>, turn: &Matrix3<f32>, block: usize, depth: f32) {
-        let ray = turn * self.rays[block];
-        let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(self.range);
-        let step = STEP / ray.norm();
-        let mut along = step;
-        while along < free && self.learn(low, &(lens + ray * along), -MISS) {
-            along += step;
-        }
-    }
-
-    /// Each voxel learns once a frame. False outside the grid.
-    fn learn(&mut self, low: &Voxel, at: &Vector3<f32>, change: i8) -> bool {
-        if !is_inside(at) {
-            return false;
-        }
-        let voxel = low + at.map(|x| x as i32);
-        let (row, bit) = (row_of(&voxel), bit_of(voxel.x));
-        let slot = 64 * row + bit as usize;
-        if self.touched[slot] != self.frame {
-            self.touched[slot] = self.frame;
-            self.evidence[slot] = (self.evidence[slot] + change).clamp(LEAST, MOST);
-            let occupied = u64::from(self.evidence[slot] >= OCCUPIED);
-            self.rows[row] = self.rows[row] & !(1 << bit) | occupied << bit;
-        }
-        true
-    }
-
-    fn begin_frame(&mut self) {
-        self.frame = self.frame.checked_add(1).unwrap_or_else(|| {
-            self.touched.fill(0);
-            1
-        });
+    fn change(&mut self, row: usize, bit: u32, change: i8) {
+        let evidence = &mut self.evidence[64 * row + bit as usize];
+        *evidence = (*evidence + change).clamp(LEAST, MOST);
+        let set = |word: u64, on: bool| word & !(1 << bit) | u64::from(on) << bit;
+        self.occupied[row] = set(self.occupied[row], *evidence >= OCCUPIED);
+        self.free[row] = set(self.free[row], *evidence == LEAST);
     }
 
     /// What a trajectory costs for what it would meet.
@@ -177,7 +180,7 @@ impl Obstacles {
         let (first, last) = ((inner.x - 1).max(0), (inner.x + 1).min(SIZE[0] - 1));
         let about = (first..=last).fold(0_u64, |bits, x| bits | 1 << bit_of(low.x + x));
         let rows = |axis: usize| (inner[axis] - 1).max(0)..=(inner[axis] + 1).min(SIZE[axis] - 1);
-        rows(2).any(|z| rows(1).any(|y| self.rows[row_of(&(low + Voxel::new(0, y, z)))] & about != 0))
+        rows(2).any(|z| rows(1).any(|y| self.occupied[row_of(&(low + Voxel::new(0, y, z)))] & about != 0))
     }
 
     /// Moves the grid so that `centre` is in its middle, and forgets what it leaves. Returns the lowest voxel.
@@ -196,18 +199,51 @@ impl Obstacles {
     }
 
     fn forget_plane(&mut self, axis: usize, plane: i32) {
-        let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-        let mut voxel = Voxel::zeros();
-        voxel[axis] = plane;
-        for i in 0..SIZE[a] {
-            for j in 0..SIZE[b] {
-                (voxel[a], voxel[b]) = (i, j);
-                let (row, bit) = (row_of(&voxel), bit_of(voxel.x));
-                self.evidence[64 * row + bit as usize] = 0;
-                self.rows[row] &= !(1 << bit);
-            }
+        let at = (plane & (SIZE[axis] - 1)) as usize;
+        let [_, along_y, along_z] = SIZE.map(|n| n as usize);
+        match axis {
+            0 => (0..ROW_COUNT).for_each(|row| self.forget(row, 1 << at)),
+            1 => (0..along_z).for_each(|z| self.forget(z * along_y + at, u64::MAX)),
+            _ => (0..along_y).for_each(|y| self.forget(at * along_y + y, u64::MAX)),
         }
     }
+
+    fn forget(&mut self, row: usize, gone: u64) {
+        for bit in bits(gone) {
+            self.evidence[64 * row + bit as usize] = 0;
+        }
+        self.occupied[row] &= !gone;
+        self.free[row] &= !gone;
+    }
+}
+
+/// The bits that are set, from the lowest.
+fn bits(mut word: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let bit = (word != 0).then(|| word.trailing_zeros())?;
+        word &= word - 1;
+        Some(bit)
+    })
+}
+
+/// Marks the voxels that a ray (voxels for 1 m along the optical axis) passes on its first `free` m, but for the grid's
+/// outermost. `lens`: [`FINE`] to a voxel. Whole numbers wrap as the grid does: nothing is converted or compared.
+fn pass(passed: &mut Bits, lens: &Vector3<i32>, ray: &Vector3<f32>, free: f32) {
+    let step = STEP / ray.norm();
+    let within = (0..3).map(|axis| (SIZE[axis] / 2 - 1) as f32 / ray[axis].abs()).fold(free, f32::min);
+    let advance = (ray * (step * FINE)).map(|x| x as i32);
+    let mut at = *lens;
+    for _ in 0..(within / step) as u32 {
+        at += advance;
+        let voxel = at.map(|x| x >> FINE_BITS);
+        passed[row_of(&voxel)] |= 1 << bit_of(voxel.x);
+    }
+}
+
+/// Row and bit of the voxel that a point inside lies in.
+fn place(low: &Voxel, at: &Vector3<f32>) -> (usize, u64) {
+    let voxel = low + at.map(|x| x as i32);
+    (row_of(&voxel), 1 << bit_of(voxel.x))
 }
 
 /// No voxel's index is larger: nobody flies farther than 200 km, and differences do not overflow.
