@@ -9,8 +9,9 @@ from typing import Any
 import zenoh
 
 LEASE_MS = 2000
-ATTEMPT_MS = 1000
-"""One attempt to dial; between attempts the wish to give up is looked at."""
+HANDSHAKE_MS = 5000
+"""One attempt to dial: two round trips, and a slow link's may take a second each. A refused one ends at once; between
+attempts the wish to give up is looked at."""
 
 _PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream", "serial")
 
@@ -31,12 +32,13 @@ def client_config(connect: str) -> zenoh.Config:
     settings: dict[str, Any] = {
         "mode": "client",
         "connect/endpoints": [connect],
-        "connect/timeout_ms": ATTEMPT_MS,
+        "connect/timeout_ms": 0,
         "connect/exit_on_failure": True,
         "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/unicast/open_timeout": HANDSHAKE_MS,
     }
     config = zenoh.Config()
     try:

@@ -55,7 +55,7 @@ def measure(vehicle: str, connect: str, timeout_s: float) -> LinkFacts:
         trips: list[float] = []
         while len(trips) < ROUND_TRIPS and time.monotonic() < deadline:
             begun = time.monotonic()
-            replies = list(session.liveliness().get(keys["alive_air"], timeout=min(1.0, timeout_s)))
+            replies = list(session.liveliness().get(keys["alive_air"], timeout=max(0.1, deadline - begun)))
             if any(reply.ok is not None for reply in replies):
                 trips.append((time.monotonic() - begun) * 1e3)
             else:
