@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from html import escape
 
 from goshawk_dashboards import theme
@@ -16,6 +17,8 @@ def _seconds(value: float | None) -> str:
     """Fine below a second; a dash for what is not known."""
     if value is None:
         return "&ndash;"
+    if math.isinf(value):
+        return "no answer"
     if value < 0.01:
         return f"{value * 1e3:.1f} ms"
     return f"{value * 1e3:.0f} ms" if value < 1.0 else f"{value:.1f} s"

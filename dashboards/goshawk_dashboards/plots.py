@@ -5,6 +5,7 @@ A plot is a row of the tables below: its title, its lines, and how a snapshot gi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -76,7 +77,8 @@ def _latencies(snap: Snapshot) -> Sequence[float]:
 
 
 def _round_trip(snap: Snapshot) -> Sequence[float]:
-    return (_NAN if snap.round_trip_s is None else 1e3 * snap.round_trip_s,)
+    took_s = snap.round_trip_s
+    return (_NAN if took_s is None or math.isinf(took_s) else 1e3 * took_s,)
 
 
 ACCELERATIONS: tuple[tuple[str, theme.Rgb], ...] = (

@@ -288,7 +288,7 @@ class Snapshot:
     channels: tuple[ChannelView, ...] = ()
     command: CommandView | None = None
     round_trip_s: float | None = None
-    """The newest round trip over the link to the vehicle's own process; None: not measured, or unanswered."""
+    """The newest round trip to the vehicle's own process; infinite: unanswered; None: not yet measured."""
     autopilot: AutopilotView | None = None
     """None: no telemetry radio is configured."""
 

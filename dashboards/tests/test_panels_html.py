@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -94,6 +95,11 @@ def test_loss_and_malformed_payloads_are_shown(snap: Make) -> None:
     words = link_html.link_html(replace(base, channels=(lossy,)))
     assert "25.0 %" in words
     assert "4 malformed" in words
+
+
+def test_a_vehicle_that_answers_no_question_is_told_from_one_that_was_not_asked(snap: Make) -> None:
+    assert "no answer" in link_html.link_html(replace(snap(), round_trip_s=math.inf))
+    assert "no answer" not in link_html.link_html(replace(snap(), round_trip_s=None))
 
 
 def test_a_refused_command_shows_why(snap: Make) -> None:

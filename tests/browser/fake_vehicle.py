@@ -406,6 +406,9 @@ def main() -> None:
             )
         ]
         if not args.mute:
+            kept.append(
+                session.declare_queryable(key_expression("ping", args.vehicle), lambda q: q.reply(q.key_expr, b""))
+            )
             kept.append(session.declare_queryable(key_expression("cmd_start", args.vehicle), on_start))
             kept.append(session.declare_queryable(key_expression("cmd_stop", args.vehicle), on_stop))
         print("listening", flush=True)

@@ -9,17 +9,22 @@ import re
 import signal
 import statistics
 import subprocess
+import threading
+import time
 from collections import defaultdict
 from pathlib import Path
 
 import pytest
 from goshawk_dashboards.snapshot import Snapshot
+from goshawk_ground.link import GroundLink
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from rig import BIN, Rig
+from weak_link import WeakLink
 
 GOSHAWK = Path(BIN).parents[1] / ".venv/bin/goshawk"
 FLYING = {"track", "search", "hold"}
+DOWN = {"landed", "ready", "idle"}
 
 
 def rate_hz(stamps_ns: list[int]) -> float:
@@ -132,7 +137,7 @@ def test_the_ground_is_killed_and_the_flight_goes_on(flying: Rig) -> None:
         assert airborne_and(FLYING)(later)
         reply = link.stop()
         assert reply.accepted, reply.text
-        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0) is not None, flying.output("air")
+        assert link.wait_for(lambda s: s.mode in DOWN, 40.0) is not None, flying.output("air")
 
 
 def test_a_repeated_start_is_refused_in_flight_and_stop_lands(flying: Rig) -> None:
@@ -142,7 +147,7 @@ def test_a_repeated_start_is_refused_in_flight_and_stop_lands(flying: Rig) -> No
         assert not again.accepted
         assert "flying" in again.text
         assert link.stop().accepted
-        down = link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0)
+        down = link.wait_for(lambda s: s.mode in DOWN, 40.0)
         assert down is not None, flying.output("air")
 
 
@@ -158,3 +163,56 @@ def test_the_simulator_dies_in_flight_and_the_vehicle_says_why(flying: Rig) -> N
         assert fault is not None, flying.output("air")
     assert flying.processes["air"].poll() is None
     assert "panicked" not in flying.output("air")
+
+
+@pytest.mark.parametrize(("delay_s", "loss"), [(0.5, 0.0), (0.0, 0.3)], ids=["half a second late", "30 % lost"])
+def test_over_a_weak_link_the_flight_is_watched_and_stopped_and_flies_on_unhindered(
+    flying: Rig, delay_s: float, loss: float
+) -> None:
+    with (
+        WeakLink(to_port=flying.zenoh_port, delay_s=delay_s, loss=loss) as weak,
+        GroundLink(connect=weak.endpoint) as far,
+        flying.link() as near,
+    ):
+        seen = far.wait_for(lambda s: s.health is not None and airborne_and(FLYING)(s), 40.0)
+        assert seen is not None, flying.output("air")
+        round_trip = far.wait_for(lambda s: s.round_trip_s is not None and s.round_trip_s >= 2 * delay_s, 10.0)
+        assert round_trip is not None
+        # All that while, the vehicle plans at its camera's rate.
+        before = near.wait_for(lambda s: s.plan is not None, 10.0)
+        assert before is not None and before.plan is not None
+        begun_s, seq = time.monotonic(), before.plan.seq
+        after = near.wait_for(lambda s: s.plan is not None and s.plan.seq >= seq + 150, 20.0)
+        assert after is not None
+        assert 150 / (time.monotonic() - begun_s) > 28.0
+        assert far.snapshot().fresh("plan", 3.0)
+        # The answer comes behind the telemetry; the command itself does not wait.
+        sent_s = time.monotonic()
+        stopping = threading.Thread(target=far.stop, kwargs={"timeout_s": 30.0})
+        stopping.start()
+        assert near.wait_for(lambda s: s.mode in {"stopping", *DOWN}, 15.0) is not None, flying.output("air")
+        print(f"the stop took {time.monotonic() - sent_s:.2f} s to the vehicle")
+        stopping.join()
+        command = far.snapshot().command
+        assert command is not None and command.accepted, command
+        assert near.wait_for(lambda s: s.mode in DOWN, 40.0) is not None, flying.output("air")
+
+
+def test_a_link_cut_for_a_minute_comes_back_by_itself_to_a_flight_that_went_on(flying: Rig) -> None:
+    with WeakLink(to_port=flying.zenoh_port) as weak, GroundLink(connect=weak.endpoint) as far, flying.link() as near:
+        assert far.wait_for(airborne_and(FLYING), 20.0) is not None
+        first = near.wait_for(lambda s: s.plan is not None, 10.0)
+        assert first is not None and first.plan is not None
+        weak.cut()
+        assert far.wait_for(lambda s: s.stale, 10.0) is not None
+        reply = far.stop(timeout_s=1.0)
+        assert not reply.answered
+        time.sleep(60.0)
+        last = near.snapshot()
+        assert last.plan is not None
+        assert last.plan.seq > first.plan.seq + 60 * 28
+        assert airborne_and(FLYING)(last), flying.output("air")
+        weak.mend()
+        assert far.wait_for(lambda s: s.linked and s.fresh("plan", 0.5), 20.0) is not None
+        assert far.stop(timeout_s=10.0).accepted
+        assert far.wait_for(lambda s: s.mode in DOWN, 40.0) is not None, flying.output("air")

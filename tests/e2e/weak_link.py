@@ -19,6 +19,10 @@ SEGMENT = 1448
 """Bytes of one TCP segment on Ethernet."""
 RETRANSMISSION_S = 0.2
 """Least time after which TCP sends again."""
+WINDOW = 4 * SEGMENT
+"""What a lossy link lets be under way. More would be a queue of our own, which the vehicle cannot see."""
+RATE = 250_000
+"""What else, bytes for each second of delay."""
 
 
 @dataclass(kw_only=True)
@@ -39,9 +43,8 @@ class WeakLink:
     def __post_init__(self) -> None:
         self._up.set()
         self._random = random.Random(self.seed)
-        # Small buffers, as a radio has: a deep one would hide congestion from the vehicle.
         self._server = socket.create_server(("127.0.0.1", 0))
-        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16 * SEGMENT)
+        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WINDOW)
         self.port = self._server.getsockname()[1]
         threading.Thread(target=self._accept, daemon=True).start()
 
@@ -75,7 +78,7 @@ class WeakLink:
                 near, _ = self._server.accept()
                 self._up.wait()
                 far = socket.socket()
-                far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16 * SEGMENT)
+                far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WINDOW)
                 far.connect(("127.0.0.1", self.to_port))
             except OSError:
                 continue
@@ -107,6 +110,7 @@ class WeakLink:
                     return
 
         threading.Thread(target=deliver, daemon=True).start()
+        most = WINDOW + int(self.delay_s * RATE)
         segment = b" "
         while segment:
             try:
@@ -114,7 +118,7 @@ class WeakLink:
             except OSError:
                 segment = b""
             with arrived:
-                arrived.wait_for(lambda: len(under_way) < 64)
+                arrived.wait_for(lambda: sum(len(each) for _, each in under_way) <= most)
                 under_way.append((time.monotonic() + self.delay_s, segment))
                 arrived.notify()
 

@@ -34,6 +34,21 @@ pub enum BusError {
     },
 }
 
+/// For a link that carries less than we say. Left to itself the kernel keeps megabytes for it and Zenoh a hundred kB of each
+/// urgency, so that the ground sees what was many seconds ago; and the sender waits for it, 1 ms a message and 50 ms an
+/// image, from which every other ground and the log suffer. Here 16 kB wait in either, a quarter of a second of telemetry,
+/// and what does not fit is dropped at once.
+const WEAK_LINK: [(&str, &str); 8] = [
+    ("transport/link/tcp/so_sndbuf", "16384"),
+    ("transport/link/tx/batch_size", "4096"),
+    ("transport/link/tx/queue/size/real_time", "4"),
+    ("transport/link/tx/queue/size/interactive_high", "4"),
+    ("transport/link/tx/queue/size/interactive_low", "4"),
+    ("transport/link/tx/queue/size/background", "8"),
+    ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "0"),
+    ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "0"),
+];
+
 /// An open session with the vehicle's name.
 pub struct Bus {
     session: zenoh::Session,
@@ -48,7 +63,9 @@ impl Bus {
     pub fn listen(vehicle: VehicleName, endpoints: &[String]) -> Result<Self, BusError> {
         let error = |cause| BusError::Listen { endpoints: endpoints.join(", "), cause };
         let listed = serde_json::to_string(endpoints).map_err(|e| error(e.to_string()))?;
-        let session = open(&[("listen/endpoints", &listed), ("connect/endpoints", "[]")]).map_err(error)?;
+        let own = [("listen/endpoints", listed.as_str()), ("connect/endpoints", "[]")];
+        let session = open(&[own.as_slice(), &WEAK_LINK].concat())
+        .map_err(error)?;
         Ok(Bus { session, vehicle })
     }
 

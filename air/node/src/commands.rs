@@ -42,6 +42,27 @@ pub fn declare(bus: &Bus) -> Result<Receiver<Asked>, BusError> {
     Ok(receiver)
 }
 
+/// Declares the question that is answered by coming back; more than a few at once are dropped.
+///
+/// # Errors
+/// Zenoh refused the declaration.
+pub fn declare_ping(bus: &Bus) -> Result<Receiver<Query>, BusError> {
+    let (sender, receiver) = sync_channel(4);
+    bus.queryable(Key::Ping, move |query| {
+        let _ = sender.try_send(query);
+    })?;
+    Ok(receiver)
+}
+
+/// Answers pings until the process stops: apart from the commands, which no flood of them may hold up.
+pub fn serve_pings(asked: &Receiver<Query>, shared: &Shared) {
+    while !shared.stopping() {
+        if let Ok(query) = asked.recv_timeout(Duration::from_millis(100)) {
+            let _ = query.reply(query.key_expr().clone(), Vec::new()).wait();
+        }
+    }
+}
+
 /// Answers queries until the process stops.
 pub fn serve(asked: &Receiver<Asked>, shared: &Shared, vehicle: &Vehicle) {
     let mut answered: VecDeque<v1::CommandReply> = VecDeque::with_capacity(REMEMBERED);

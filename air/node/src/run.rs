@@ -76,6 +76,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let shared = Arc::new(Shared::new(sender));
     subscribe(&bus, &vehicle, &shared)?;
     let asked = commands::declare(&bus)?;
+    let pinged = commands::declare_ping(&bus)?;
     let log = FlightLog::new(log_dir, &vehicle, &policy);
     let identity = Identity {
         vehicle: vehicle.name.clone(),
@@ -107,6 +108,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         spawn("planner", &shared, move |shared| planning.run(shared))?,
         spawn("telemetry", &shared, move |shared| telemetry.run(&reports, shared))?,
         spawn("commands", &shared, move |shared| commands::serve(&asked, shared, &vehicle))?,
+        spawn("ping", &shared, move |shared| commands::serve_pings(&pinged, shared))?,
     ];
     wait(&shared, threads)
 }
@@ -132,7 +134,7 @@ fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + '
         .wrap_err_with(|| format!("cannot start the {name} thread"))
 }
 
-fn wait(shared: &Shared, threads: [JoinHandle<()>; 4]) -> Result<()> {
+fn wait(shared: &Shared, threads: [JoinHandle<()>; 5]) -> Result<()> {
     let asked_to_stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&asked_to_stop)).wrap_err("cannot handle signals")?;

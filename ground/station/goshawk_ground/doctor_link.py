@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import threading
 import time
@@ -13,6 +14,7 @@ from google.protobuf.message import DecodeError
 from goshawk_proto import goshawk_pb2 as pb
 from goshawk_proto import key_expression
 
+from goshawk_ground import round_trip
 from goshawk_ground.dial import client_config, open_when_reachable
 from goshawk_ground.doctor import Finding, State, ok
 
@@ -40,7 +42,7 @@ class LinkFacts:
 def measure(vehicle: str, connect: str, timeout_s: float) -> LinkFacts:
     """Dials, asks and listens. Sends no command. Raises LinkError or ValueError for a bad endpoint or name."""
     client_config(connect)
-    keys = {name: key_expression(name, vehicle) for name in ("alive_air", "health", "control")}
+    keys = {name: key_expression(name, vehicle) for name in ("health", "control")}
     giving_up = threading.Event()
     timer = threading.Timer(timeout_s, giving_up.set)
     timer.daemon = True
@@ -54,10 +56,9 @@ def measure(vehicle: str, connect: str, timeout_s: float) -> LinkFacts:
         deadline = time.monotonic() + timeout_s
         trips: list[float] = []
         while len(trips) < ROUND_TRIPS and time.monotonic() < deadline:
-            begun = time.monotonic()
-            replies = list(session.liveliness().get(keys["alive_air"], timeout=max(0.1, deadline - begun)))
-            if any(reply.ok is not None for reply in replies):
-                trips.append((time.monotonic() - begun) * 1e3)
+            took_s = round_trip.measure_s(session, vehicle, max(0.1, deadline - time.monotonic()))
+            if math.isfinite(took_s):
+                trips.append(took_s * 1e3)
             else:
                 time.sleep(0.1)
         if trips:

@@ -30,6 +30,8 @@ EVENTS = 200
 RING = 32
 """Samples of one channel that may wait: half a second of the fastest."""
 DRAIN_PERIOD_S = 0.005
+WORLD_TIMEOUT_S = 30.0
+"""A simulator's world may be 100 kB, of which a weak link carries a tenth in a second. To ask anew would not help."""
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
 DEFAULT_VEHICLE = "goshawk"
 
@@ -211,7 +213,7 @@ class GroundLink:
             if truth is None or (asked_stamp_ns is not None and truth.stamp_ns >= asked_stamp_ns):
                 continue
             stamp_ns = truth.stamp_ns
-            for message in self.ask("sim_world", None, 2.0):
+            for message in self.ask("sim_world", None, WORLD_TIMEOUT_S):
                 with contextlib.suppress(decode.MalformedError):
                     if not isinstance(message, goshawk_pb2.SimWorld):
                         continue
@@ -223,7 +225,7 @@ class GroundLink:
     def _watch_round_trip(self) -> None:
         session = self._session
         while session is not None and not self._closing.wait(round_trip.PERIOD_S):
-            took_s = round_trip.measure_s(session, self._keys["alive_air"])
+            took_s = round_trip.measure_s(session, self.vehicle)
             with self._lock:
                 self._round_trip_s = took_s
 

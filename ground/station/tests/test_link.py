@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -72,6 +73,7 @@ def test_a_mute_vehicle_is_told_from_a_missing_one(fake_vehicle: Fakes) -> None:
         reply = link.stop(timeout_s=1.0)
         assert not reply.answered
         assert "alive" in reply.text
+        assert link.wait_for(lambda s: s.round_trip_s == math.inf, 10)
 
 
 def test_loss_is_computed_from_seq(fake_vehicle: Fakes) -> None:
