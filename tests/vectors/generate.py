@@ -265,6 +265,7 @@ class Filter:
     confirm_hits: int = 4
     confirm_of: int = 6
     max_speed: float = 10.0
+    outlier: float = 3.0
 
 
 def target() -> Json:
@@ -284,6 +285,8 @@ def target() -> Json:
         truth = truth + velocity * dt
         blank = k in (7, 8, 20, 21, 22, 23, 41)
         detections = [] if blank else [truth + rng.normal(size=3) * 0.1]
+        if k % 11 == 6:
+            detections = [truth + np.array([1.2, 0.0, 0.0])]
         if k % 7 == 3:
             detections.append(truth + rng.normal(size=3) * 0.25)
         if k % 5 == 4:
@@ -303,9 +306,11 @@ def target() -> Json:
             for detection in detections:
                 variance = measurement_variance(config, detection - lens)
                 spread = measure @ covariance @ measure.T + variance * np.eye(3)
-                gain = covariance @ measure.T @ np.linalg.inv(spread)
                 innovation = detection - measure @ x
                 size = float(np.sqrt(innovation @ np.linalg.solve(spread, innovation)))
+                doubted = variance * max(1.0, size / config.outlier) ** 2
+                spread = measure @ covariance @ measure.T + doubted * np.eye(3)
+                gain = covariance @ measure.T @ np.linalg.inv(spread)
                 corrections.append((size, gain, innovation))
             inside = [size <= config.gate for size, _, _ in corrections]
             if any(inside):

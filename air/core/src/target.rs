@@ -21,6 +21,10 @@ pub struct TargetConfig {
     pub confirm_hits: u32,
     /// Frames that confirmation looks back on, at most 32 (6).
     pub confirm_of: u32,
+    /// Least mean objectness of detections that confirm, 0..=1 (0.9): foliage may look like the target now and then.
+    pub confirm_objectness: f64,
+    /// Mean objectness that nothing but the target keeps up, confirm_objectness..=1 (0.98): believed wherever it is.
+    pub sure_objectness: f64,
     /// How long the target is believed without being seen, s (0.5).
     pub blind_time: f64,
     /// Largest speed of a target, m/s (10).
@@ -82,6 +86,8 @@ struct Track {
     /// Objectness of its detections, averaged over about the last `confirm_of`: to be hidden is no evidence against it.
     strength: f64,
     confirmed: bool,
+    /// It began where the lost target can hardly have run.
+    beyond_reach: bool,
 }
 
 /// A believed target at one instant.
@@ -109,9 +115,11 @@ pub struct TargetFilter {
     rival: Option<Track>,
 }
 
-/// A rival must be so much stronger than the target that is held, and so strong.
+/// A rival must be so much stronger than the target that is held, as long as that is seen.
 const STRONGER: f64 = 0.2;
-const STRONG: f64 = 0.5;
+/// A detection that is farther off than this, in standard deviations, counts as one of that much more variance: the range
+/// of a half hidden target may be wrong by metres for some frames, and its velocity must not follow.
+const OUTLIER: f64 = 3.0;
 
 impl TargetConfig {
     /// Checks every value.
@@ -128,6 +136,10 @@ impl TargetConfig {
         check("target.confirm_of", f64::from(self.confirm_of), "1 to 32", |n| (1.0..=32.0).contains(&n))?;
         check("target.confirm_hits", f64::from(self.confirm_hits), "1 to confirm_of", |n| {
             n >= 1.0 && n <= f64::from(self.confirm_of)
+        })?;
+        check("target.confirm_objectness", self.confirm_objectness, "0 to 1", |x| (0.0..=1.0).contains(&x))?;
+        check("target.sure_objectness", self.sure_objectness, "confirm_objectness to 1", |x| {
+            x >= self.confirm_objectness && x <= 1.0
         })?;
         positive("target.blind_time", self.blind_time)?;
         positive("target.max_speed", self.max_speed)?;
@@ -160,6 +172,7 @@ impl Track {
             history: 1,
             strength: detection.objectness,
             confirmed: false,
+            beyond_reach: false,
         }
     }
 
@@ -195,7 +208,8 @@ impl Track {
     }
 
     fn update(&mut self, config: &TargetConfig, detection: &Detection) {
-        let variance = config.variance(detection.distance);
+        let doubt = (self.inconsistency(config, detection) / OUTLIER).max(1.0);
+        let variance = config.variance(detection.distance) * doubt * doubt;
         for (axis, measured) in self.axes.iter_mut().zip(detection.pos_world.iter()) {
             axis.update(*measured, variance);
         }
@@ -239,6 +253,12 @@ impl Track {
     fn is_seen_often(&self, config: &TargetConfig) -> bool {
         let window = u32::MAX >> (32 - config.confirm_of);
         (self.history & window).count_ones() >= config.confirm_hits
+    }
+
+    /// What is seen often looks like the target often enough.
+    fn convinces(&self, config: &TargetConfig) -> bool {
+        let least = if self.beyond_reach { config.sure_objectness } else { config.confirm_objectness };
+        self.is_seen_often(config) && self.strength >= least
     }
 
     /// Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
@@ -304,21 +324,25 @@ impl TargetFilter {
         }
     }
 
-    /// A target that was held by mistake must not hide the true one: whatever is seen beside it becomes a rival.
+    /// What is held by mistake, or not yet believed, must not hide the true target: whatever is seen beside it becomes a
+    /// rival.
     fn compete<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
-        let Some(track) = self.track.filter(|track| track.confirmed) else {
+        let Some(track) = self.track else {
             self.rival = None;
             return;
         };
-        let others = std::array::from_fn(|k| detections[k].filter(|d| !consistent[k] && usable(&self.config, d)));
+        let others = std::array::from_fn(|k| detections[k].filter(|_| !consistent[k]));
         let Some(rival) = &mut self.rival else {
-            self.rival = likeliest(others.iter().flatten()).map(|seen| Track::new(&self.config, now, seen));
+            self.rival = self.hypothesis(now, &others);
             return;
         };
         let mut of_rival = [false; N];
         rival.step(&self.config, now, &others, &mut of_rival);
-        if rival.is_seen_often(&self.config) && rival.strength > (track.strength + STRONGER).max(STRONG) {
+        let stronger = rival.strength > track.strength + STRONGER;
+        let instead = rival.strength >= self.config.sure_objectness && !track.is_seen_often(&self.config);
+        if rival.convinces(&self.config) && (!track.confirmed || stronger || instead) {
             self.track = self.rival.take().map(|rival| Track { confirmed: true, ..rival });
+            self.lost = None;
             *consistent = of_rival;
         } else if rival.is_forgotten(&self.config, now) {
             self.rival = None;
@@ -328,7 +352,7 @@ impl TargetFilter {
     /// Confirms, or gives up, the track.
     fn judge(&mut self, now: Time) {
         let Some(track) = &mut self.track else { return };
-        if track.is_seen_often(&self.config) {
+        if track.convinces(&self.config) {
             track.confirmed = true;
             self.lost = None;
         }
@@ -342,22 +366,33 @@ impl TargetFilter {
         }
     }
 
-    /// Starts a hypothesis at the likeliest detection that a lost target can have reached.
     fn acquire<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N]) {
-        let reachable = |detection: &Detection| {
-            self.lost.is_none_or(|lost| {
-                let (unseen, margin) = (now.since(lost.last_seen).max(0.0), self.config.reacquire_margin);
-                let moved = detection.pos_world - lost.pos();
-                let turned = moved - lost.vel() * now.since(lost.stamp);
-                moved.norm() <= margin + self.config.max_speed * unseen
-                    && turned.norm() <= margin + 0.5 * self.config.hardest_turn() * unseen * unseen
-            })
-        };
-        let seen = detections.iter().flatten().filter(|d| usable(&self.config, d) && reachable(d));
-        self.track = likeliest(seen).map(|detection| Track::new(&self.config, now, detection));
+        self.track = self.hypothesis(now, detections);
         if self.config.confirm_hits == 1 {
             self.judge(now);
         }
+    }
+
+    /// Begins at the likeliest detection that a lost target can have reached, or that looks sure by itself: what was
+    /// believed of the lost one may be wrong.
+    fn hypothesis<const N: usize>(&self, now: Time, detections: &[Option<Detection>; N]) -> Option<Track> {
+        let sure = |detection: &Detection| detection.objectness >= self.config.sure_objectness;
+        let worth = |d: &&Detection| usable(&self.config, d) && (self.is_reachable(now, d) || sure(d));
+        let likeliest =
+            detections.iter().flatten().filter(worth).max_by(|a, b| a.objectness.total_cmp(&b.objectness))?;
+        let beyond_reach = !self.is_reachable(now, likeliest);
+        Some(Track { beyond_reach, ..Track::new(&self.config, now, likeliest) })
+    }
+
+    /// The lost target, if there is one, can have run there.
+    fn is_reachable(&self, now: Time, detection: &Detection) -> bool {
+        self.lost.is_none_or(|lost| {
+            let (unseen, margin) = (now.since(lost.last_seen).max(0.0), self.config.reacquire_margin);
+            let moved = detection.pos_world - lost.pos();
+            let turned = moved - lost.vel() * now.since(lost.stamp);
+            moved.norm() <= margin + self.config.max_speed * unseen
+                && turned.norm() <= margin + 0.5 * self.config.hardest_turn() * unseen * unseen
+        })
     }
 
     /// Where the target, believed now or until it was lost, should be at `now`. It is carried on at its last velocity
@@ -386,10 +421,6 @@ impl TargetFilter {
             (None, None) => None,
         }
     }
-}
-
-fn likeliest<'a>(detections: impl Iterator<Item = &'a Detection>) -> Option<&'a Detection> {
-    detections.max_by(|a, b| a.objectness.total_cmp(&b.objectness))
 }
 
 fn usable(config: &TargetConfig, detection: &Detection) -> bool {

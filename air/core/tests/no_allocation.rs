@@ -60,6 +60,7 @@ fn a_whole_flight_of_controller_steps_allocates_nothing() {
 fn planner_steps_allocate_nothing() {
     let mut planner = Planner::new(common::planner_config(Task::Track)).unwrap();
     let mut network = NetworkOutput { values: [0.3; MAX_CHANNELS * ANCHORS] };
+    network.values[10 * ANCHORS + 7] = 4.0; // the target's cell
     let odometry = common::odometry();
     let before = allocations();
     let mut chosen = 0;

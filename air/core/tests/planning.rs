@@ -13,7 +13,11 @@ fn config() -> TargetConfig {
 }
 
 fn seen(pos_world: Vec3) -> [Option<Detection>; 2] {
-    [Some(Detection { pos_world, distance: pos_world.norm(), objectness: 0.9 }), None]
+    seen_as(pos_world, 0.9)
+}
+
+fn seen_as(pos_world: Vec3, objectness: f64) -> [Option<Detection>; 2] {
+    [Some(Detection { pos_world, distance: pos_world.norm(), objectness }), None]
 }
 
 /// Frames at 30 Hz; `what(t)` is the detection.
@@ -79,6 +83,43 @@ fn a_lost_target_is_taken_again_only_where_it_can_have_run() {
     assert!(!filter.estimate().unwrap().confirmed, "20 m in 0.8 s");
     watch(&mut filter, 2.0, 6, |_| seen(Vec3::new(8.0, 2.0, 1.0)));
     assert!(filter.estimate().unwrap().confirmed);
+}
+
+#[test]
+fn what_looks_little_like_the_target_is_never_believed() {
+    let mut filter = TargetFilter::new(config());
+    watch(&mut filter, 0.0, 60, |_| seen_as(Vec3::new(5.0, 0.0, 1.0), 0.85));
+    assert!(!filter.estimate().unwrap().confirmed);
+}
+
+#[test]
+fn a_track_that_went_astray_gives_way_to_what_can_only_be_the_target() {
+    let truth = Vec3::new(8.0, 4.0, 1.0);
+    for (objectness, taken) in [(1.0, true), (0.95, false)] {
+        let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+        watch(&mut filter, 1.0, 10, |_| seen_as(truth, objectness));
+        let held = filter.estimate().unwrap();
+        assert!(held.confirmed, "a third of a second");
+        assert_eq!((held.pos_world - truth).norm() < 0.5, taken, "{held:?}");
+    }
+}
+
+#[test]
+fn beyond_its_reach_a_lost_target_is_taken_again_only_if_it_is_sure() {
+    for (objectness, taken) in [(1.0, true), (0.95, false)] {
+        let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+        watch(&mut filter, 1.0, 20, |_| [None; 2]);
+        watch(&mut filter, 1.67, 6, |_| seen_as(Vec3::new(-5.0, 8.0, 1.0), objectness));
+        assert_eq!(filter.estimate().unwrap().confirmed, taken);
+    }
+}
+
+#[test]
+fn a_wrong_range_for_a_moment_hardly_moves_the_velocity() {
+    let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+    let consistent = watch(&mut filter, 1.0, 2, |_| seen(Vec3::new(5.8, 0.0, 1.0)));
+    assert_eq!(consistent, [true, false], "inside the gate");
+    assert!(filter.estimate().unwrap().vel_world.norm() < 2.0, "{:?}", filter.estimate());
 }
 
 #[test]
@@ -195,14 +236,24 @@ fn a_weak_detection_keeps_a_confirmed_target_and_begins_none() {
 fn what_was_taken_for_the_target_gives_way_to_what_is_seen_more_clearly() {
     let place = |plan: &Plan| plan.target.unwrap().pos_world;
     let mut planner = planner(Task::Track);
-    // A post is taken for the target, and seen with half a doubt; then the target itself appears.
-    let mut post = network(&[(7, 1.0)]);
-    post.values[10 * ANCHORS + 7] = 0.2;
-    let wrong = place(&frames(&mut planner, 0, 8, &post));
+    // A post is taken for the target, and then seen with half a doubt when the target itself appears.
+    let wrong = place(&frames(&mut planner, 0, 8, &network(&[(7, 1.0)])));
     let mut both = network(&[(7, 1.0), (10, 1.0)]);
     both.values[10 * ANCHORS + 7] = 0.2;
     let right = frames(&mut planner, 8, 20, &both);
     assert!((place(&right) - wrong).norm() > 2.0 && right.target.unwrap().confirmed, "{right:?}");
+}
+
+#[test]
+fn what_is_never_believed_does_not_hide_the_target() {
+    let mut planner = planner(Task::Track);
+    let mut post = network(&[(7, 1.0)]);
+    post.values[10 * ANCHORS + 7] = 1.5; // 0.82
+    assert!(!frames(&mut planner, 0, 20, &post).target.unwrap().confirmed);
+    let mut both = network(&[(7, 1.0), (10, 1.0)]);
+    both.values[10 * ANCHORS + 7] = 1.5;
+    let right = frames(&mut planner, 20, 6, &both);
+    assert!(right.target.unwrap().confirmed && right.chosen.is_some());
 }
 
 #[test]

@@ -94,6 +94,8 @@ fn target_config(vectors: &Value) -> TargetConfig {
         gate: get("gate"),
         confirm_hits: get("confirm_hits") as u32,
         confirm_of: get("confirm_of") as u32,
+        confirm_objectness: 0.9,
+        sure_objectness: 0.98,
         blind_time: 0.5,
         max_speed: get("max_speed"),
         max_distance: 50.0,

@@ -64,8 +64,7 @@ impl Bus {
         let error = |cause| BusError::Listen { endpoints: endpoints.join(", "), cause };
         let listed = serde_json::to_string(endpoints).map_err(|e| error(e.to_string()))?;
         let own = [("listen/endpoints", listed.as_str()), ("connect/endpoints", "[]")];
-        let session = open(&[own.as_slice(), &WEAK_LINK].concat())
-        .map_err(error)?;
+        let session = open(&[own.as_slice(), &WEAK_LINK].concat()).map_err(error)?;
         Ok(Bus { session, vehicle })
     }
 

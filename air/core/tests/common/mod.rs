@@ -94,6 +94,8 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             gate: 5.0,
             confirm_hits: 4,
             confirm_of: 6,
+            confirm_objectness: 0.9,
+            sure_objectness: 0.98,
             blind_time: 0.5,
             max_speed: 10.0,
             max_distance: 20.0,
