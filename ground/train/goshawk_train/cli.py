@@ -156,6 +156,7 @@ def _flights(args: argparse.Namespace) -> int:
         report = flights.fly(row, args.out, args.simulator, args.models, trials=count, seed=seed)
         flown.append((row, report))
         flights.put(args.markdown, flights.markdown(flown))
+        flights.put_on_card(args.models, row.task, flown)
     print(args.markdown)
     return 0
 

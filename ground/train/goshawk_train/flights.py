@@ -106,6 +106,14 @@ def _line(row: Row, cell: dict[str, Any]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
+def put_on_card(models: Path, task: str, rows: list[tuple[Row, dict[str, Any]]]) -> None:
+    """Writes what the task's policy flew into its model card, between the marks that `export` put there."""
+    own = [(row, report) for row, report in rows if row.task == task and "classical" not in row.options]
+    card = models / f"{task}.md"
+    if own and card.exists() and BEGIN in card.read_text():
+        put(card, markdown(own))
+
+
 def put(path: Path, table: str) -> None:
     """Replace what stands between the marks of a Markdown file; raises `FlightsError` if it has none."""
     text = path.read_text() if path.exists() else f"{BEGIN}\n{END}\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -44,15 +45,19 @@ values = [0, 20]
 
 def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -> None:
     table, markdown, out = tmp_path / "t.toml", tmp_path / "R.md", tmp_path / "out"
+    models = shutil.copytree(MODELS, tmp_path / "models")
     table.write_text(TABLE)
     markdown.write_text(f"before\n{flights.BEGIN}\nold\n{flights.END}\nafter\n")
-    arguments = ["flights", "--table", str(table), "--models", str(MODELS), "--out", str(out)]
+    arguments = ["flights", "--table", str(table), "--models", str(models), "--out", str(out)]
     arguments += ["--markdown", str(markdown), "--simulator"]
     assert main([*arguments, str(SIMULATOR)]) == 0
     text = markdown.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     report = json.loads((out / "navigation-slow-6-m-s.json").read_text())
-    assert f"{report['cells'][0]['successes']} of 1" in text
+    successes = f"{report['cells'][0]['successes']} of 1"
+    assert successes in text
+    assert successes in (models / "navigate.md").read_text()
+    assert (models / "track.md").read_text() == (MODELS / "track.md").read_text()
     # What was flown is not flown again: no simulator is needed.
     assert main([*arguments, str(tmp_path / "none")]) == 0
     assert markdown.read_text() == text
