@@ -35,7 +35,7 @@ class WeakLink:
     loss: float = 0.0
     """Probability that a segment is lost, each time it is sent."""
     seed: int = 1
-    port: int = 0
+    port: int = field(init=False)
     _up: threading.Event = field(default_factory=threading.Event)
     _closing: threading.Event = field(default_factory=threading.Event)
     _sockets: list[socket.socket] = field(default_factory=list)

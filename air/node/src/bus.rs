@@ -36,7 +36,7 @@ pub enum BusError {
 
 /// For a link that carries less than we say. Left to itself the kernel keeps megabytes for it and Zenoh a hundred kB of each
 /// urgency, so that the ground sees what was many seconds ago; and the sender waits for it, 1 ms a message and 50 ms an
-/// image, from which every other ground and the log suffer. Here 16 kB wait in either, a quarter of a second of telemetry,
+/// image, from which every other ground and the log suffer. Here 16 kB wait in either, an eighth of a second of telemetry,
 /// and what does not fit is dropped at once.
 const WEAK_LINK: [(&str, &str); 8] = [
     ("transport/link/tcp/so_sndbuf", "16384"),
