@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from goshawk_dashboards.snapshot import Snapshot
@@ -13,6 +14,8 @@ COMMAND_S = 15.0
 RADIO_STALE_S = 3.0
 """The autopilot's heartbeat comes once a second."""
 LOSSY = 0.1
+LATE_S = 0.5
+"""A round trip over this: what is seen is no longer what is."""
 LOW_BATTERY = 0.2
 
 
@@ -59,6 +62,11 @@ def _of_link(snap: Snapshot) -> list[Alert]:
     losses = [c.loss_fraction for c in snap.channels if c.loss_fraction is not None and c.rate_hz > 5.0]
     if losses and max(losses) > LOSSY:
         found.append(Alert(key="loss", severe=False, text=f"weak link: {100 * max(losses):.0f} % of samples lost"))
+    if snap.round_trip_s is not None and snap.round_trip_s > LATE_S:
+        answers = (
+            "no answer for seconds" if math.isinf(snap.round_trip_s) else f"answers take {snap.round_trip_s:.1f} s"
+        )
+        found.append(Alert(key="late", severe=False, text=f"weak link: {answers}, and what is shown is old"))
     return found
 
 

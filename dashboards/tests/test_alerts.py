@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -31,6 +32,14 @@ def test_silence_in_flight_is_severe_and_on_the_ground_is_not(snap: Make) -> Non
     assert base.health is not None
     landed = replace(base, control=None, health=replace(base.health, mode="ready"))
     assert [(a.key, a.severe) for a in alerts(landed)] == [("silent", False)]
+
+
+def test_a_late_view_is_told(snap: Make) -> None:
+    (slow,) = alerts(replace(snap(), round_trip_s=1.04))
+    assert "1.0 s" in slow.text
+    (mute,) = alerts(replace(snap(), round_trip_s=math.inf))
+    assert "no answer" in mute.text
+    assert alerts(replace(snap(), round_trip_s=0.3)) == []
 
 
 def test_a_fallback_is_severe(snap: Make) -> None:
