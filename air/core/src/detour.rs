@@ -13,6 +13,8 @@ const SLOWEST: f64 = 2.0;
 const WAYPOINT_M: f64 = 20.0;
 /// Nobody is stuck who is this near to the goal, m.
 const NEAR_GOAL_M: f64 = 2.0;
+/// Over a roof, with the goal below, a try is so much longer: it must lead beyond the edge.
+const OFF_A_ROOF: f64 = 3.0;
 /// Nearer to the goal by this, m, than where it was stuck, the next time begins with the first bearing.
 const PROGRESS_M: f64 = 3.0;
 
@@ -23,8 +25,10 @@ pub(crate) struct Detour {
     circle: Option<(Time, Vec3)>,
     aside: Option<Aside>,
     tries: usize,
-    /// Distance to the goal of the place where it was stuck, m.
+    /// Level distance to the goal of the place where it was stuck, m.
     stuck_at_m: f64,
+    /// Of the goal, level, 1 long, as long as it had one.
+    bearing: Vec3,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -45,20 +49,25 @@ impl Detour {
             }
             (self.aside, self.circle) = (None, None);
         }
-        let to_goal = (goal - pos).xy();
+        let to_goal = goal - pos;
+        let flat_m = to_goal.xy().norm();
+        // Over a roof, with the goal below it, there is no bearing but the one that led there.
+        if flat_m > NEAR_GOAL_M || self.bearing == Vec3::zeros() {
+            self.bearing = Vec3::new(to_goal.x, to_goal.y, 0.0).try_normalize(1e-6).unwrap_or_else(Vec3::x);
+        }
         let (since, centre) = self.circle.filter(|(_, centre)| gone_m(*centre) < STUCK.0).unwrap_or((now, pos));
         self.circle = Some((since, centre));
         if now.since(since) < STUCK.1 || to_goal.norm() < NEAR_GOAL_M {
             return goal;
         }
-        if to_goal.norm() < self.stuck_at_m - PROGRESS_M {
+        if flat_m < self.stuck_at_m - PROGRESS_M {
             self.tries = 0;
         }
-        self.stuck_at_m = to_goal.norm();
+        self.stuck_at_m = flat_m;
         let (turn, length) = TRIES[self.tries % TRIES.len()];
+        let length = if flat_m > NEAR_GOAL_M { length } else { OFF_A_ROOF * length };
         self.tries += 1;
-        let bearing = Vec3::new(to_goal.x, to_goal.y, 0.0) / to_goal.norm();
-        let line = Rot::from_axis_angle(&Vec3::z_axis(), turn) * bearing * WAYPOINT_M;
+        let line = Rot::from_axis_angle(&Vec3::z_axis(), turn) * self.bearing * WAYPOINT_M;
         let waypoint = Vec3::new(pos.x + line.x, pos.y + line.y, goal.z);
         self.aside = Some(Aside { from: pos, waypoint, length, until: now.plus(length / SLOWEST) });
         waypoint
@@ -123,6 +132,17 @@ mod tests {
         assert_eq!(detour.step(Time::from_secs(2.6), at + Vec3::new(0.0, 4.1, 0.0), GOAL), GOAL);
         let on = Vec3::new(20.0, 0.0, 2.0);
         assert!(stand(&mut detour, on, 3.0, 5.01).y > on.y, "the left, again");
+    }
+
+    #[test]
+    fn over_a_roof_with_the_goal_below_it_flies_off_by_the_bearing_that_led_there() {
+        let mut detour = Detour::default();
+        detour.step(Time::from_secs(0.0), GOAL - Vec3::new(10.0, 0.0, 0.0), GOAL);
+        let above = GOAL + Vec3::new(0.0, 0.0, 3.0);
+        let aside = stand(&mut detour, above, 1.0, 3.01) - above;
+        assert!((aside.y.atan2(aside.x) - TRIES[0].0).abs() < 1e-9 && aside.z < -2.9, "{aside}");
+        let beyond = above + aside * (3.0 * TRIES[0].1 / aside.xy().norm() - 0.01);
+        assert_ne!(detour.step(Time::from_secs(3.1), beyond, GOAL), GOAL, "not yet far enough");
     }
 
     #[test]
