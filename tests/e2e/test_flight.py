@@ -165,10 +165,21 @@ def test_the_simulator_dies_in_flight_and_the_vehicle_says_why(flying: Rig) -> N
     assert "panicked" not in flying.output("air")
 
 
+def plan_rate_hz(link: GroundLink) -> float:
+    """Of 150 plans as they arrive."""
+    first = link.wait_for(lambda s: s.plan is not None, 10.0)
+    assert first is not None and first.plan is not None
+    begun_s, seq = time.monotonic(), first.plan.seq
+    assert link.wait_for(lambda s: s.plan is not None and s.plan.seq >= seq + 150, 30.0) is not None
+    return 150 / (time.monotonic() - begun_s)
+
+
 @pytest.mark.parametrize(("delay_s", "loss"), [(0.5, 0.0), (0.0, 0.3)], ids=["half a second late", "30 % lost"])
 def test_over_a_weak_link_the_flight_is_watched_and_stopped_and_flies_on_unhindered(
     flying: Rig, delay_s: float, loss: float
 ) -> None:
+    with flying.link() as near:
+        alone_hz = plan_rate_hz(near)
     with (
         WeakLink(to_port=flying.zenoh_port, delay_s=delay_s, loss=loss) as weak,
         GroundLink(connect=weak.endpoint) as far,
@@ -178,14 +189,14 @@ def test_over_a_weak_link_the_flight_is_watched_and_stopped_and_flies_on_unhinde
         assert seen is not None, flying.output("air")
         round_trip = far.wait_for(lambda s: s.round_trip_s is not None and s.round_trip_s >= 2 * delay_s, 10.0)
         assert round_trip is not None
-        # All that while, the vehicle plans at its camera's rate.
-        before = near.wait_for(lambda s: s.plan is not None, 10.0)
-        assert before is not None and before.plan is not None
-        begun_s, seq = time.monotonic(), before.plan.seq
-        after = near.wait_for(lambda s: s.plan is not None and s.plan.seq >= seq + 150, 20.0)
-        assert after is not None
-        assert 150 / (time.monotonic() - begun_s) > 28.0
-        assert far.snapshot().fresh("plan", 3.0)
+        # All that while, nobody else sees less of the flight.
+        beside_hz = plan_rate_hz(near)
+        assert beside_hz > 0.8 * alone_hz
+        shown, newest = far.snapshot().plan, near.snapshot().plan
+        assert shown is not None and newest is not None
+        late_s = (newest.seq - shown.seq) / alone_hz
+        print(f"plans: {alone_hz:.1f} Hz alone, {beside_hz:.1f} Hz beside the weak link; over it {late_s:.1f} s late")
+        assert late_s < 10.0
         # The answer comes behind the telemetry; the command itself does not wait.
         sent_s = time.monotonic()
         stopping = threading.Thread(target=far.stop, kwargs={"timeout_s": 30.0})
@@ -210,7 +221,7 @@ def test_a_link_cut_for_a_minute_comes_back_by_itself_to_a_flight_that_went_on(f
         time.sleep(60.0)
         last = near.snapshot()
         assert last.plan is not None
-        assert last.plan.seq > first.plan.seq + 60 * 28
+        assert last.plan.seq > first.plan.seq + 60 * 20
         assert airborne_and(FLYING)(last), flying.output("air")
         weak.mend()
         assert far.wait_for(lambda s: s.linked and s.fresh("plan", 0.5), 20.0) is not None
