@@ -1,6 +1,7 @@
 //! How evenly the controller's thread runs while other processes keep every core busy: the thread of the vehicle itself,
-//! with its own scheduling, against the same thread without. The figure goes to `target/bench.json` under
-//! `controller_period_error_ms`.
+//! with its own scheduling. Its yardsticks are a bare thread that only sleeps and reads the clock, scheduled alike and
+//! running at the same time (what the machine itself gives), and the controller's thread without its scheduling. The
+//! figure goes to `target/bench.json` under `controller_period_error_ms`.
 
 mod common;
 
@@ -19,6 +20,7 @@ use goshawk_air::inputs::FlightController;
 use goshawk_air::realtime::{Schedule, lock_memory};
 use goshawk_air::shared::{Report, Shared};
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
+use goshawk_core::Time;
 
 const SECONDS: u64 = 15;
 const TARGET_MS: f64 = 1.0;
@@ -46,24 +48,51 @@ impl Drop for Load {
     }
 }
 
-/// Errors of the period, ms, of the vehicle's control thread.
-fn errors_ms(vehicle: &Vehicle, schedule: Option<Schedule>, seconds: u64) -> color_eyre::Result<Vec<f64>> {
+/// Errors of the period, ms, of the vehicle's control thread and of a bare one beside it.
+fn errors_ms(vehicle: &Vehicle, schedule: Option<Schedule>, seconds: u64) -> color_eyre::Result<[Vec<f64>; 2]> {
     let link = Arc::new(AutopilotLink::open(LinkConfig::customary("127.0.0.1:0".parse()?), clock::now)?);
     let (sender, reports) = sync_channel(64 * 1024);
     let shared = Arc::new(Shared::new(sender));
     let rate_hz = vehicle.controller.rate_hz;
     let controller = FlightController::new(vehicle.controller_config())?;
     let control = Control { controller, link, source: OdometrySource::Autopilot, rate_hz, schedule };
-    let for_thread = Arc::clone(&shared);
-    let thread = std::thread::spawn(move || control.run(&for_thread));
+    let (for_control, for_bare) = (Arc::clone(&shared), Arc::clone(&shared));
+    let thread = std::thread::spawn(move || control.run(&for_control));
+    let bare = std::thread::spawn(move || bare_stamps(&for_bare, schedule, rate_hz));
     std::thread::sleep(Duration::from_secs(seconds));
     shared.stop.store(true, Ordering::Relaxed);
     let _ = thread.join();
+    let bare = bare.join().unwrap_or_default();
     let stamps: Vec<_> = reports
         .try_iter()
         .filter_map(|report| if let Report::Control { stamp, .. } = report { Some(stamp) } else { None })
         .collect();
-    Ok(stamps.windows(2).map(|pair| (pair[1].since(pair[0]) - 1.0 / rate_hz).abs() * 1e3).collect())
+    let errors = |stamps: &[Time]| {
+        stamps.windows(2).map(|pair| (pair[1].since(pair[0]) - 1.0 / rate_hz).abs() * 1e3).collect::<Vec<_>>()
+    };
+    Ok([errors(&stamps), errors(&bare)])
+}
+
+/// When a thread woke that does nothing else.
+fn bare_stamps(shared: &Shared, schedule: Option<Schedule>, rate_hz: f64) -> Vec<Time> {
+    if let Some(schedule) = schedule {
+        schedule.apply("bare");
+    }
+    let mut stamps = Vec::with_capacity(1 << 16);
+    let mut due = clock::now();
+    while !shared.stopping() {
+        due = due.plus(1.0 / rate_hz);
+        clock::sleep_until(due);
+        stamps.push(clock::now());
+    }
+    stamps
+}
+
+/// Processor time that the machine's host has taken for others, and all of it, in ticks.
+fn stolen() -> Option<[u64; 2]> {
+    let text = std::fs::read_to_string("/proc/stat").ok()?;
+    let ticks: Vec<u64> = text.lines().next()?.split_whitespace().skip(1).map_while(|word| word.parse().ok()).collect();
+    Some([*ticks.get(7)?, ticks.iter().take(8).sum()])
 }
 
 fn main() -> color_eyre::Result<()> {
@@ -86,16 +115,26 @@ fn main() -> color_eyre::Result<()> {
         "controller, {} Hz, {cores} busy processes on {cores} cores, {SECONDS} s each",
         vehicle.controller.rate_hz
     );
-    let mut plain = errors_ms(&vehicle, None, SECONDS)?;
-    let mut errors = errors_ms(&vehicle, Some(schedule), SECONDS)?;
+    let [mut plain, _] = errors_ms(&vehicle, None, SECONDS)?;
+    let before = stolen();
+    let [mut errors, mut bare] = errors_ms(&vehicle, Some(schedule), SECONDS)?;
+    let taken = before.zip(stolen()).map(|(a, b)| (b[0] - a[0]) as f64 / (b[1] - a[1]).max(1) as f64);
     let (p50, p99) = (quantile(&mut errors, 0.5), quantile(&mut errors, 0.99));
     let met = verdict(p99 <= TARGET_MS);
     println!("  period error        p50 {p50:.3} ms, p99 {p99:.3} ms   target p99 {TARGET_MS} ms: {met}");
+    let (p50_bare, p99_bare) = (quantile(&mut bare, 0.5), quantile(&mut bare, 0.99));
+    println!("  a bare thread       p50 {p50_bare:.3} ms, p99 {p99_bare:.3} ms   yardstick: what this machine gives");
     let (p50_plain, p99_plain) = (quantile(&mut plain, 0.5), quantile(&mut plain, 0.99));
     println!("  without scheduling  p50 {p50_plain:.3} ms, p99 {p99_plain:.3} ms   yardstick");
+    if let Some(taken) = taken {
+        println!("  the host took       {:.1} % of the processor's time for others", 100.0 * taken);
+    }
     for why in &refused {
         println!("  refused here: {why}");
     }
-    record("controller_period_error_ms", row(p50, p99, TARGET_MS))?;
+    let mut row = row(p50, p99, TARGET_MS);
+    row["bare_p99"] = p99_bare.into();
+    row["host_took"] = taken.into();
+    record("controller_period_error_ms", row)?;
     Ok(())
 }
