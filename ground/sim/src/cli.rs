@@ -1,5 +1,6 @@
 //! The command line: one subcommand a module.
 
+use crate::cloud;
 use crate::dataset::{DatasetConfig, generate};
 use crate::fly::args::FlyArgs;
 use crate::moving::{MovingArgs, Site};
@@ -10,6 +11,8 @@ use clap::{Args, Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
 use goshawk_core::types::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::process::Command as Process;
 
@@ -38,7 +41,7 @@ pub enum Command {
 /// `goshawk-sim world`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim world --seed 4 --spacing 5 -o forest.png\n  \
-                  goshawk-sim world --world buildings --seed 2 --moving 8\n  goshawk-sim world --world scan.ply")]
+                  goshawk-sim world --world buildings --seed 2 --moving 8\n  goshawk-sim world --seed 4 --scan scan.ply\n  goshawk-sim world --world scan.ply")]
 pub struct WorldArgs {
     /// The world: forest, buildings, or a point cloud (.ply, .pcd).
     #[arg(long, value_name = "WORLD", default_value = "forest")]
@@ -54,6 +57,9 @@ pub struct WorldArgs {
     /// The picture.
     #[arg(short, long, value_name = "PNG", default_value = "world.png")]
     output: PathBuf,
+    /// Also scan the world as a laser scanner would, for `--world`.
+    #[arg(long, value_name = "PLY")]
+    scan: Option<PathBuf>,
 }
 
 /// `goshawk-sim dataset`.
@@ -114,6 +120,17 @@ impl WorldArgs {
             world.parts().len(),
             if moving > 0 { format!(", {moving} that move") } else { String::new() }
         );
+        if let Some(path) = self.scan {
+            let points = cloud::scan(&world, self.seed);
+            let shown = path.display();
+            let written = File::create(&path).and_then(|file| {
+                let mut out = BufWriter::new(file);
+                cloud::write_ply(&mut out, &points)?;
+                out.flush()
+            });
+            written.wrap_err_with(|| format!("cannot write {shown}"))?;
+            println!("{shown}: {} points", points.len());
+        }
         Ok(())
     }
 }

@@ -5,7 +5,12 @@
 
 mod boxes;
 mod read;
+mod scan;
 mod terrain;
+mod write;
+
+pub use scan::scan;
+pub use write::write_ply;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -23,6 +23,7 @@ EXAMPLES = """examples:
   python -m goshawk_train score    --run runs/a
   python -m goshawk_train flights  --trials 100
   python -m goshawk_train robustness
+  python -m goshawk_train ablations
   python -m goshawk_train validate --run runs/a --data data/val --json metrics.json
   python -m goshawk_train preview  --run runs/a --data data/val --out preview.png
   python -m goshawk_train export   --run runs/a --data data/val --out air/models/track.onnx
@@ -76,6 +77,13 @@ def _parser() -> argparse.ArgumentParser:
     bears.add_argument("--trials", type=int, help="flights in each campaign, instead of the file's")
     bears.add_argument("--out", type=Path, default=Path("ground/train/results/robustness"), help="folder of the JSON")
     bears.add_argument("--figure", type=Path, default=Path("docs/robustness.png"), help="PNG file")
+    matters = add("ablations", "Train and fly what differs in one thing, for RESULTS.md; goes on where it stopped.")
+    matters.add_argument("--plan", type=Path, default=Path("ground/train/configs/ablations.toml"), help="the trainings")
+    matters.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these, named as their files in --out")
+    matters.add_argument("--runs", type=Path, default=Path("runs/ablations"), help="folder of data sets and runs")
+    matters.add_argument("--simulator", type=Path, default=Path("target/release/goshawk-sim"), help="goshawk-sim")
+    matters.add_argument("--out", type=Path, default=Path("ground/train/results/ablations"), help="folder of the JSON")
+    matters.add_argument("--markdown", type=Path, default=Path("ground/train/RESULTS.md"), help="where the table stands")
     measure = add("validate", "Measure a run's averaged weights on held-out scenes.")
     picture = add("preview", "Draw candidates of some frames on the true map.")
     ship = add("export", "Write the ONNX policy with its contract, and its model card if --data is given.")
@@ -178,6 +186,20 @@ def _robustness(args: argparse.Namespace) -> int:
     return 0
 
 
+def _ablations(args: argparse.Namespace) -> int:
+    from goshawk_train import ablations, flights
+
+    plan = ablations.load(args.plan)
+    for change in plan.only(args.only).changes:
+        if ablations.carry_out(plan, change, args.out, args.runs, args.simulator) is None:
+            return 130
+        known = [(other, ablations.kept(plan, other, args.out)) for other in plan.changes]
+        table = ablations.markdown(plan, [(other, result) for other, result in known if result])
+        flights.put(args.markdown, table, ablations.MARKS)
+    print(args.markdown)
+    return 0
+
+
 def _preview(args: argparse.Namespace) -> int:
     from goshawk_train.preview import draw
 
@@ -221,6 +243,7 @@ def _run(args: argparse.Namespace) -> int:
         "score": _score,
         "flights": _flights,
         "robustness": _robustness,
+        "ablations": _ablations,
         "validate": _validate,
         "preview": _preview,
         "export": _export,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +70,7 @@ def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.floa
         if stored["version"] == ESDF_VERSION:
             return np.load(cache, mmap_mode="r"), np.array(stored["origin"])
     distance, origin = grid_from_points(read_ply(points), min_xyz=low, max_xyz=high)
-    partial = folder / "esdf.partial.npy"
+    partial = folder / f"esdf.{os.getpid()}.partial.npy"  # another run may be at it, too
     np.save(partial, distance.astype(np.float16))
     partial.replace(cache)
     about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))

@@ -16,7 +16,7 @@ import torch
 
 from goshawk_train.checkpoint import Checkpoint, load_weights
 from goshawk_train.config import STATE_SIZES, Config
-from goshawk_train.flights import BEGIN, END
+from goshawk_train.flights import MARKS
 from goshawk_train.network import TRAJECTORY_CHANNELS, Policy, parameter_count
 
 CONTRACT_KEY = "goshawk_contract"
@@ -188,9 +188,9 @@ from states that no trajectory could save (drawn at random: full speed, half a m
 ## Flights
 `python -m goshawk_train flights` writes here what the policy flew, worst cells included.
 
-{BEGIN}
+{MARKS[0]}
 Not flown yet.
-{END}
+{MARKS[1]}
 
 ## Limits
 Trained on synthetic forests with a synthetic person only, at alpha = 1; flight scales by alpha. It sees one frame:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-BEGIN, END = "<!-- flights: begin -->", "<!-- flights: end -->"
+MARKS = ("<!-- flights: begin -->", "<!-- flights: end -->")
 
 
 class FlightsError(RuntimeError):
@@ -110,14 +110,15 @@ def put_on_card(models: Path, task: str, rows: list[tuple[Row, dict[str, Any]]])
     """Writes what the task's policy flew into its model card, between the marks that `export` put there."""
     own = [(row, report) for row, report in rows if row.task == task and "classical" not in row.options]
     card = models / f"{task}.md"
-    if own and card.exists() and BEGIN in card.read_text():
+    if own and card.exists() and MARKS[0] in card.read_text():
         put(card, markdown(own))
 
 
-def put(path: Path, table: str) -> None:
+def put(path: Path, table: str, marks: tuple[str, str] = MARKS) -> None:
     """Replace what stands between the marks of a Markdown file; raises `FlightsError` if it has none."""
-    text = path.read_text() if path.exists() else f"{BEGIN}\n{END}\n"
-    if text.count(BEGIN) != 1 or text.count(END) != 1:
-        raise FlightsError(f"{path} lacks the marks {BEGIN} and {END}")
-    before, rest = text.split(BEGIN)
-    path.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}")
+    begin, end = marks
+    text = path.read_text() if path.exists() else f"{begin}\n{end}\n"
+    if text.count(begin) != 1 or text.count(end) != 1:
+        raise FlightsError(f"{path} lacks the marks {begin} and {end}")
+    before, rest = text.split(begin)
+    path.write_text(f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}")

@@ -47,7 +47,8 @@ def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -
     table, markdown, out = tmp_path / "t.toml", tmp_path / "R.md", tmp_path / "out"
     models = shutil.copytree(MODELS, tmp_path / "models")
     table.write_text(TABLE)
-    markdown.write_text(f"before\n{flights.BEGIN}\nold\n{flights.END}\nafter\n")
+    begin, end = flights.MARKS
+    markdown.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
     arguments = ["flights", "--table", str(table), "--models", str(models), "--out", str(out)]
     arguments += ["--markdown", str(markdown), "--simulator"]
     assert main([*arguments, str(SIMULATOR)]) == 0

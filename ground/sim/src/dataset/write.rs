@@ -7,6 +7,7 @@
 use super::npy::write_npy;
 use super::voxels::{VOXEL_M, obstacle_voxels};
 use super::{DatasetConfig, DatasetError, DatasetJson, LabelledFrame};
+use crate::cloud::write_ply;
 use crate::render::Camera;
 use crate::world::World;
 use serde::Serialize;
@@ -86,7 +87,7 @@ pub(super) fn scene(folder: &Path, world: &World, frames: &[LabelledFrame]) -> R
     file("rgb.npy", &|out| write_npy(out, "|u1", &[frames.len(), height, width, 3], &rgb))?;
     file("depth.npy", &|out| write_npy(out, "<u2", &[frames.len(), height, width], &depth))?;
     file("labels.csv", &|out| labels(out, frames))?;
-    file("environment.ply", &|out| ply(out, &obstacle_voxels(world)))?;
+    file("environment.ply", &|out| write_ply(out, &obstacle_voxels(world)))?;
     let ground = world.ground();
     let (rows, columns) = ground.shape();
     let heights: Vec<u8> = ground.heights().iter().flat_map(|h| h.to_le_bytes()).collect();
@@ -118,14 +119,4 @@ fn labels(out: &mut impl Write, frames: &[LabelledFrame]) -> io::Result<()> {
         writeln!(out, "{:.4},{:.6}", frame.visible, frame.ground_z)?;
     }
     Ok(())
-}
-
-fn ply(out: &mut impl Write, points: &[[f32; 3]]) -> io::Result<()> {
-    write!(
-        out,
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
-         property float z\nend_header\n",
-        points.len()
-    )?;
-    points.iter().flatten().try_for_each(|c| out.write_all(&c.to_le_bytes()))
 }
