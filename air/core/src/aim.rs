@@ -4,7 +4,7 @@
 use crate::error::{ConfigError, not_negative, positive};
 use crate::quintic::Quintic;
 use crate::target::{Expected, LONGEST_CARRY};
-use crate::types::Vec3;
+use crate::types::{Time, Vec3};
 
 /// How a target is chased.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,7 +15,7 @@ pub struct ChaseConfig {
     pub headway: f64,
     /// Above the target's centre, m (0.3).
     pub height: f64,
-    /// A target unseen for longer than this is not pursued any more, s (2.5).
+    /// A target unseen for longer than this is not pursued any more, s (4).
     pub pursue_until: f64,
     /// Trajectories that come nearer to the target's centre than this cost more, m (1.5).
     pub keep_off: f64,
@@ -45,18 +45,6 @@ impl ChaseConfig {
         target.unseen <= self.pursue_until
     }
 
-    /// Where a trajectory of `duration` s from `pos_world` should end, relative to there, m: short of where the target
-    /// will be then, never behind the vehicle. The longer it is hidden, the less is its last velocity believed.
-    #[must_use]
-    pub fn aim(&self, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
-        let lead = duration * (1.0 - target.unseen / LONGEST_CARRY).clamp(0.0, 1.0);
-        let vel_world = Vec3::new(target.vel_world.x, target.vel_world.y, 0.0);
-        let line = target.pos_world + vel_world * lead - pos_world;
-        let flat = line.xy().norm();
-        let kept = (flat - self.standoff - self.headway * vel_world.norm()).max(0.0) / flat.max(1e-6);
-        Vec3::new(line.x * kept, line.y * kept, line.z + self.height)
-    }
-
     /// What a trajectory costs for coming near to the target, which the network was never taught to spare.
     #[must_use]
     pub fn crowding(&self, trajectory: &Quintic, target: &Expected) -> f64 {
@@ -66,6 +54,54 @@ impl ChaseConfig {
             .fold(f64::INFINITY, f64::min)
             .sqrt();
         MEETING * (1.0 - nearest / self.keep_off).max(0.0)
+    }
+}
+
+/// A target that is not seen for longer than this went behind something, s.
+const HIDDEN_AFTER: f64 = 0.2;
+/// So far beyond the place where it went, the way that it was heading, the chase aims first, m.
+const BEYOND: f64 = 2.0;
+/// From so near to that place one sees what lies behind it, m.
+const PASSED_WITHIN: f64 = 2.5;
+/// No room is kept any more from a target that is hidden for so long, s.
+const ROOM_UNTIL: f64 = 1.0;
+
+/// The chase: where it aims, and whether it has been where the target vanished.
+#[derive(Clone, Copy, Debug)]
+pub struct Chase {
+    config: ChaseConfig,
+    /// When the target was last seen whose last place has been reached.
+    passed: Option<Time>,
+}
+
+impl Chase {
+    /// A chase that has not begun.
+    #[must_use]
+    pub fn new(config: ChaseConfig) -> Self {
+        Self { config, passed: None }
+    }
+
+    /// Where a trajectory of `duration` s from `pos_world` should end, relative to there, m: short of where the target
+    /// will be then, never behind the vehicle. A target that went behind something is followed by the way that it took:
+    /// first to where it was seen last, which lies in the open, for the straight line to where it should be now leads
+    /// into the wall beside the doorway. The longer it is hidden, the less is its last velocity believed, and the less
+    /// room is kept.
+    pub fn aim(&mut self, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
+        let up = Vec3::new(0.0, 0.0, self.config.height);
+        let vel_world = Vec3::new(target.vel_world.x, target.vel_world.y, 0.0);
+        let corner = target.seen_world - pos_world;
+        if corner.xy().norm() < PASSED_WITHIN {
+            self.passed = Some(target.last_seen);
+        }
+        if target.unseen > HIDDEN_AFTER && self.passed != Some(target.last_seen) {
+            return corner + vel_world.try_normalize(1e-6).unwrap_or_default() * BEYOND + up;
+        }
+        let lead = duration * (1.0 - target.unseen / LONGEST_CARRY).clamp(0.0, 1.0);
+        let line = target.pos_world + vel_world * lead - pos_world;
+        let room = self.config.standoff + self.config.headway * vel_world.norm();
+        let flat = line.xy().norm();
+        let kept = (flat - room * (1.0 - target.unseen / ROOM_UNTIL).max(0.0)).max(0.0) / flat.max(1e-6);
+        Vec3::new(line.x * kept, line.y * kept, line.z) + up
     }
 }
 
@@ -84,33 +120,58 @@ mod tests {
     const CHASE: ChaseConfig =
         ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 };
 
+    /// It was seen last 1 m before where it should be.
     fn target(unseen: f64) -> Expected {
-        Expected { pos_world: Vec3::new(6.0, 0.0, 1.0), vel_world: Vec3::new(2.0, 0.0, 0.4), unseen }
+        let pos_world = Vec3::new(6.0, 0.0, 1.0);
+        let (last_seen, seen_world) = (Time::from_secs(7.0), pos_world - Vec3::x());
+        Expected { pos_world, vel_world: Vec3::new(2.0, 0.0, 0.4), unseen, last_seen, seen_world }
+    }
+
+    fn aim(config: ChaseConfig, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
+        Chase::new(config).aim(pos_world, target, duration)
     }
 
     #[test]
     fn it_lies_short_of_where_the_target_will_be_and_a_little_higher() {
-        let aim = CHASE.aim(Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
+        let aim = aim(CHASE, Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
         assert!((aim - Vec3::new(4.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
     }
 
     #[test]
     fn a_fast_target_is_given_more_room() {
         let chase = ChaseConfig { headway: 0.5, ..CHASE };
-        let aim = chase.aim(Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
+        let aim = aim(chase, Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
         assert!((aim - Vec3::new(3.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
     }
 
     #[test]
-    fn a_hidden_target_is_led_less_and_less() {
-        let ahead = |unseen| CHASE.aim(Vec3::zeros(), &target(unseen), 1.0).x;
-        assert_eq!([ahead(0.0), ahead(0.75), ahead(2.0)], [5.5, 4.5, 3.5]);
+    fn one_that_went_behind_something_is_followed_to_where_it_was_seen_last_and_from_there_on() {
+        let (mut chase, hidden) = (Chase::new(CHASE), target(0.5));
+        let away = Vec3::new(-4.0, -3.0, 1.0);
+        let first = chase.aim(away, &hidden, 1.0);
+        assert!((away + first - Vec3::new(7.0, 0.0, 1.3)).norm() < 1e-12, "{first}: 2 m beyond, as it was heading");
+        let there = Vec3::new(4.0, -2.0, 1.0);
+        assert!(chase.aim(there, &hidden, 1.0).x > 0.0);
+        let on = chase.aim(away, &hidden, 1.0);
+        assert!((on - first).norm() > 0.5, "it has been there: {on}");
+        let again = Expected { last_seen: Time::from_secs(8.0), ..hidden };
+        assert_eq!(chase.aim(away, &again, 1.0), first, "seen and hidden anew");
+    }
+
+    #[test]
+    fn a_hidden_target_is_led_less_and_less_and_given_no_room() {
+        let ahead = |unseen| {
+            let mut chase = Chase::new(CHASE);
+            chase.aim(target(unseen).seen_world, &target(unseen), 1.0); // there is nothing more to see from there
+            chase.aim(Vec3::zeros(), &target(unseen), 1.0).x
+        };
+        assert_eq!([ahead(0.0), ahead(0.75), ahead(2.0)], [5.5, 6.375, 6.0]);
         assert!(CHASE.pursues(&target(2.5)) && !CHASE.pursues(&target(2.6)));
     }
 
     #[test]
     fn nobody_backs_off_from_a_target_that_is_near() {
-        let aim = CHASE.aim(Vec3::new(7.0, 0.0, 1.3), &target(0.0), 0.0);
+        let aim = aim(CHASE, Vec3::new(7.0, 0.0, 1.3), &target(0.0), 0.0);
         assert!(aim.norm() < 1e-12, "{aim}");
     }
 

@@ -1,6 +1,6 @@
 //! One camera frame in, one plan out.
 
-use crate::aim::{ChaseConfig, within_reach};
+use crate::aim::{Chase, ChaseConfig, within_reach};
 use crate::decode::{Decoder, FramePose};
 use crate::error::{ConfigError, check, not_negative, positive};
 use crate::obstacles::{Ignored, Nearest, Obstacles};
@@ -103,6 +103,7 @@ pub struct Planner {
     decoder: Decoder,
     filter: TargetFilter,
     obstacles: Obstacles,
+    chase: Chase,
     /// The last frame's motion: stamp, position, velocity, reset counter.
     last: Option<(Time, Vec3, Vec3, u32)>,
 }
@@ -127,7 +128,8 @@ impl Planner {
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.target);
         let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.remember);
-        Ok(Self { config, decoder, filter, obstacles, last: None })
+        let chase = Chase::new(config.chase);
+        Ok(Self { config, decoder, filter, obstacles, chase, last: None })
     }
 
     /// The configuration that it plans with.
@@ -164,7 +166,7 @@ impl Planner {
             Task::Navigate => goal_world.map(|goal| goal - odometry.pos_world),
             Task::Track => self
                 .target(odometry.stamp)
-                .map(|target| self.config.chase.aim(odometry.pos_world, &target, self.decoder.duration(alpha))),
+                .map(|target| self.chase.aim(odometry.pos_world, &target, self.decoder.duration(alpha))),
         };
         let aim_cam = cam_from_world * within_reach(aim_world.unwrap_or_default(), 2.0 * p.radius);
         let mut state = [0.0; 13];
@@ -238,6 +240,7 @@ impl Planner {
     pub fn reset(&mut self) {
         self.filter.reset();
         self.obstacles.reset();
+        self.chase = Chase::new(self.config.chase);
         self.last = None;
     }
 

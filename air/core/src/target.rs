@@ -99,6 +99,10 @@ pub struct Expected {
     pub vel_world: Vec3,
     /// For how long it has not been seen, s.
     pub unseen: f64,
+    /// When it was seen last,
+    pub last_seen: Time,
+    /// and where, m.
+    pub seen_world: Vec3,
 }
 
 /// How far a target that is out of sight is carried on at its last velocity, s.
@@ -402,7 +406,9 @@ impl TargetFilter {
         let track = self.track.filter(|track| track.confirmed).or(self.lost)?;
         let carry = now.since(track.stamp).clamp(0.0, LONGEST_CARRY);
         let (pos_world, vel_world) = (track.pos() + track.vel() * carry, track.vel());
-        Some(Expected { pos_world, vel_world, unseen: now.since(track.last_seen) })
+        let (last_seen, unseen) = (track.last_seen, now.since(track.last_seen));
+        let seen_world = track.pos() - vel_world * track.stamp.since(last_seen);
+        Some(Expected { pos_world, vel_world, unseen, last_seen, seen_world })
     }
 
     /// The target is believed.

@@ -10,6 +10,7 @@ import hashlib
 import json
 import re
 import subprocess
+import tempfile
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,6 +32,8 @@ class Row:
     speeds: list[float]
     spacings: list[float] = field(default_factory=list)
     options: list[str] = field(default_factory=list)
+    scan: list[str] = field(default_factory=list)
+    """Options of `goshawk-sim world` whose world is scanned first, for the flights to take place in the point cloud."""
     target: float | None = None
     """The least share of successes that ACCEPTANCE.md wants."""
 
@@ -62,18 +65,35 @@ def fly(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int, s
     arguments = row.arguments(trials, seed)
     if "classical" not in arguments or row.task == "track":
         arguments += ["--policy", str(policy)]
-    identity = {"arguments": arguments, "policy_sha256": hashlib.sha256(policy.read_bytes()).hexdigest()}
+    identity: dict[str, Any] = {
+        "arguments": arguments,
+        "policy_sha256": hashlib.sha256(policy.read_bytes()).hexdigest(),
+        **({"scan": row.scan} if row.scan else {}),
+    }
     kept = row.file(folder)
     if kept.exists() and (report := json.loads(kept.read_text())).get("flown") == identity:
         return report
     partial = kept.with_suffix(".partial")
-    done = subprocess.run([str(simulator), *arguments, "--json", str(partial)], check=False)
-    if done.returncode:
-        raise FlightsError(f"{row.name}: goshawk-sim ended with {done.returncode}; its message is above")
+    with tempfile.TemporaryDirectory() as scratch:
+        world: list[str] = []
+        if row.scan:
+            cloud = Path(scratch) / "scan.ply"
+            _run(row, simulator, ["world", *row.scan, "--scan", str(cloud), "--output", str(cloud.with_suffix(".png"))])
+            world = ["--world", str(cloud)]
+        _run(row, simulator, [*arguments, *world, "--json", str(partial)])
     report = {"flown": identity, **json.loads(partial.read_text())}
     kept.write_text(json.dumps(report, indent=1) + "\n")
     partial.unlink()
     return report
+
+
+def _run(row: Row, simulator: Path, arguments: list[str]) -> None:
+    try:
+        done = subprocess.run([str(simulator), *arguments], check=False)
+    except OSError as error:
+        raise FlightsError(f"cannot run {simulator}: {error.strerror}; build it with `make build`") from error
+    if done.returncode:
+        raise FlightsError(f"{row.name}: goshawk-sim ended with {done.returncode}; its message is above")
 
 
 def markdown(rows: list[tuple[Row, dict[str, Any]]]) -> str:
