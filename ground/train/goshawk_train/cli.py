@@ -83,7 +83,9 @@ def _parser() -> argparse.ArgumentParser:
     matters.add_argument("--runs", type=Path, default=Path("runs/ablations"), help="folder of data sets and runs")
     matters.add_argument("--simulator", type=Path, default=Path("target/release/goshawk-sim"), help="goshawk-sim")
     matters.add_argument("--out", type=Path, default=Path("ground/train/results/ablations"), help="folder of the JSON")
-    matters.add_argument("--markdown", type=Path, default=Path("ground/train/RESULTS.md"), help="where the table stands")
+    matters.add_argument(
+        "--markdown", type=Path, default=Path("ground/train/RESULTS.md"), help="where the table stands"
+    )
     measure = add("validate", "Measure a run's averaged weights on held-out scenes.")
     picture = add("preview", "Draw candidates of some frames on the true map.")
     ship = add("export", "Write the ONNX policy with its contract, and its model card if --data is given.")

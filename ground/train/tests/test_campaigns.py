@@ -1,4 +1,4 @@
-"""Campaigns with the real simulator and the shipped policies: the flight table and the robustness figure."""
+"""Campaigns with the real simulator: the flight table, the robustness figure, the ablations."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-from goshawk_train import flights, robustness
+from goshawk_train import ablations, flights, robustness
 from goshawk_train.cli import main
+from goshawk_train.config import load_config
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -84,10 +85,76 @@ def test_a_sweep_changes_an_option_or_the_sensors() -> None:
     assert noise.options(2) == ["--set", "depth.noise_per_m=0.0028"]
 
 
-@pytest.mark.parametrize("command", ["flights", "robustness"])
+def test_a_row_in_a_scanned_world_flies_in_the_cloud(tmp_path: Path) -> None:
+    row = flights.Row(name="Scanned", task="navigate", speeds=[5], scan=["--seed", "4", "--spacing", "8"])
+    report = flights.fly(row, tmp_path, SIMULATOR, MODELS, trials=1, seed=3)
+    assert report["cells"][0]["world"] == "scan.ply"
+    assert report["flown"]["scan"] == row.scan and str(tmp_path) not in json.dumps(report["flown"]["arguments"])
+    assert flights.fly(row, tmp_path, tmp_path / "none", MODELS, trials=1, seed=3) == report
+
+
+PLAN = """
+config = "{config}"
+samples = 32
+scenes = 2
+frames = 16
+trials = 1
+seed = 3
+
+[[campaign]]
+name = "Navigation"
+task = "navigate"
+speeds = [6]
+spacings = [6]
+
+[[change]]
+name = "none"
+set = {{ "training.validate_frames" = 8 }}
+
+[[change]]
+name = "Half as wide, one scene"
+set = {{ "network.channels" = [8, 16, 64, 128], "training.batch" = 16, "training.validate_frames" = 8 }}
+scenes = 1
+"""
+
+
+def test_ablations_are_trained_flown_once_and_written_between_the_marks(tmp_path: Path) -> None:
+    plan, markdown, out = tmp_path / "p.toml", tmp_path / "R.md", tmp_path / "out"
+    plan.write_text(PLAN.format(config=ROOT / "ground/train/configs/track.toml"))
+    arguments = ["ablations", "--plan", str(plan), "--out", str(out), "--markdown", str(markdown)]
+    arguments += ["--runs", str(tmp_path / "runs"), "--simulator"]
+    assert main([*arguments, str(SIMULATOR), "--only", "half-as-wide-one-scene"]) == 0
+    assert main([*arguments, str(SIMULATOR)]) == 0
+    text = markdown.read_text()
+    none, half = (json.loads((out / f"{name}.json").read_text()) for name in ("none", "half-as-wide-one-scene"))
+    assert text.index("| none | ") < text.index("| Half as wide, one scene | ")
+    assert f"{none['cells'][0]['successes']} of 1" in text
+    assert half["parameters"] < none["parameters"] / 3
+    assert "2 x 16 frames" in none["data"] and "1 x 16 frames" in half["data"]
+    # What was trained and flown is not trained again: no simulator is needed.
+    assert main([*arguments, str(tmp_path / "none")]) == 0
+    assert markdown.read_text() == text
+
+
+def test_an_ablation_changes_a_field_that_there_is(tmp_path: Path) -> None:
+    config = load_config(ROOT / "ground/train/configs/track.toml")
+    changed = ablations.Change(name="x", set={"costs.clearance": 0.0}).apply(config)
+    assert changed.costs.clearance == 0 and changed.training == config.training
+    plan = tmp_path / "p.toml"
+    text = PLAN.format(config=ROOT / "ground/train/configs/track.toml")
+    for field in ("costs.clearence", "cost.clearance", "seed.of"):
+        plan.write_text(text.replace("network.channels", field))
+        with pytest.raises(flights.FlightsError, match=field):
+            ablations.load(plan)
+    plan.write_text(text)
+    with pytest.raises(flights.FlightsError, match="half-as-wide-one-scene"):
+        ablations.load(plan).only(["nothing"])
+
+
+@pytest.mark.parametrize("command", ["flights", "robustness", "ablations"])
 def test_a_bad_table_is_one_clear_line(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad = tmp_path / "bad.toml"
     bad.write_text("trials = 'many'")
-    option = "--table" if command == "flights" else "--sweeps"
+    option = {"flights": "--table", "robustness": "--sweeps", "ablations": "--plan"}[command]
     assert main([command, option, str(bad), "--out", str(tmp_path / "out")]) != 0
     assert str(bad) in capsys.readouterr().err
