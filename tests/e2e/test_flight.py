@@ -11,12 +11,16 @@ import statistics
 import subprocess
 import threading
 import time
+import uuid
 from collections import defaultdict
 from pathlib import Path
 
 import pytest
+import zenoh
 from goshawk_dashboards.snapshot import Snapshot
-from goshawk_ground.link import GroundLink
+from goshawk_ground.dial import client_config
+from goshawk_ground.link import DEFAULT_VEHICLE, GroundLink
+from goshawk_proto import KEYS, goshawk_pb2, key_expression
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from rig import BIN, Rig
@@ -227,3 +231,31 @@ def test_a_link_cut_for_a_minute_comes_back_by_itself_to_a_flight_that_went_on(f
         assert far.wait_for(lambda s: s.linked and s.fresh("plan", 0.5), 20.0) is not None
         assert far.stop(timeout_s=10.0).accepted
         assert far.wait_for(lambda s: s.mode in DOWN, 40.0) is not None, flying.output("air")
+
+
+def test_a_stop_is_obeyed_at_once_while_answers_to_another_ground_cannot_be_sent(flying: Rig) -> None:
+    start = KEYS["cmd_start"]
+    with (
+        WeakLink(to_port=flying.zenoh_port) as weak,
+        zenoh.open(client_config(weak.endpoint)) as other,
+        flying.link() as near,
+    ):
+        everything = other.declare_subscriber(f"goshawk/{DEFAULT_VEHICLE}/**", zenoh.handlers.RingChannel(1))
+        assert everything.recv() is not None
+        weak.cut_back()
+        time.sleep(1.0)  # until what the vehicle sends there has filled all that it goes through
+        for _ in range(40):  # each is refused, with an answer
+            request = goshawk_pb2.StartRequest(command_id=str(uuid.uuid4()))
+            other.get(
+                key_expression("cmd_start", DEFAULT_VEHICLE),
+                payload=request.SerializeToString(),
+                priority=start.priority,
+                congestion_control=zenoh.CongestionControl.BLOCK,  # as a stranger might
+                express=start.express,
+            )
+        time.sleep(0.5)
+        sent_s = time.monotonic()
+        threading.Thread(target=near.stop, daemon=True).start()
+        # Were it to wait for those answers, it would take longer than Zenoh takes to give up that link (5 s).
+        assert near.wait_for(lambda s: s.mode in {"stopping", *DOWN}, 5.0) is not None, flying.output("air")
+        print(f"the stop took {time.monotonic() - sent_s:.2f} s to the vehicle")

@@ -36,12 +36,13 @@ class WeakLink:
     """Probability that a segment is lost, each time it is sent."""
     seed: int = 1
     port: int = field(init=False)
-    _up: threading.Event = field(default_factory=threading.Event)
+    _there: threading.Event = field(default_factory=threading.Event)
+    _back: threading.Event = field(default_factory=threading.Event)
     _closing: threading.Event = field(default_factory=threading.Event)
     _sockets: list[socket.socket] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._up.set()
+        self.mend()
         self._random = random.Random(self.seed)
         self._server = socket.create_server(("127.0.0.1", 0))
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WINDOW)
@@ -53,14 +54,20 @@ class WeakLink:
         return f"tcp/127.0.0.1:{self.port}"
 
     def cut(self) -> None:
-        self._up.clear()
+        self._there.clear()
+        self.cut_back()
+
+    def cut_back(self) -> None:
+        """Holds back only what comes from ``to_port``."""
+        self._back.clear()
 
     def mend(self) -> None:
-        self._up.set()
+        self._there.set()
+        self._back.set()
 
     def close(self) -> None:
         self._closing.set()
-        self._up.set()
+        self.mend()
         for each in [self._server, *self._sockets]:
             with contextlib.suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
@@ -76,18 +83,18 @@ class WeakLink:
         while not self._closing.is_set():
             try:
                 near, _ = self._server.accept()
-                self._up.wait()
+                self._there.wait()
                 far = socket.socket()
                 far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WINDOW)
                 far.connect(("127.0.0.1", self.to_port))
             except OSError:
                 continue
             self._sockets += [near, far]
-            for source, sink in ((near, far), (far, near)):
+            for source, sink, up in ((near, far, self._there), (far, near, self._back)):
                 source.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                threading.Thread(target=self._relay, args=(source, sink), daemon=True).start()
+                threading.Thread(target=self._relay, args=(source, sink, up), daemon=True).start()
 
-    def _relay(self, source: socket.socket, sink: socket.socket) -> None:
+    def _relay(self, source: socket.socket, sink: socket.socket, up: threading.Event) -> None:
         """Segments are under way for a while, one behind the other; no more of them than fit the delay."""
         under_way: deque[tuple[float, bytes]] = deque()
         arrived = threading.Condition()
@@ -99,7 +106,7 @@ class WeakLink:
                     due_s, segment = under_way.popleft()
                     arrived.notify()
                 time.sleep(max(0.0, due_s - time.monotonic()) + self._lost_s())
-                self._up.wait()
+                up.wait()
                 try:
                     sink.sendall(segment)
                 except OSError:

@@ -29,7 +29,7 @@ def test_commands_are_urgent_queries_that_are_answered() -> None:
         assert row.kind == "query"
         assert row.reply is goshawk_pb2.CommandReply
         assert row.priority == zenoh.Priority.REAL_TIME
-        assert row.congestion == zenoh.CongestionControl.BLOCK
+        assert row.congestion == zenoh.CongestionControl.DROP
 
 
 def test_every_published_row_has_a_message_and_never_blocks() -> None:

@@ -20,6 +20,8 @@ use crate::shared::{PendingCommand, Report, Shared, lock};
 
 const REMEMBERED: usize = 64;
 const WAIT: Duration = Duration::from_millis(200);
+/// Answers that wait to be sent; more are dropped, the asker repeats its question.
+const UNSENT: usize = 16;
 
 /// A query that waits for its answer.
 pub struct Asked {
@@ -63,8 +65,31 @@ pub fn serve_pings(asked: &Receiver<Query>, shared: &Shared) {
     }
 }
 
-/// Answers queries until the process stops.
-pub fn serve(asked: &Receiver<Asked>, shared: &Shared, vehicle: &Vehicle) {
+/// An answer, to be sent.
+pub struct Answer {
+    query: Query,
+    reply: v1::CommandReply,
+}
+
+/// Where [`serve`] leaves its answers, and where [`send`] finds them.
+#[must_use]
+pub fn answers() -> (SyncSender<Answer>, Receiver<Answer>) {
+    sync_channel(UNSENT)
+}
+
+/// Sends answers until the process stops: apart from the commands, which must not wait until another ground's link, over
+/// which an answer goes, moves again.
+pub fn send(answers: &Receiver<Answer>, shared: &Shared) {
+    while !shared.stopping() {
+        let Ok(Answer { query, reply }) = answers.recv_timeout(Duration::from_millis(100)) else { continue };
+        if let Err(e) = query.reply(query.key_expr().clone(), reply.encode_to_vec()).wait() {
+            tracing::warn!("a command's reply could not be sent: {e}");
+        }
+    }
+}
+
+/// Decides on queries until the process stops, and leaves the answers to `answers`.
+pub fn serve(asked: &Receiver<Asked>, answers: &SyncSender<Answer>, shared: &Shared, vehicle: &Vehicle) {
     let mut answered: VecDeque<v1::CommandReply> = VecDeque::with_capacity(REMEMBERED);
     while !shared.stopping() {
         let Ok(Asked { key, query }) = asked.recv_timeout(Duration::from_millis(100)) else { continue };
@@ -86,9 +111,7 @@ pub fn serve(asked: &Receiver<Asked>, shared: &Shared, vehicle: &Vehicle) {
                 reply
             }),
         };
-        if let Err(e) = query.reply(query.key_expr().clone(), reply.encode_to_vec()).wait() {
-            tracing::warn!("a command's reply could not be sent: {e}");
-        }
+        let _ = answers.try_send(Answer { query, reply });
     }
 }
 

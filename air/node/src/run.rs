@@ -77,6 +77,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     subscribe(&bus, &vehicle, &shared)?;
     let asked = commands::declare(&bus)?;
     let pinged = commands::declare_ping(&bus)?;
+    let (answers, unsent) = commands::answers();
     let log = FlightLog::new(log_dir, &vehicle, &policy);
     let identity = Identity {
         vehicle: vehicle.name.clone(),
@@ -107,7 +108,8 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         spawn("control", &shared, move |shared| control.run(shared))?,
         spawn("planner", &shared, move |shared| planning.run(shared))?,
         spawn("telemetry", &shared, move |shared| telemetry.run(&reports, shared))?,
-        spawn("commands", &shared, move |shared| commands::serve(&asked, shared, &vehicle))?,
+        spawn("commands", &shared, move |shared| commands::serve(&asked, &answers, shared, &vehicle))?,
+        spawn("answers", &shared, move |shared| commands::send(&unsent, shared))?,
         spawn("ping", &shared, move |shared| commands::serve_pings(&pinged, shared))?,
     ];
     wait(&shared, threads)
@@ -134,7 +136,7 @@ fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + '
         .wrap_err_with(|| format!("cannot start the {name} thread"))
 }
 
-fn wait(shared: &Shared, threads: [JoinHandle<()>; 5]) -> Result<()> {
+fn wait(shared: &Shared, threads: [JoinHandle<()>; 6]) -> Result<()> {
     let asked_to_stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&asked_to_stop)).wrap_err("cannot handle signals")?;
