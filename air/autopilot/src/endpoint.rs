@@ -39,6 +39,8 @@ pub(crate) struct Endpoint {
     pub(crate) transport: Transport,
     clock: Box<dyn Fn() -> Time + Send + Sync>,
     encoder: Encoder,
+    /// Held from a message's stamp until it is sent.
+    sending: Mutex<()>,
     pub(crate) signer: Option<Arc<Signer>>,
     state: Mutex<State>,
     stop: AtomicBool,
@@ -57,6 +59,7 @@ impl Endpoint {
         Ok(Self {
             clock,
             encoder: Encoder::new(config.system_id, config.component_id).signed(signer.clone()),
+            sending: Mutex::new(()),
             signer,
             state: Mutex::new(State {
                 view: View::new(config.target_system, config.target_component, config.firmware),
@@ -118,11 +121,16 @@ impl Endpoint {
 
     /// Sends a message; one that cannot go out is lost, and counted.
     pub(crate) fn send(&self, peer: Peer, message: &MavMessage) -> Result<(), AutopilotError> {
+        let _sending = self.sending.lock().unwrap_or_else(PoisonError::into_inner);
         self.send_frame(peer, self.encoder.encode(message).raw_bytes(), false)
     }
 
-    /// Sends a frame. `hurried`: for the control thread, which waits for no other.
-    pub(crate) fn send_frame(&self, peer: Peer, frame: &[u8], hurried: bool) -> Result<(), AutopilotError> {
+    /// Sends a setpoint's frame; waits for no other thread.
+    pub(crate) fn send_hurried(&self, peer: Peer, frame: &[u8]) -> Result<(), AutopilotError> {
+        self.send_frame(peer, frame, true)
+    }
+
+    fn send_frame(&self, peer: Peer, frame: &[u8], hurried: bool) -> Result<(), AutopilotError> {
         match self.transport.send(peer, frame, hurried) {
             Ok(()) => {
                 self.sent.fetch_add(1, Ordering::Relaxed);

@@ -9,6 +9,7 @@ use crate::events::AutopilotEvent;
 use crate::frames::ned_from_frd;
 use crate::messages::{AttitudeTargetTypemask, MavMessage, SET_ATTITUDE_TARGET_DATA};
 use crate::parameters::{self, Parameter};
+use crate::signing::Stream;
 use crate::status::{Imu, Status, StatusText};
 use goshawk_core::Request;
 use goshawk_core::types::{AttitudeThrust, Odometry, Time};
@@ -102,7 +103,7 @@ impl AutopilotLink {
 
     /// Sends the attitude and thrust (SET_ATTITUDE_TARGET, type mask 7). Call it at the control rate: PX4 wants more
     /// than 2 Hz for a second before it follows, and fails safe when they stop; ArduPilot then levels and holds its
-    /// height.
+    /// height. From one thread only: of a signed link's setpoints, one that another overtook is not believed.
     ///
     /// # Errors
     /// The setpoint is not finite, no peer is known, or the message did not go out (counted; the next one may).
@@ -115,7 +116,7 @@ impl AutopilotLink {
     /// # Errors
     /// As there.
     pub fn send_setpoint_to(&self, peer: Peer, setpoint: &AttitudeThrust) -> Result<(), AutopilotError> {
-        self.endpoint.send_frame(peer, self.setpoint_frame(setpoint)?.raw_bytes(), true)
+        self.endpoint.send_hurried(peer, self.setpoint_frame(setpoint)?.raw_bytes())
     }
 
     /// The frame of [`Self::send_setpoint`], with the next sequence number.
@@ -140,7 +141,7 @@ impl AutopilotLink {
                 | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
             ..SET_ATTITUDE_TARGET_DATA::default()
         });
-        Ok(self.endpoint.encoder().encode(&message))
+        Ok(self.endpoint.encoder().encode_in(Stream::Setpoints, &message))
     }
 
     /// Asks what the controller wants. Repeated until answered; see [`Self::take_acks`].

@@ -2,7 +2,8 @@
 //!
 //! A signature is a link id, a time stamp (48 bits, 10 µs since 2015-01-01) and the first 6 bytes of SHA-256 over key
 //! and frame. A stream (link, system, component) is believed only while its stamps rise, and a new one only if it is
-//! not more than a minute behind the newest stamp known.
+//! not more than a minute behind the newest stamp known. So who stamps a frame must also send it before the next one of
+//! its stream is stamped: the control thread, which waits for nobody, has a stream of its own.
 
 use crate::error::AutopilotError;
 use crate::messages::{MavMessage, RADIO_STATUS_DATA};
@@ -26,6 +27,16 @@ pub(crate) const SAVE_EVERY_S: f64 = 10.0;
 const STREAMS: usize = 64;
 const LARGEST: u64 = (1 << 48) - 1;
 const VALUE: usize = 6;
+
+/// The stream that a frame of ours belongs to; the value is its link id.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Stream {
+    /// What any thread sends, one after the other.
+    Housekeeping = 0,
+    /// What the control thread alone sends.
+    Setpoints = 1,
+}
 
 /// The secret that both sides hold. It is never printed.
 #[derive(Clone, PartialEq, Eq)]
@@ -111,11 +122,11 @@ impl Signer {
     }
 
     /// Serialises a message and signs it with a stamp above all before it.
-    pub(crate) fn sign(&self, raw: &mut MAVLinkV2MessageRaw, header: MavHeader, message: &MavMessage) {
+    pub(crate) fn sign(&self, raw: &mut MAVLinkV2MessageRaw, header: MavHeader, message: &MavMessage, stream: Stream) {
         self.newest.fetch_max((self.wall)(), Ordering::Relaxed);
         let stamp = self.newest.fetch_add(1, Ordering::Relaxed) + 1;
         raw.serialize_message_for_signing(header, message);
-        *raw.signature_link_id_mut() = 0;
+        *raw.signature_link_id_mut() = stream as u8;
         raw.signature_timestamp_bytes_mut().copy_from_slice(&stamp.to_le_bytes()[..6]);
         let mut value = [0; VALUE];
         raw.calculate_signature(&self.key.0, &mut value);

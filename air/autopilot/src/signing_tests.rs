@@ -21,7 +21,7 @@ fn signer(first: u8) -> Signer {
 fn frame(signer: &Signer, component_id: u8) -> MAVLinkV2MessageRaw {
     let header = MavHeader { system_id: 1, component_id, sequence: 0 };
     let mut raw = MAVLinkV2MessageRaw::new();
-    signer.sign(&mut raw, header, &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()));
+    signer.sign(&mut raw, header, &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()), Stream::Housekeeping);
     raw
 }
 

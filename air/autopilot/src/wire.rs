@@ -1,7 +1,7 @@
 //! MAVLink 2 framing: bytes to packets and back. Total: any input gives packets and typed rejects, never a panic.
 
 use crate::messages::MavMessage;
-use crate::signing::Signer;
+use crate::signing::{Signer, Stream};
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message, calculate_crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -147,11 +147,16 @@ impl Encoder {
     /// The frame of `message`; `raw_bytes()` of it is what goes into a datagram.
     #[must_use]
     pub fn encode(&self, message: &MavMessage) -> MAVLinkV2MessageRaw {
+        self.encode_in(Stream::Housekeeping, message)
+    }
+
+    /// [`Self::encode`], signed as part of `stream`.
+    pub(crate) fn encode_in(&self, stream: Stream, message: &MavMessage) -> MAVLinkV2MessageRaw {
         let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
         let header = MavHeader { system_id: u32::from(self.system_id), component_id: self.component_id, sequence };
         let mut raw = MAVLinkV2MessageRaw::new();
         match &self.signer {
-            Some(signer) => signer.sign(&mut raw, header, message),
+            Some(signer) => signer.sign(&mut raw, header, message, stream),
             None => raw.serialize_message(header, message),
         }
         raw

@@ -9,7 +9,9 @@ use goshawk_autopilot::{
 };
 use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
 use proptest::prelude::*;
+use std::collections::HashMap;
 use std::net::{SocketAddr, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 fn anywhere() -> SocketAddr {
@@ -112,6 +114,42 @@ fn a_stuck_or_absent_peer_never_blocks_a_setpoint_for_long() {
     assert!(counters.sent >= 2000 - refused);
 }
 
+/// A signed frame's time stamp.
+fn stamp_of(frame: &[u8]) -> u64 {
+    assert_eq!((frame[0], frame[2]), (0xFD, 1), "signed");
+    let stamp = &frame[frame.len() - 12..frame.len() - 6];
+    stamp.iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte))
+}
+
+#[test]
+fn the_stamps_of_each_stream_rise_however_many_threads_send() {
+    let listener = UdpSocket::bind(anywhere()).unwrap();
+    let signing = Some(SigningConfig { key: SigningKey::new([7; 32]), stamps: None });
+    let link = open(LinkConfig { signing, ..towards(listener.local_addr().unwrap()) }).unwrap();
+    let done = AtomicBool::new(false);
+    let often = |send: &dyn Fn() -> Result<(), AutopilotError>| {
+        while !done.load(Ordering::Relaxed) {
+            let _ = send(); // what cannot go out is not this test's business
+        }
+    };
+    let (mut frame, mut newest, mut overtaken) = ([0; 300], HashMap::<u8, u64>::new(), 0);
+    std::thread::scope(|threads| {
+        threads.spawn(|| often(&|| link.send_setpoint(&level(0.5))));
+        for _ in 0..2 {
+            threads.spawn(|| often(&|| link.request_parameter("COM_RC_LOSS_T")));
+        }
+        for _ in 0..20_000 {
+            let length = listener.recv(&mut frame).unwrap();
+            let (link_id, stamp) = (frame[length - 13], stamp_of(&frame[..length]));
+            let last = newest.insert(link_id, stamp);
+            overtaken += u32::from(last.is_some_and(|last| stamp <= last));
+        }
+        done.store(true, Ordering::Relaxed);
+    });
+    assert_eq!(overtaken, 0);
+    assert_eq!(newest.len(), 2, "setpoints and all else");
+}
+
 #[test]
 fn a_signed_link_keeps_its_newest_stamp_beside_the_key() {
     let folder = tempfile::tempdir().unwrap();
@@ -119,11 +157,6 @@ fn a_signed_link_keeps_its_newest_stamp_beside_the_key() {
     let listener = UdpSocket::bind(anywhere()).unwrap();
     let signing = || Some(SigningConfig { key: SigningKey::new([7; 32]), stamps: Some(stamps.clone()) });
     let newest = || std::fs::read_to_string(&stamps).ok()?.trim().parse::<u64>().ok();
-    let stamp_of = |frame: &[u8]| {
-        assert_eq!((frame[0], frame[2]), (0xFD, 1), "signed");
-        let stamp = &frame[frame.len() - 12..frame.len() - 6];
-        stamp.iter().rev().fold(0_u64, |sum, byte| sum << 8 | u64::from(*byte))
-    };
     let mut frame = [0; 300];
     let config = LinkConfig { signing: signing(), ..towards(listener.local_addr().unwrap()) };
     let link = open(config.clone()).unwrap();
