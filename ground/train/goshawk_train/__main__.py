@@ -6,14 +6,17 @@ go each step (measured 1.3 x). So training starts itself again once with them.
 """
 
 import os
+import signal
 import sys
 
+TRAINING = ("train", "ablations")
 SETTINGS = {"OMP_WAIT_POLICY": "PASSIVE", "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1"}
 
 if __name__ == "__main__":
-    if "train" in sys.argv[1:2] and any(name not in os.environ for name in SETTINGS):
+    if sys.argv[1:2] and sys.argv[1] in TRAINING and any(name not in os.environ for name in SETTINGS):
         environment = {**SETTINGS, **os.environ}
         os.execve(sys.executable, [sys.executable, "-m", "goshawk_train", *sys.argv[1:]], environment)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C, a simulator that it runs with it
     from goshawk_train.cli import main
 
     raise SystemExit(main())

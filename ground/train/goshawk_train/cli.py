@@ -255,6 +255,9 @@ def _run(args: argparse.Namespace) -> int:
     except (ConfigError, DataError, ExportError, FlightsError, ScoreError, TrainingError, CheckpointError) as error:
         print(f"goshawk_train {args.command}: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print(f"goshawk_train {args.command}: interrupted; what is finished is kept", file=sys.stderr)
+        return 130
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -14,6 +14,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import Self
 
 import numpy as np
 import torch
@@ -165,12 +166,16 @@ class Trainer:
 
 
 class _StopFlag:
-    """Set by Ctrl-C or a termination signal; a second one is not caught."""
+    """Set by Ctrl-C or a termination signal while it is entered; a second one is not caught."""
 
-    def __init__(self) -> None:
+    def __enter__(self) -> Self:
         self.raised = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._set)
+        self.before = {number: signal.signal(number, self._set) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        for number, handler in self.before.items():
+            signal.signal(number, handler)
 
     def _set(self, number: int, _frame: FrameType | None) -> None:
         self.raised = True
@@ -232,16 +237,16 @@ def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
 
 
 def _steps(trainer: Trainer, out: Path, options: RunOptions) -> bool:
-    stop = _StopFlag()
-    clerk = _Clerk(trainer, out, options) if trainer.workers.first else None
-    while trainer.step < trainer.total_steps and not trainer.workers.any(stop.raised):
-        parts = trainer.advance()
+    with _StopFlag() as stop:
+        clerk = _Clerk(trainer, out, options) if trainer.workers.first else None
+        while trainer.step < trainer.total_steps and not trainer.workers.any(stop.raised):
+            parts = trainer.advance()
+            if clerk:
+                clerk.after_step(parts)
         if clerk:
-            clerk.after_step(parts)
-    if clerk:
-        clerk.close()
-        if stop.raised:
-            print(f"stopped at step {trainer.step}; {clerk.path} is written, go on with --resume", file=sys.stderr)
+            clerk.close()
+    if clerk and stop.raised:
+        print(f"stopped at step {trainer.step}; {clerk.path} is written, go on with --resume", file=sys.stderr)
     return trainer.step == trainer.total_steps
 
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -63,6 +67,27 @@ def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -
     # What was flown is not flown again: no simulator is needed.
     assert main([*arguments, str(tmp_path / "none")]) == 0
     assert markdown.read_text() == text
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp_path: Path) -> None:
+    table = tmp_path / "t.toml"
+    table.write_text(TABLE.replace("trials = 1", "trials = 1000"))
+    command = [sys.executable, "-m", "goshawk_train", "flights", "--table", str(table), "--simulator", str(SIMULATOR)]
+    command += ["--models", str(MODELS), "--out", str(tmp_path / "out"), "--markdown", str(tmp_path / "R.md")]
+    flying = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    children = Path(f"/proc/{flying.pid}/task/{flying.pid}/children")
+    while flying.poll() is None and not children.read_text():
+        time.sleep(0.05)
+    simulator = Path("/proc") / children.read_text().split()[0] / "cmdline"
+    flying.send_signal(number)
+    message = flying.communicate(timeout=30)[1]
+    assert flying.returncode == 130
+    assert message.splitlines()[-1] == "goshawk_train flights: interrupted; what is finished is kept"
+    end = time.monotonic() + 10
+    while simulator.exists() and simulator.read_bytes():  # a dead one that nobody waits for has no arguments
+        assert time.monotonic() < end, "the simulator flies on"
+        time.sleep(0.05)
 
 
 def test_the_robustness_figure_shows_every_sweep(tmp_path: Path) -> None:
