@@ -19,6 +19,7 @@ EXAMPLES = """examples:
   python -m goshawk_train dataset  check data/train --against data/val
   python -m goshawk_train train    --config configs/track.toml --data data/train --validation data/val --out runs/a
   python -m goshawk_train train    --config configs/track.toml --data data/train --out runs/a --resume
+  python -m goshawk_train train    --config configs/track.toml --data data/b --out runs/b --from air/models/track.onnx
   torchrun --nproc-per-node 8 -m goshawk_train train --config configs/track.toml --data data/train --out runs/a
   python -m goshawk_train score    --run runs/a
   python -m goshawk_train flights  --trials 100
@@ -52,7 +53,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--validation", type=Path, help="data set of other scenes")
     run.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint and TensorBoard events")
     run.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out, if there is one")
-    run.add_argument("--from", dest="begin", type=Path, metavar="RUN", help="begin with the weights of another run")
+    run.add_argument(
+        "--from", dest="begin", type=Path, metavar="RUN|ONNX", help="begin with another run's or a policy's weights"
+    )
     run.add_argument("--samples", type=int, help="length of the run, instead of the configuration's")
     run.add_argument("--threads", type=int, help="CPU threads, instead of the configuration's")
     run.add_argument("--simulator", type=Path, help="goshawk-sim: score the run by small campaigns as well")

@@ -22,6 +22,7 @@ import torch.nn.functional as F
 from torch.utils.tensorboard import SummaryWriter
 
 from goshawk_train import checkpoint, data, score, validate
+from goshawk_train.beginning import Beginning, normalise, of_policy, of_run
 from goshawk_train.checkpoint import Checkpoint, Ema
 from goshawk_train.config import Config, replace_training
 from goshawk_train.costs import CostModel
@@ -32,6 +33,8 @@ from goshawk_train.network import Policy, parameter_count
 from goshawk_train.workers import Workers, join, leave
 
 CHECKPOINT = "checkpoint.pt"
+NORMALISING_FRAMES = 512
+"""That a policy's file without batch norms gets new ones of."""
 ALONE = Workers(torch.device("cpu"))
 
 
@@ -100,25 +103,29 @@ class Trainer:
         self.optimiser.load_state_dict(saved.optimiser)
         self.step, self.seconds, self.data_name = saved.step, saved.seconds, saved.data
 
-    def begin_from(self, other: Checkpoint) -> None:
-        """Start at step 0 with another run's averaged weights. Of another task's run, whose head sees and says other
-        things, only the backbone is taken; inputs of the head that the other run did not have begin without weight.
-        Raises `TrainingError` if not even that fits.
+    def begin_from(self, other: Beginning) -> None:
+        """Start at step 0 with these weights. Of another task's, whose head sees and says other things, only the
+        backbone is taken; inputs of the head that the other did not have begin without weight. Raises `TrainingError`
+        if not even that fits.
         """
         own = self.network.state_dict()
-        theirs = {**other.network, **other.ema}
+        theirs = dict(other.weights)
         missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
         if missing > 0:
             theirs["head1.weight"] = F.pad(theirs["head1.weight"], (0, 0, 0, 0, 0, missing))
         fitting = {name: value for name, value in theirs.items() if name in own and value.shape == own[name].shape}
         if not all(name in fitting for name in own if name.startswith(("stem.", "blocks."))):
-            raise TrainingError("the run to begin from has another backbone; use the same widths")
-        if other.config.task != self.config.task:
+            raise TrainingError("what it is to begin from has another backbone; use the same widths")
+        if other.task != self.config.task:
             fitting = {name: value for name, value in fitting.items() if not name.startswith(("head", "out."))}
         self.network.load_state_dict({**own, **fitting})
+        if other.folded:
+            rng = np.random.default_rng([self.config.seed, 3])
+            index = rng.choice(len(self.frames), min(NORMALISING_FRAMES, len(self.frames)), replace=False)
+            batch = data.make_batch(self.frames, index, rng, self.config, training=True)
+            normalise(self.network, batch.rgbd_I4HW.to(self.workers.device))
         self.ema = Ema(self.network, self.config.training.ema)
-        done = other.step * other.config.training.batch
-        self.data_name += f", begun from {done} samples of {other.data}"
+        self.data_name += f", begun from {other.origin}"
 
     def indices(self) -> np.ndarray:
         """This process's frames of the current step."""
@@ -203,7 +210,7 @@ class RunOptions:
     """Data set of other scenes."""
     resume: bool = False
     begin: Path | None = None
-    """Folder of a run whose weights are the first; a resumed run no longer needs it."""
+    """A run's folder or a policy's file, whose weights are the first; a resumed run no longer needs it."""
     simulator: Path | None = None
     """The `goshawk-sim` that flies the score's campaigns."""
     score_minutes: float = 30.0
@@ -220,7 +227,7 @@ def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
     resumes = options.resume and path.exists()
     if path.exists() and not resumes:
         raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
-    begun = checkpoint.load(options.begin / CHECKPOINT) if options.begin and not resumes else None
+    begun = _beginning(options.begin) if options.begin and not resumes else None
     workers = join()
     try:
         if workers.first:
@@ -234,6 +241,10 @@ def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
         return _steps(trainer, out, options)
     finally:
         leave()
+
+
+def _beginning(path: Path) -> Beginning:
+    return of_policy(path) if path.suffix == ".onnx" else of_run(path / CHECKPOINT)
 
 
 def _steps(trainer: Trainer, out: Path, options: RunOptions) -> bool:

@@ -13,7 +13,9 @@ import onnx
 import onnxruntime
 import pytest
 import torch
+import torch.nn.functional as F
 from goshawk_train import checkpoint, cli, data, export, score, train, validate
+from goshawk_train.beginning import Beginning, normalise, of_policy, of_run
 from goshawk_train.config import Config, config_to_dict, replace_training
 from goshawk_train.network import Policy
 
@@ -76,14 +78,19 @@ def test_resumed_run_repeats_the_uninterrupted_one(
         torch.use_deterministic_algorithms(False)
 
 
+def beginning(run: train.Trainer, folder: Path) -> Beginning:
+    checkpoint.save(folder / train.CHECKPOINT, run.snapshot())
+    return of_run(folder / train.CHECKPOINT)
+
+
 def test_run_begins_with_another_runs_averaged_weights(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps]
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
 ) -> None:
     first = train.Trainer(small, *loaded, data_name="a")
     for _ in range(3):
         first.advance()
     second = train.Trainer(replace_training(small, learning_rate=1e-4), *loaded, data_name="b")
-    second.begin_from(first.snapshot())
+    second.begin_from(beginning(first, tmp_path))
     assert second.step == 0
     for name, value in second.snapshot().network.items():
         if value.is_floating_point():
@@ -91,16 +98,53 @@ def test_run_begins_with_another_runs_averaged_weights(
     assert "samples of a" in second.snapshot().data
 
 
-def test_run_of_another_task_lends_its_backbone_only(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
+def test_run_of_another_task_lends_its_backbone_only(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+) -> None:
     first = train.Trainer(small, *loaded, data_name="a")
     first.advance()
     second = train.Trainer(dataclasses.replace(small, task="navigate"), *loaded, data_name="b")
     fresh = {name: value.clone() for name, value in second.snapshot().network.items()}
-    second.begin_from(first.snapshot())
+    second.begin_from(beginning(first, tmp_path))
     for name, value in second.snapshot().network.items():
         lent = first.ema.state_dict().get(name) if name.startswith(("stem.", "blocks.")) else fresh[name]
         if lent is not None and value.is_floating_point():
             assert torch.equal(value, lent), name
+
+
+def test_a_policys_file_is_gone_on_with_as_if_never_folded(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+) -> None:
+    first = trainer(small, loaded)
+    for _ in range(12):
+        first.advance()
+    export.export(first.snapshot(), tmp_path / "track.onnx", commit="")
+    second = train.Trainer(small, *loaded, data_name="b")
+    second.begin_from(of_policy(tmp_path / "track.onnx"))
+    assert "96 samples of synthetic" in second.snapshot().data
+    network = second.network.eval()
+    assert export.verify(network, tmp_path / "track.onnx", small) < export.AGREEMENT
+    images = torch.tensor(loaded[0].rgb_FHW3 / 255.0, dtype=torch.float32).permute(0, 3, 1, 2)
+    rgbd = F.pad(images, (0, 0, 0, 0, 0, 1), value=0.5)
+    normalise(network, rgbd)
+    with torch.no_grad():
+        flies = network.features(rgbd)
+        trains = network.train().features(rgbd)
+    torch.testing.assert_close(flies, trains, rtol=1e-2, atol=1e-2)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no model", onnx.ModelProto().SerializeToString()])
+def test_a_file_that_is_no_policy_of_ours_is_one_line(
+    content: bytes | None, small: Config, dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "policy.onnx"
+    if content is not None:
+        file.write_bytes(content)
+    config = write_config(small, tmp_path)
+    command = ["train", "--config", str(config), "--data", str(dataset), "--out", str(tmp_path / "run")]
+    assert cli.main([*command, "--from", str(file)]) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1 and str(file) in message
 
 
 def test_checkpoint_of_another_configuration_is_refused(
