@@ -18,6 +18,7 @@ from goshawk_train.config import Config, ConfigError, config_from_dict, config_t
 from goshawk_train.flights import FlightsError, Row, fly
 
 MARKS = ("<!-- ablations: begin -->", "<!-- ablations: end -->")
+FAILURES = ("collision", "lost", "timeout")
 METRICS = ("collide_cheapest", "aim_missed_p50", "cost_rank", "recall", "false_alarm_empty", "lateral_error_p50")
 """Of the held-out scenes, what the table shows (`validate`)."""
 
@@ -159,13 +160,14 @@ def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
     if not results:
         return "None is trained yet."
     cells = results[0][1]["cells"]
-    head = [*(f"{cell['task']} {cell['speed_mps']:g} m/s" for cell in cells), "all", *METRICS, "hours"]
+    head = [*(f"{cell['task']} {cell['speed_mps']:g} m/s" for cell in cells), "all", "collision, lost, timeout", *METRICS]
     lines = [f"| change | {' | '.join(head)} |", "|---" * (len(head) + 1) + "|"]
     for change, result in results:
         flown = [f"{cell['successes']}" for cell in result["cells"]]
         total = sum(cell["successes"] for cell in result["cells"])
         trials = sum(cell["trials"] for cell in result["cells"])
+        failures = [sum(cell["failures"][reason] for cell in result["cells"]) for reason in FAILURES]
         metrics = [f"{result['metrics'][name]:.3g}" for name in METRICS]
-        row = [*flown, f"{total} of {trials}", *metrics, f"{result['hours']:.2f}"]
+        row = [*flown, f"{total} of {trials}", ", ".join(map(str, failures)), *metrics]
         lines.append(f"| {change.name} | {' | '.join(row)} |")
     return "\n".join(lines)
