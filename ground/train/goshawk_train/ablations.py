@@ -160,7 +160,12 @@ def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
     if not results:
         return "None is trained yet."
     cells = results[0][1]["cells"]
-    head = [*(f"{cell['task']} {cell['speed_mps']:g} m/s" for cell in cells), "all", "collision, lost, timeout", *METRICS]
+    head = [
+        *(f"{cell['task']} {cell['speed_mps']:g} m/s" for cell in cells),
+        "all",
+        "collision, lost, timeout",
+        *METRICS,
+    ]
     lines = [f"| change | {' | '.join(head)} |", "|---" * (len(head) + 1) + "|"]
     for change, result in results:
         flown = [f"{cell['successes']}" for cell in result["cells"]]

@@ -48,15 +48,17 @@ def load(path: Path) -> tuple[int, int, dict[str, float], list[Sweep]]:
 
 
 def draw(points: list[tuple[Sweep, str, float, dict[str, Any]]], out: Path) -> None:
-    """Successes with their 95 % interval over each trouble, one panel a sweep. `points`: sweep, task, value, cell."""
+    """Over each trouble, one column a sweep: successes with their 95 % interval, and how near the vehicle came to an
+    obstacle. `points`: sweep, task, value, cell."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     sweeps = list({sweep.name: sweep for sweep, *_ in points}.values())
-    figure, axes = plt.subplots(1, len(sweeps), figsize=(3.4 * len(sweeps), 3.2), sharey=True, squeeze=False)
-    for axis, sweep in zip(axes[0], sweeps, strict=True):
+    size = (3.4 * len(sweeps), 5.2)
+    figure, axes = plt.subplots(2, len(sweeps), figsize=size, sharex="col", sharey="row", squeeze=False)
+    for upper, lower, sweep in zip(*axes, sweeps, strict=True):
         for task, color, marker in zip(TASKS, ("#e4572e", "#2e86ab"), ("o", "s"), strict=True):
             own = [(value, cell) for s, t, value, cell in points if (s.name, t) == (sweep.name, task)]
             if not own:
@@ -64,12 +66,18 @@ def draw(points: list[tuple[Sweep, str, float, dict[str, Any]]], out: Path) -> N
             values = [value for value, _ in own]
             share = [100 * cell["successes"] / cell["trials"] for _, cell in own]
             low, high = ([100 * cell["success_interval"][k] for _, cell in own] for k in (0, 1))
-            axis.fill_between(values, low, high, color=color, alpha=0.15, linewidth=0)
+            upper.fill_between(values, low, high, color=color, alpha=0.15, linewidth=0)
             name = f"{task}, {own[0][1]['speed_mps']:g} m/s"
-            axis.plot(values, share, color=color, marker=marker, markersize=4, label=name)
-        axis.set_xlabel(sweep.label)
-        axis.set_ylim(0, 102)
-        axis.grid(alpha=0.3)
+            upper.plot(values, share, color=color, marker=marker, markersize=4, label=name)
+            for percentile, line in (("p50", "-"), ("p5", ":")):
+                clearance = [cell["clearance_m"][percentile] for _, cell in own]
+                lower.plot(values, clearance, line, color=color, marker=marker, markersize=4, label=percentile)
+        upper.set_ylim(0, 102)
+        lower.set_xlabel(sweep.label)
+        for axis in (upper, lower):
+            axis.grid(alpha=0.3)
+    axes[1][0].set_ylim(bottom=0)
+    axes[1][0].set_ylabel("closest approach, m\n(median; dotted: 5 %)")
     axes[0][0].set_ylabel("successes, % (band: 95 %)")
     axes[0][0].legend(loc="lower left", fontsize=8)
     figure.tight_layout()
