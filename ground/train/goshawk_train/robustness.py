@@ -49,7 +49,7 @@ def load(path: Path) -> tuple[int, int, dict[str, float], list[Sweep]]:
 
 def draw(points: list[tuple[Sweep, str, float, dict[str, Any]]], out: Path) -> None:
     """Over each trouble, one column a sweep: successes with their 95 % interval, and how near the vehicle came to an
-    obstacle. `points`: sweep, task, value, cell."""
+    obstacle where any flight succeeded. `points`: sweep, task, value, cell."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -69,9 +69,10 @@ def draw(points: list[tuple[Sweep, str, float, dict[str, Any]]], out: Path) -> N
             upper.fill_between(values, low, high, color=color, alpha=0.15, linewidth=0)
             name = f"{task}, {own[0][1]['speed_mps']:g} m/s"
             upper.plot(values, share, color=color, marker=marker, markersize=4, label=name)
+            flown = [(value, cell["clearance_m"]) for value, cell in own if cell["successes"]]
             for percentile, line in (("p50", "-"), ("p5", ":")):
-                clearance = [cell["clearance_m"][percentile] for _, cell in own]
-                lower.plot(values, clearance, line, color=color, marker=marker, markersize=4, label=percentile)
+                clearance = [clearance[percentile] for _, clearance in flown]
+                lower.plot([value for value, _ in flown], clearance, line, color=color, marker=marker, markersize=4)
         upper.set_ylim(0, 102)
         lower.set_xlabel(sweep.label)
         for axis in (upper, lower):
