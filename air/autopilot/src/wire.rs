@@ -87,9 +87,13 @@ pub(crate) fn for_each_frame(
         };
         let packet = parse_frame(frame);
         // A wrong length byte makes a wrong checksum: then trust the length only if it lands on a frame start.
-        let lands = matches!(rest.get(frame.len()), None | Some(&MAGIC));
+        let follows = rest.get(frame.len());
+        if packet.is_err() && follows.is_none() && !whole {
+            break; // not known yet
+        }
+        let lands = follows.is_none_or(|byte| *byte == MAGIC);
         let used = match packet {
-            Err(Reject::Checksum | Reject::Flags) if !lands => 1 + next_magic(&rest[1..]),
+            Err(Reject::Checksum | Reject::Flags | Reject::Unknown) if !lands => 1 + next_magic(&rest[1..]),
             _ => frame.len(),
         };
         each(packet.map(|packet| (packet, frame)));

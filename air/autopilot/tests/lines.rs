@@ -106,7 +106,7 @@ fn a_serial_port_carries_packets_both_ways_at_the_asked_speed() {
     }
     eventually(|| received(&link) == 2);
     assert_eq!(link.peer(), Some(Peer::Line));
-    link.send_setpoint(&level()).unwrap();
+    eventually(|| link.send_setpoint(&level()).is_ok()); // it waits for no other thread
     until_packet(&mut autopilot, |message| matches!(message, MavMessage::SET_ATTITUDE_TARGET(_)));
 }
 
@@ -124,7 +124,7 @@ fn a_serial_port_that_is_unplugged_is_told_and_found_again() {
         eventually(|| link.line_problem().is_none() && link.peer() == Some(Peer::Line));
         autopilot.write_all(&heartbeat(&Encoder::new(1, 1))).unwrap();
         eventually(|| received(&link) == plugged);
-        assert!(link.send_setpoint(&level()).is_ok());
+        eventually(|| link.send_setpoint(&level()).is_ok());
         sent += 1;
         until_packet(&mut autopilot, |message| matches!(message, MavMessage::COMMAND_LONG(_)));
         drop(autopilot);
@@ -176,7 +176,7 @@ fn a_tcp_connection_cut_in_the_middle_of_a_packet_is_made_anew() {
     assert_eq!(link.status(Time::from_secs(100.0)).counters.checksum, 0);
     // Another connection may be another port of the autopilot: it is asked for its streams again.
     until_packet(&mut second, |message| matches!(message, MavMessage::COMMAND_LONG(_)));
-    link.send_setpoint(&level()).unwrap();
+    eventually(|| link.send_setpoint(&level()).is_ok()); // it waits for no other thread
     until_packet(&mut second, |message| matches!(message, MavMessage::SET_ATTITUDE_TARGET(_)));
 }
 
