@@ -86,7 +86,9 @@ def load(path: Path) -> Plan:
         numbers = {name: int(table[name]) for name in ("samples", "scenes", "frames", "trials", "seed")}
         campaigns = [Row(**row) for row in table["campaign"]]
         changes = [Change(**change) for change in table["change"]]
-        plan = Plan(config=load_config(path.parent / table["config"]), campaigns=campaigns, changes=changes, **numbers)
+        shared = Change(name=path.name, set=table.get("set", {}))
+        config = shared.apply(load_config(path.parent / table["config"]))
+        plan = Plan(config=config, campaigns=campaigns, changes=changes, **numbers)
         for change in changes:
             plan.trained(change)
     except (OSError, tomllib.TOMLDecodeError, ConfigError, KeyError, TypeError, ValueError) as error:
