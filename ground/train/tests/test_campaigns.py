@@ -75,6 +75,7 @@ def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp
     table.write_text(TABLE.replace("trials = 1", "trials = 1000"))
     command = [sys.executable, "-m", "goshawk_train", "flights", "--table", str(table), "--simulator", str(SIMULATOR)]
     command += ["--models", str(MODELS), "--out", str(tmp_path / "out"), "--markdown", str(tmp_path / "R.md")]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would this
     flying = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     children = Path(f"/proc/{flying.pid}/task/{flying.pid}/children")
     while flying.poll() is None and not children.read_text():
