@@ -84,14 +84,7 @@ impl Decoder {
     #[must_use]
     pub fn decode(&self, output: &NetworkOutput, alpha: f64, pose: &FramePose) -> [Candidate; ANCHORS] {
         let p = &self.policy;
-        let (y, mut finite) = activated(output, channels(p.task));
-        let stretch: [f64; LANES] = std::array::from_fn(|k| {
-            let raw = output.values.get(channels(p.task) * ANCHORS + k).copied().unwrap_or(0.0);
-            if p.duration_octaves > 0.0 { (p.duration_octaves * f64::from(raw).tanh()).exp2() } else { 1.0 }
-        });
-        for (finite, stretch) in finite.iter_mut().zip(&stretch) {
-            *finite &= stretch.is_finite();
-        }
+        let (y, finite) = activated(output, channels(p.task));
         let pos_cam = self.end_positions(&y);
         let vel_cam = self.vectors_cam(&y, VELOCITY, alpha * p.v_max);
         let acc_cam = self.vectors_cam(&y, ACCELERATION, alpha * alpha * p.a_max);
@@ -108,7 +101,6 @@ impl Decoder {
                     vel: world_from_cam * vel_cam[index],
                     acc: world_from_cam * acc_cam[index],
                 },
-                stretch: stretch[index],
                 cost: y[COST][index].into(),
                 objectness: y[OBJECTNESS][index].into(),
                 target_world,
@@ -162,7 +154,6 @@ impl Decoder {
         let pos = pose.start_world + pose.world_from_cam * self.lattice.primitive(index);
         Candidate {
             end: FlatState { pos, ..FlatState::default() },
-            stretch: 1.0,
             cost: f64::from(f32::MAX),
             objectness: 0.0,
             target_world: None,
@@ -244,7 +235,6 @@ mod tests {
             elevation_offset: 15_f64.to_radians(),
             v_max: 6.0,
             a_max: 6.0,
-            duration_octaves: 0.0,
             target_depth_scale: 5.0,
             hfov,
             vfov,

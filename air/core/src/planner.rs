@@ -41,8 +41,6 @@ pub struct PolicyModel {
     pub v_max: f64,
     /// Largest acceleration in training, m/s².
     pub a_max: f64,
-    /// Predicted durations are 2^± of this times T; 0: all last T.
-    pub duration_octaves: f64,
     /// Metres for one unit of softplus(y_d).
     pub target_depth_scale: f64,
     /// Horizontal field of view of the training images, rad.
@@ -195,7 +193,7 @@ impl Planner {
         let duration = self.decoder.duration(alpha);
         let chosen = match self.config.policy.task {
             Task::Navigate => {
-                let meeting = |c: &Candidate| self.obstacles.meeting(&Quintic::new(&start, &c.end, duration * c.stretch), None);
+                let meeting = |c: &Candidate| self.obstacles.meeting(&Quintic::new(&start, &c.end, duration), None);
                 select(Some(meeting), &[None; ANCHORS], &mut candidates)
             }
             Task::Track => {
@@ -204,7 +202,7 @@ impl Planner {
                     let (chase, obstacles) = (&self.config.chase, &self.obstacles);
                     let ignored = about(&target);
                     move |c: &Candidate| {
-                        let trajectory = Quintic::new(&start, &c.end, duration * c.stretch);
+                        let trajectory = Quintic::new(&start, &c.end, duration);
                         chase.crowding(&trajectory, &target) + obstacles.meeting(&trajectory, Some(&ignored))
                     }
                 });

@@ -67,7 +67,7 @@ pub struct Odometry {
 pub const ANCHORS: usize = 15;
 
 /// Most output channels that any task has for an anchor.
-pub const MAX_CHANNELS: usize = 15;
+pub const MAX_CHANNELS: usize = 14;
 
 /// What the policy is asked to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,8 +117,6 @@ pub enum Rejection {
 pub struct Candidate {
     /// f(T), world frame.
     pub end: FlatState,
-    /// Its duration, as a share of the plan's.
-    pub stretch: f64,
     /// Predicted cost; lower is better.
     pub cost: f64,
     /// Probability that the cell holds the target, 0..=1; 1 in navigation.

@@ -76,7 +76,6 @@ fn policy(vectors: &Value, task: Task) -> PolicyModel {
         azimuth_offset: get("azimuth_offset"),
         elevation_offset: get("elevation_offset"),
         v_max: get("v_max"),
-        duration_octaves: 0.0,
         a_max: get("a_max"),
         target_depth_scale: get("target_depth_scale"),
         hfov: get("hfov"),

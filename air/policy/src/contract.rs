@@ -179,21 +179,11 @@ impl Contract {
         within("lattice.azimuth_offset_rad", self.lattice.azimuth_offset_rad, 0.0, right_angle)?;
         within("v_max_mps", self.v_max_mps, 0.1, 100.0)?;
         within("a_max_mps2", self.a_max_mps2, 0.1, 1000.0)?;
-        if self.duration_octaves().is_none() {
-            same("duration_rule", &self.duration_rule.as_str(), &DURATION_RULE)?;
-        }
+        same("duration_rule", &self.duration_rule.as_str(), &DURATION_RULE)?;
         within("target_depth_scale_m", self.target_depth_scale_m, 0.01, 100.0)?;
         same("state", &self.state, &STATE)?;
-        same("channels", &self.channels, &expected_channels(self.task, self.duration_octaves().is_some_and(|octaves| octaves > 0.0)))?;
+        same("channels", &self.channels, &expected_channels(self.task))?;
         within("camera_tilt_rad", self.camera_tilt_rad, -right_angle, right_angle)
-    }
-
-    /// Of a predicted duration: 2^± of this times T; none for a rule that is not known.
-    fn duration_octaves(&self) -> Option<f64> {
-        match self.duration_rule.strip_prefix(DURATION_RULE)? {
-            "" => Some(0.0),
-            more => more.strip_prefix("*2^(")?.strip_suffix("*tanh(y))")?.parse().ok().filter(|x| (0.01..=2.0).contains(x)),
-        }
     }
 
     /// Numbers of the `state` input.
@@ -215,7 +205,6 @@ impl Contract {
             elevation_offset: self.lattice.elevation_offset_rad,
             v_max: self.v_max_mps,
             a_max: self.a_max_mps2,
-            duration_octaves: self.duration_octaves().unwrap_or(0.0),
             target_depth_scale: self.target_depth_scale_m,
             hfov: self.image.hfov_rad,
             vfov: self.image.vfov_rad,
@@ -225,10 +214,9 @@ impl Contract {
     }
 }
 
-fn expected_channels(task: PolicyTask, durations: bool) -> Vec<&'static str> {
+fn expected_channels(task: PolicyTask) -> Vec<&'static str> {
     let target: &[&str] = if task == PolicyTask::Track { &TARGET_CHANNELS } else { &[] };
-    let duration: &[&str] = if durations { &["duration"] } else { &[] };
-    [&NAVIGATE_CHANNELS, target, duration].concat()
+    [&NAVIGATE_CHANNELS, target].concat()
 }
 
 fn same<A, B>(field: &'static str, found: &A, needed: &B) -> Result<(), ContractError>

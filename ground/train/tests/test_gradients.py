@@ -61,12 +61,10 @@ def final_gradient(value: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
 
 def test_smoothness_gradient_is_twice_df_bfp_plus_dp_bpp(config: Config, maps: SceneMaps, d: torch.Tensor) -> None:
     model = CostModel(config, maps, dtype=F64)
-    jerk, acceleration = config.costs.jerk / 6.0**5, config.costs.acceleration / 6.0**3
-    b = torch.tensor(jerk * quintic.gram(config.duration_s, 3) + acceleration * quintic.gram(config.duration_s, 2))
-    lasts = torch.full((2, 15), config.duration_s, dtype=F64)
+    b = model.smooth_66
     closed = 2 * torch.einsum("bnic,ij->bnjc", d[:, :, :3], b[:3, 3:])
     closed = closed + 2 * torch.einsum("bnic,ij->bnjc", d[:, :, 3:], b[3:, 3:])
-    torch.testing.assert_close(final_gradient(model.smoothness(d, lasts), d), closed)
+    torch.testing.assert_close(final_gradient(model.smoothness(d), d), closed)
 
 
 def test_smoothness_is_the_integral_of_squared_jerk_and_acceleration(config: Config, maps: SceneMaps) -> None:
@@ -77,8 +75,7 @@ def test_smoothness_is_the_integral_of_squared_jerk_and_acceleration(config: Con
     for order, weight in ((3, config.costs.jerk / 6.0**5), (2, config.costs.acceleration / 6.0**3)):
         rows = np.stack([quintic.derivative_row(t, order) for t in times])
         integral += weight * np.trapezoid(((rows @ coefficients) ** 2).sum(1), times)
-    lasts = torch.full((1, 1), config.duration_s, dtype=F64)
-    value = float(CostModel(config, maps, dtype=F64).smoothness(d, lasts)[0, 0])
+    value = float(CostModel(config, maps, dtype=F64).smoothness(d)[0, 0])
     assert value == pytest.approx(integral, rel=1e-6)
 
 

@@ -80,8 +80,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             azimuth_offset: 15_f64.to_radians(),
             elevation_offset: 15_f64.to_radians(),
             v_max: 6.0,
-            duration_octaves: 0.0,
-        a_max: 6.0,
+            a_max: 6.0,
             target_depth_scale: 5.0,
             hfov,
             vfov,
@@ -359,7 +358,7 @@ impl Loop {
             let direction = line.try_normalize(1e-6).unwrap_or_default();
             FlatState { pos: pos + direction * reach, vel: direction * (2.0 * self.haste), acc: Vec3::zeros() }
         });
-        let candidate = Candidate { end, stretch: 1.0, cost: 1.0, objectness: 1.0, target_world: target, rejection: None };
+        let candidate = Candidate { end, cost: 1.0, objectness: 1.0, target_world: target, rejection: None };
         let estimate = target.map(|at| TargetEstimate {
             stamp: self.now,
             pos_world: at,

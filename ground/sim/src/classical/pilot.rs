@@ -110,7 +110,7 @@ impl<'a> Classical<'a> {
         let odometry = seen.odometry;
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: seen.acc_world };
         let candidate =
-            Candidate { end: start, stretch: 1.0, cost: 0.0, objectness: 1.0, target_world: None, rejection: Some(Rejection::Cost) };
+            Candidate { end: start, cost: 0.0, objectness: 1.0, target_world: None, rejection: Some(Rejection::Cost) };
         Ok(Plan {
             seq: seen.seq,
             stamp: odometry.stamp,
