@@ -19,4 +19,11 @@ if __name__ == "__main__":
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C, a simulator that it runs with it
     from goshawk_train.cli import main
 
-    raise SystemExit(main())
+    status = main()
+    if int(os.environ.get("WORLD_SIZE", "1")) > 1:
+        # One of several workers: threads of the process group may still let go of tensors, which aborts a process whose
+        # interpreter is on its way out (pytorch/pytorch#179291). All files are closed by now.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    raise SystemExit(status)
