@@ -91,7 +91,7 @@ def load(path: Path) -> Plan:
         plan = Plan(config=config, campaigns=campaigns, changes=changes, **numbers)
         for change in changes:
             plan.trained(change)
-    except (OSError, tomllib.TOMLDecodeError, ConfigError, KeyError, TypeError, ValueError) as error:
+    except (OSError, tomllib.TOMLDecodeError, ConfigError, KeyError, AttributeError, TypeError, ValueError) as error:
         raise FlightsError(f"{path} lists no ablations: {error}") from error
     return plan
 

@@ -172,6 +172,11 @@ def test_an_ablation_changes_a_field_that_there_is(tmp_path: Path) -> None:
         plan.write_text(text.replace("network.channels", field))
         with pytest.raises(flights.FlightsError, match=field):
             ablations.load(plan)
+    plan.write_text("set = 'costs.clearance'\n" + text)
+    with pytest.raises(flights.FlightsError, match="lists no ablations"):
+        ablations.load(plan)
+    plan.write_text("set = { 'costs.clearance' = 7.0 }\n" + text)
+    assert ablations.load(plan).config.costs.clearance == 7
     plan.write_text(text)
     with pytest.raises(flights.FlightsError, match="half-as-wide-one-scene"):
         ablations.load(plan).only(["nothing"])
