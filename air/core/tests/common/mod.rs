@@ -89,9 +89,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
         },
         target: TargetConfig {
             acc_variance: [16.0, 16.0, 8.0],
-            lateral_variance: 0.01,
-            range_variance: 0.035,
-            range_doubt: 40.0,
+            measurement_variance: 0.02,
             variance_distance: 6.0,
             gate: 5.0,
             confirm_hits: 4,
