@@ -1,7 +1,8 @@
 """The flight table: campaigns listed in a TOML file, flown one after the other, kept as JSON and written as Markdown.
 
-A row that was flown with the same options, simulator and policy is not flown again, so that a table of hours can be
-stopped and gone on with.
+A row that was flown with the same options and policy is not flown again, so that a table of hours can be stopped and
+gone on with. What else decides a flight, the simulator and the vehicle file, it does not compare: delete a row's JSON
+after they changed.
 """
 
 from __future__ import annotations
