@@ -13,17 +13,17 @@ from goshawk_dashboards.snapshot import ELIGIBLE, Array, PlanView
 
 
 def coefficients_N63(
-    start_3: tuple[Array, Array, Array], end_N3: tuple[Array, Array, Array], duration_N: Array
+    start_3: tuple[Array, Array, Array], end_N3: tuple[Array, Array, Array], duration_s: float
 ) -> Array:
-    """The quintics from one (position, velocity, acceleration) to N others, each in its duration, s, above 0.
+    """The quintics from one (position, velocity, acceleration) to N others in ``duration_s`` > 0.
 
-    Raises ValueError if a duration is not positive and finite.
+    Raises ValueError if the duration is not positive and finite.
     """
-    if not np.all(np.isfinite(duration_N) & (duration_N > 0.0)):
-        raise ValueError(f"durations must be positive and finite, not {duration_N} s")
+    if not (np.isfinite(duration_s) and duration_s > 0.0):
+        raise ValueError(f"duration must be positive and finite, not {duration_s} s")
     pos, vel, acc = start_3
     end_pos, end_vel, end_acc = end_N3
-    t = duration_N[:, None]
+    t = duration_s
     # What is left of each derivative at T after the start state has run on alone.
     gap_pos = end_pos - (pos + vel * t + 0.5 * acc * t**2)
     gap_vel = (end_vel - (vel + acc * t)) * t
@@ -36,25 +36,25 @@ def coefficients_N63(
     return out
 
 
-def evaluate_NS3(coef_N63: Array, times_NS: Array, derivative: int = 0) -> Array:
+def evaluate_NS3(coef_N63: Array, times_S: Array, derivative: int = 0) -> Array:
     """The trajectories, or their ``derivative``-th derivative, at each time."""
     powers = np.arange(6)
     factor_6 = np.ones(6)
     for k in range(derivative):
         factor_6 *= np.maximum(powers - k, 0)
     exponent_6 = np.maximum(powers - derivative, 0)
-    basis_NS6 = factor_6 * times_NS[..., None] ** exponent_6
-    return basis_NS6 @ coef_N63
+    basis_S6 = factor_6 * np.asarray(times_S)[:, None] ** exponent_6
+    return np.einsum("sk,nka->nsa", basis_S6, coef_N63)
 
 
 def plan_curves_NS3(plan: PlanView, samples: int = 24) -> Array:
-    """Positions along every candidate of a plan, evenly spaced in time from 0 to its own duration, world frame."""
+    """Positions along every candidate of a plan, evenly spaced in time from 0 to its duration, world frame."""
     coef_N63 = coefficients_N63(
         (plan.start_pos_world_3, plan.start_vel_world_3, plan.start_acc_world_3),
         (plan.end_pos_world_N3, plan.end_vel_world_N3, plan.end_acc_world_N3),
-        plan.duration_N,
+        plan.duration_s,
     )
-    return evaluate_NS3(coef_N63, plan.duration_N[:, None] * np.linspace(0.0, 1.0, samples))
+    return evaluate_NS3(coef_N63, np.linspace(0.0, plan.duration_s, samples))
 
 
 def choices_N(plan: PlanView) -> NDArray[np.bool_]:

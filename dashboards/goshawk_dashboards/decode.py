@@ -74,17 +74,15 @@ def fallback_name(value: int) -> str:
 
 
 def plan(m: pb.Plan) -> view.PlanView:
-    """A plan; every candidate complete, ``chosen`` one of them, durations positive."""
+    """A plan; every candidate complete, ``chosen`` one of them, duration positive."""
     cands = m.candidates
     if len(cands) > MAX_CANDIDATES:
         raise MalformedError(f"plan has {len(cands)} candidates, at most {MAX_CANDIDATES} are read")
     chosen = m.chosen if m.HasField("chosen") else None
     if chosen is not None and chosen >= len(cands):
         raise MalformedError(f"plan chose candidate {chosen} of {len(cands)}")
-    # Logs from before durations were predicted have one for all.
-    duration_N = _array("candidate duration", [c.duration_s or m.duration_s for c in cands], (-1,))
-    if not (duration_N > 0.0).all():
-        raise MalformedError(f"plan has a candidate that lasts {duration_N.min()} s")
+    if not (math.isfinite(m.duration_s) and m.duration_s > 0.0):
+        raise MalformedError(f"plan lasts {m.duration_s} s")
     detections = all(c.HasField("target_pos_world") for c in cands) and len(cands) > 0
     return view.PlanView(
         seq=m.seq,
@@ -94,7 +92,7 @@ def plan(m: pb.Plan) -> view.PlanView:
         start_vel_world_3=_vec("plan start velocity", m.start_vel_world),
         start_acc_world_3=_vec("plan start acceleration", m.start_acc_world),
         world_from_cam_4=_quat("plan camera attitude", m.world_from_cam),
-        duration_N=duration_N,
+        duration_s=m.duration_s,
         alpha=_number("plan alpha", m.alpha),
         end_pos_world_N3=_vecs("candidate position", (c.end_pos_world for c in cands)),
         end_vel_world_N3=_vecs("candidate velocity", (c.end_vel_world for c in cands)),

@@ -26,11 +26,8 @@ def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | No
     colors_N3[colored_N] = theme.cost_colors_N3(plan.cost_N[colored_N])
     other = replayed.chosen if replayed is not None else None
     cells = "".join(_cell(plan, k, colors_N3[k], k == plan.chosen, k == other) for k in range(len(plan.cost_N)))
-    words = f"plan {plan.seq}, "
-    if plan.chosen is None:
-        words += "nothing was eligible"
-    else:
-        words += f"candidate {plan.chosen + 1} flown, lasts {plan.duration_N[plan.chosen]:.2f} s"
+    chosen = "nothing was eligible" if plan.chosen is None else f"candidate {plan.chosen + 1} flown"
+    words = f"plan {plan.seq}, {chosen}, lasts {plan.duration_s:.2f} s"
     if replayed is not None:
         words += f'; <span style="color:{theme.css(theme.REPLAY)}">{_replay_words(plan, replayed)}</span>'
     return (

@@ -33,8 +33,8 @@ class PlanView:
     start_vel_world_3: Array
     start_acc_world_3: Array
     world_from_cam_4: Array
-    duration_N: Array
-    """Duration of each trajectory, s, > 0."""
+    duration_s: float
+    """Duration of every trajectory, > 0."""
     alpha: float
     end_pos_world_N3: Array
     end_vel_world_N3: Array

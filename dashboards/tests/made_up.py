@@ -21,7 +21,7 @@ def make_plan(seq: int = 1, chosen: int | None = 7) -> view.PlanView:
         start_vel_world_3=np.array([1.0, 0.0, 0.0]),
         start_acc_world_3=np.zeros(3),
         world_from_cam_4=IDENTITY_4,
-        duration_N=np.full(15, 1.5),
+        duration_s=1.5,
         alpha=1.0,
         end_pos_world_N3=end,
         end_vel_world_N3=np.tile([2.0, 0.0, 0.0], (15, 1)),

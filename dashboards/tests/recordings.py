@@ -109,7 +109,6 @@ def plan(time_s: float, seq: int, chosen: int = 7) -> pb.Plan:
             end_pos_world=pb.Vec3f(x=x + 5 * math.cos(azimuth), y=y + 5 * math.sin(azimuth), z=z + up),
             end_vel_world=pb.Vec3f(x=3.0),
             end_acc_world=pb.Vec3f(),
-            duration_s=1.5 + 0.1 * (k // 5),
             cost=1.0 + 0.1 * abs(k - chosen),
             objectness=0.9 if k == chosen else 0.1,
             target_pos_world=pb.Vec3f(x=x + 6.0, y=y, z=0.95),

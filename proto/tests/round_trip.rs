@@ -35,7 +35,6 @@ fn candidate() -> Candidate {
         objectness: 5.5,
         target_pos_world: vec3f(),
         rejection: Rejection::Invalid.into(),
-        duration_s: 8.5,
     }
 }
 

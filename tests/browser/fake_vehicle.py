@@ -181,7 +181,6 @@ class FakeVehicle:
                     end_pos_world=vecf(m.pos + reach * out),
                     end_vel_world=vecf(2.5 * out),
                     end_acc_world=vecf(np.zeros(3)),
-                    duration_s=duration * (1.0 + 0.2 * row),
                     cost=0.5 + off + 0.1 * row,
                     objectness=math.exp(-3 * off * off),
                     target_pos_world=vecf(m.target_pos + self.np_rng.normal(0, 0.1, 3)),

@@ -29,7 +29,7 @@ GRAVITY = 9.80665
 ROWS, COLUMNS = 3, 5
 ANCHORS = ROWS * COLUMNS
 MAX_ACC = 8.0
-CHANNELS = 15
+CHANNELS = 14
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,6 @@ class Policy:
     elevation_offset: float = float(np.deg2rad(15.0))
     v_max: float = 6.0
     a_max: float = 6.0
-    duration_octaves: float = 0.5
     target_depth_scale: float = 5.0
 
 
@@ -208,7 +207,6 @@ def decode_anchor(policy: Policy, y_C: Array, index: int, alpha: float, start_3:
         "end_pos": (start_3 + rotation @ end_cam).tolist(),
         "end_vel": vel.tolist(),
         "end_acc": acc.tolist(),
-        "duration": 2 * policy.radius / (alpha * policy.v_max) * 2 ** (policy.duration_octaves * np.tanh(y_C[14])),
         "cost": float(softplus[0]),
         "objectness": float(sigma[0]),
         "target": target[:3].tolist(),

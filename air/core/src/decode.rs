@@ -40,9 +40,16 @@ const OBJECTNESS: usize = 10;
 const DELTA_U: usize = 11;
 const DELTA_V: usize = 12;
 const DISTANCE: usize = 13;
-/// Of the last channel, if there is one, as a share of T.
-const DURATION: usize = 14;
-const CHANNELS: usize = 15;
+const CHANNELS: usize = 14;
+
+/// Channels of one anchor.
+#[must_use]
+pub const fn channels(task: Task) -> usize {
+    match task {
+        Task::Track => CHANNELS,
+        Task::Navigate => 10,
+    }
+}
 
 impl Decoder {
     /// A decoder for `policy` seen through `camera`.
@@ -77,15 +84,14 @@ impl Decoder {
     #[must_use]
     pub fn decode(&self, output: &NetworkOutput, alpha: f64, pose: &FramePose) -> [Candidate; ANCHORS] {
         let p = &self.policy;
-        let (y, finite) = activated(output, p);
-        let duration = self.duration(alpha);
+        let (y, finite) = activated(output, channels(p.task));
         let pos_cam = self.end_positions(&y);
         let vel_cam = self.vectors_cam(&y, VELOCITY, alpha * p.v_max);
         let acc_cam = self.vectors_cam(&y, ACCELERATION, alpha * alpha * p.a_max);
         let world_from_cam = pose.world_from_cam.to_rotation_matrix();
         std::array::from_fn(|index| {
             if !finite[index] {
-                return self.bare_anchor(index, duration, pose);
+                return self.bare_anchor(index, pose);
             }
             let target_world =
                 (p.task == Task::Track).then(|| pose.cam_world + world_from_cam * self.detection(&y, index));
@@ -95,7 +101,6 @@ impl Decoder {
                     vel: world_from_cam * vel_cam[index],
                     acc: world_from_cam * acc_cam[index],
                 },
-                duration: duration * f64::from(y[DURATION][index]),
                 cost: y[COST][index].into(),
                 objectness: y[OBJECTNESS][index].into(),
                 target_world,
@@ -145,11 +150,10 @@ impl Decoder {
     }
 
     /// Stands in for values that are not finite.
-    fn bare_anchor(&self, index: usize, duration: f64, pose: &FramePose) -> Candidate {
+    fn bare_anchor(&self, index: usize, pose: &FramePose) -> Candidate {
         let pos = pose.start_world + pose.world_from_cam * self.lattice.primitive(index);
         Candidate {
             end: FlatState { pos, ..FlatState::default() },
-            duration,
             cost: f64::from(f32::MAX),
             objectness: 0.0,
             target_world: None,
@@ -167,29 +171,18 @@ fn double(v: [f32; 3]) -> Vec3 {
     Vec3::from(v.map(f64::from))
 }
 
-/// The channels after their output functions, and for which anchors all of them are finite. Navigation's objectness is
-/// 1, and so is a duration that is not predicted.
-fn activated(output: &NetworkOutput, policy: &PolicyModel) -> ([Lanes; CHANNELS], [bool; LANES]) {
+/// The channels after their output functions, and for which anchors all of them are finite. Navigation's objectness is 1.
+fn activated(output: &NetworkOutput, channels: usize) -> ([Lanes; CHANNELS], [bool; LANES]) {
     let (mut y, mut finite) = ([[0.0; LANES]; CHANNELS], [true; LANES]);
-    let tracks = policy.task == Task::Track;
-    let mut channels = output.values.chunks_exact(ANCHORS);
-    let mut take = |lanes: &mut [Lanes]| {
-        for (lanes, values) in lanes.iter_mut().zip(&mut channels) {
-            for (k, value) in values.iter().enumerate() {
-                lanes[k] = *value;
-                finite[k] &= value.is_finite();
-            }
+    for (lanes, values) in y.iter_mut().zip(output.values.chunks_exact(ANCHORS)).take(channels) {
+        for (k, value) in values.iter().enumerate() {
+            lanes[k] = *value;
+            finite[k] &= value.is_finite();
         }
-    };
-    take(&mut y[..if tracks { DURATION } else { OBJECTNESS }]);
-    if policy.duration_octaves > 0.0 {
-        take(&mut y[DURATION..]);
     }
     tanh(y[..COST].as_flattened_mut());
     softplus(&mut y[COST]);
-    tanh(&mut y[DURATION]);
-    y[DURATION] = y[DURATION].map(|bounded| (bounded * policy.duration_octaves as f32).exp2());
-    if tracks {
+    if channels == CHANNELS {
         sigmoid(y[OBJECTNESS..=DELTA_V].as_flattened_mut());
         softplus(&mut y[DISTANCE]);
     } else {
@@ -205,7 +198,6 @@ fn validate(policy: &PolicyModel, camera: &CameraModel) -> Result<(), ConfigErro
     check("policy.elevation_offset", policy.elevation_offset, "above 0 and below pi/2", acute)?;
     positive("policy.v_max", policy.v_max)?;
     positive("policy.a_max", policy.a_max)?;
-    check("policy.duration_octaves", policy.duration_octaves, "0 to 2", |x| (0.0..=2.0).contains(&x))?;
     positive("policy.target_depth_scale", policy.target_depth_scale)?;
     let view = |x: f64| x > 0.0 && x < std::f64::consts::PI;
     check("policy.hfov", policy.hfov, "above 0 and below pi", view)?;
@@ -243,7 +235,6 @@ mod tests {
             elevation_offset: 15_f64.to_radians(),
             v_max: 6.0,
             a_max: 6.0,
-            duration_octaves: 0.0,
             target_depth_scale: 5.0,
             hfov,
             vfov,
@@ -293,35 +284,6 @@ mod tests {
     }
 
     #[test]
-    fn a_predicted_duration_is_the_last_channel_of_each_task() {
-        for (task, last) in [(Task::Track, 14), (Task::Navigate, 10)] {
-            let p = PolicyModel { duration_octaves: 1.0, ..policy(task) };
-            let decoder = Decoder::new(p, &camera(&p)).unwrap();
-            let mut output = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
-            for (anchor, y) in [(3, 20.0), (4, -20.0), (5, 0.5), (6, f32::NAN)] {
-                output.values[last * ANCHORS + anchor] = y;
-            }
-            let candidates = decoder.decode(&output, 0.5, &level());
-            let t = decoder.duration(0.5);
-            for (anchor, octaves) in [(2, 0.0), (3, 1.0), (4, -1.0), (5, 0.5f64.tanh())] {
-                assert!((candidates[anchor].duration - t * octaves.exp2()).abs() < 1e-5, "{task:?} {anchor}");
-            }
-            assert_eq!(candidates[6].rejection, Some(Rejection::Invalid));
-            assert!((candidates[6].duration - t).abs() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn a_duration_that_is_not_predicted_is_that_of_all() {
-        let output = NetworkOutput { values: [0.7; MAX_CHANNELS * ANCHORS] };
-        for task in [Task::Track, Task::Navigate] {
-            let decoder = decoder(task);
-            let t = decoder.duration(1.5);
-            assert!(decoder.decode(&output, 1.5, &level()).iter().all(|c| (c.duration - t).abs() < 1e-12));
-        }
-    }
-
-    #[test]
     fn a_camera_of_another_field_of_view_is_refused() {
         let p = policy(Task::Track);
         let other = CameraModel { hfov: 1.2, ..camera(&p) };
@@ -337,17 +299,14 @@ mod tests {
         fn whatever_the_network_says_candidates_are_finite_and_bounded(
             values in prop::collection::vec(any_value(), MAX_CHANNELS * ANCHORS), alpha in 0.2..3.0
         ) {
-            let p = PolicyModel { duration_octaves: 1.0, ..policy(Task::Track) };
-            let decoder = Decoder::new(p, &camera(&p)).unwrap();
+            let decoder = decoder(Task::Track);
             let output = NetworkOutput { values: values.clone().try_into().unwrap() };
             for (index, c) in decoder.decode(&output, alpha, &level()).iter().enumerate() {
-                let finite = (0..MAX_CHANNELS).all(|channel| values[channel * ANCHORS + index].is_finite());
+                let finite = (0..14).all(|channel| values[channel * ANCHORS + index].is_finite());
                 prop_assert_eq!(c.rejection, if finite { None } else { Some(Rejection::Invalid) });
                 prop_assert!(c.end.pos.norm() <= 10.0 + 1e-5);
                 prop_assert!(c.end.vel.amax() <= alpha * 6.0 * 3f64.sqrt() * (1.0 + 1e-6));
                 prop_assert!(c.end.acc.amax() <= alpha * alpha * 6.0 * 3f64.sqrt() * (1.0 + 1e-6));
-                let octaves = (c.duration / decoder.duration(alpha)).log2();
-                prop_assert!(octaves.abs() <= 1.0 + 1e-6);
                 prop_assert!(c.cost.is_finite() && c.cost >= 0.0);
                 prop_assert!((0.0..=1.0).contains(&c.objectness));
                 prop_assert!(c.target_world.is_none_or(|t| t.iter().all(|x| x.is_finite())));

@@ -41,8 +41,6 @@ pub struct PolicyModel {
     pub v_max: f64,
     /// Largest acceleration in training, m/s².
     pub a_max: f64,
-    /// Predicted durations are 2^± of this times T; 0: all last T.
-    pub duration_octaves: f64,
     /// Metres for one unit of softplus(y_d).
     pub target_depth_scale: f64,
     /// Horizontal field of view of the training images, rad.
@@ -192,9 +190,10 @@ impl Planner {
         let mut candidates = self.decoder.decode(input.network, alpha, &pose);
         let stamp = odometry.stamp;
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world };
+        let duration = self.decoder.duration(alpha);
         let chosen = match self.config.policy.task {
             Task::Navigate => {
-                let meeting = |c: &Candidate| self.obstacles.meeting(&Quintic::new(&start, &c.end, c.duration), None);
+                let meeting = |c: &Candidate| self.obstacles.meeting(&Quintic::new(&start, &c.end, duration), None);
                 select(Some(meeting), &[None; ANCHORS], &mut candidates)
             }
             Task::Track => {
@@ -203,7 +202,7 @@ impl Planner {
                     let (chase, obstacles) = (&self.config.chase, &self.obstacles);
                     let ignored = about(&target);
                     move |c: &Candidate| {
-                        let trajectory = Quintic::new(&start, &c.end, c.duration);
+                        let trajectory = Quintic::new(&start, &c.end, duration);
                         chase.crowding(&trajectory, &target) + obstacles.meeting(&trajectory, Some(&ignored))
                     }
                 });
@@ -215,7 +214,7 @@ impl Planner {
             stamp,
             start,
             world_from_cam,
-            duration: self.decoder.duration(alpha),
+            duration,
             alpha,
             candidates,
             chosen,

@@ -44,8 +44,8 @@ impl Plans {
         if let Some(candidate) = chosen {
             let states = [&plan.start, &candidate.end];
             let whole = states.iter().all(|s| finite(&s.pos) && finite(&s.vel) && finite(&s.acc));
-            if whole && candidate.duration.is_finite() && candidate.duration > 1e-3 {
-                let quintic = Quintic::new(&plan.start, &candidate.end, candidate.duration);
+            if whole && plan.duration.is_finite() && plan.duration > 1e-3 {
+                let quintic = Quintic::new(&plan.start, &candidate.end, plan.duration);
                 self.flown = Some(Flown { seq: plan.seq, stamp: plan.stamp, quintic });
             }
         }
@@ -117,13 +117,13 @@ mod tests {
 
     fn plan(seq: u64, stamp: f64, duration: f64, chosen: Option<usize>) -> Plan {
         let end = FlatState { pos: Vec3::x(), ..FlatState::default() };
-        let candidate = Candidate { end, duration, cost: 0.0, objectness: 1.0, target_world: None, rejection: None };
+        let candidate = Candidate { end, cost: 0.0, objectness: 1.0, target_world: None, rejection: None };
         Plan {
             seq,
             stamp: Time::from_secs(stamp),
             start: FlatState::default(),
             world_from_cam: Rot::identity(),
-            duration: 9.0, // is not its candidates'
+            duration,
             alpha: 1.0,
             candidates: [candidate; ANCHORS],
             chosen,

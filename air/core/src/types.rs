@@ -67,7 +67,7 @@ pub struct Odometry {
 pub const ANCHORS: usize = 15;
 
 /// Most output channels that any task has for an anchor.
-pub const MAX_CHANNELS: usize = 15;
+pub const MAX_CHANNELS: usize = 14;
 
 /// What the policy is asked to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +79,7 @@ pub enum Task {
 }
 
 /// The raw network output of one frame: `channels × rows × columns`, row-major, as the contract lays it out
-/// (θ, φ, r, v xyz, a xyz, cost, then for tracking objectness, Δu, Δv, distance; then the duration, if it is predicted).
+/// (θ, φ, r, v xyz, a xyz, cost, then for tracking objectness, Δu, Δv, distance).
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkOutput {
     /// Channel-major values; only the first `channels × ANCHORS` are meaningful.
@@ -117,8 +117,6 @@ pub enum Rejection {
 pub struct Candidate {
     /// f(T), world frame.
     pub end: FlatState,
-    /// When it is there, s.
-    pub duration: f64,
     /// Predicted cost; lower is better.
     pub cost: f64,
     /// Probability that the cell holds the target, 0..=1; 1 in navigation.

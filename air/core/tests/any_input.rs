@@ -24,7 +24,7 @@ prop_compose! {
         duration in number(), age in 0.0..0.5f64, target in prop::option::of((vector(), vector(), any::<bool>()))
     ) -> (f64, Plan) {
         let state = FlatState { pos, vel, acc };
-        let candidate = Candidate { end: state, duration, cost: 1.0, objectness: 1.0, target_world: None, rejection: None };
+        let candidate = Candidate { end: state, cost: 1.0, objectness: 1.0, target_world: None, rejection: None };
         let estimate = target.map(|(pos_world, vel_world, confirmed)| TargetEstimate {
             stamp: Time(0), pos_world, vel_world, covariance: nalgebra::Matrix6::identity(), confirmed, last_seen: Time(0),
         });

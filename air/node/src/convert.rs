@@ -62,7 +62,6 @@ fn candidate(c: &core::Candidate) -> v1::Candidate {
         end_pos_world: Some(vec3f(c.end.pos)),
         end_vel_world: Some(vec3f(c.end.vel)),
         end_acc_world: Some(vec3f(c.end.acc)),
-        duration_s: c.duration,
         cost: c.cost as f32,
         objectness: c.objectness as f32,
         target_pos_world: c.target_world.map(vec3f),

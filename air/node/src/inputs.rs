@@ -96,9 +96,6 @@ impl FrameInput {
     /// From the log; none: a part is missing.
     #[must_use]
     pub fn from_proto(m: &v1::PlannerInput) -> Option<Self> {
-        // A policy of fewer channels says less.
-        let mut network = NetworkOutput { values: [0.0; goshawk_core::MAX_CHANNELS * goshawk_core::ANCHORS] };
-        network.values.get_mut(..m.prediction.len())?.copy_from_slice(&m.prediction);
         Some(FrameInput {
             seq: m.seq,
             odometry: odometry_from(m.odometry.as_ref()?)?,
@@ -107,7 +104,7 @@ impl FrameInput {
             goal_world: m.goal_world.map(vector),
             nearest: nearest_from(&m.nearest_mm)?,
             state: m.state.as_slice().try_into().ok()?,
-            network,
+            network: NetworkOutput { values: m.prediction.as_slice().try_into().ok()? },
         })
     }
 }

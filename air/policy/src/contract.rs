@@ -43,8 +43,7 @@ pub struct Contract {
     pub v_max_mps: f64,
     /// Largest acceleration in training, m/s².
     pub a_max_mps2: f64,
-    /// Duration of the trajectories: [`DURATION_RULE`], or that times `*2^(K*tanh(y))` with a K of 0.01 to 2 and y the
-    /// last channel, "duration".
+    /// T of the trajectories; only [`DURATION_RULE`] is honoured.
     pub duration_rule: String,
     /// Metres for one unit of softplus(y_d).
     pub target_depth_scale_m: f64,
@@ -180,23 +179,11 @@ impl Contract {
         within("lattice.azimuth_offset_rad", self.lattice.azimuth_offset_rad, 0.0, right_angle)?;
         within("v_max_mps", self.v_max_mps, 0.1, 100.0)?;
         within("a_max_mps2", self.a_max_mps2, 0.1, 1000.0)?;
-        let Some(octaves) = self.duration_octaves() else {
-            return same("duration_rule", &self.duration_rule.as_str(), &DURATION_RULE);
-        };
+        same("duration_rule", &self.duration_rule.as_str(), &DURATION_RULE)?;
         within("target_depth_scale_m", self.target_depth_scale_m, 0.01, 100.0)?;
         same("state", &self.state, &STATE)?;
-        same("channels", &self.channels, &expected_channels(self.task, octaves > 0.0))?;
+        same("channels", &self.channels, &expected_channels(self.task))?;
         within("camera_tilt_rad", self.camera_tilt_rad, -right_angle, right_angle)
-    }
-
-    /// Of a predicted duration, which is up to 2^± of this times T; 0 if none is; none for a rule that is not known.
-    fn duration_octaves(&self) -> Option<f64> {
-        let rest = self.duration_rule.strip_prefix(DURATION_RULE)?;
-        if rest.is_empty() {
-            return Some(0.0);
-        }
-        let octaves: f64 = rest.strip_prefix("*2^(")?.strip_suffix("*tanh(y))")?.parse().ok()?;
-        (0.01..=2.0).contains(&octaves).then_some(octaves)
     }
 
     /// Numbers of the `state` input.
@@ -218,7 +205,6 @@ impl Contract {
             elevation_offset: self.lattice.elevation_offset_rad,
             v_max: self.v_max_mps,
             a_max: self.a_max_mps2,
-            duration_octaves: self.duration_octaves().unwrap_or(0.0),
             target_depth_scale: self.target_depth_scale_m,
             hfov: self.image.hfov_rad,
             vfov: self.image.vfov_rad,
@@ -228,10 +214,9 @@ impl Contract {
     }
 }
 
-fn expected_channels(task: PolicyTask, durations: bool) -> Vec<&'static str> {
+fn expected_channels(task: PolicyTask) -> Vec<&'static str> {
     let target: &[&str] = if task == PolicyTask::Track { &TARGET_CHANNELS } else { &[] };
-    let duration: &[&str] = if durations { &["duration"] } else { &[] };
-    [&NAVIGATE_CHANNELS, target, duration].concat()
+    [&NAVIGATE_CHANNELS, target].concat()
 }
 
 fn same<A, B>(field: &'static str, found: &A, needed: &B) -> Result<(), ContractError>
@@ -291,19 +276,6 @@ mod tests {
         contract["channels"] = json!(NAVIGATE_CHANNELS);
         let contract = read(&contract).unwrap();
         assert_eq!((contract.model().task, contract.state_len()), (Task::Navigate, 13));
-    }
-
-    #[test]
-    fn predicted_durations_are_a_rule_and_a_channel() {
-        let rule = |k: &str| with("/duration_rule", json!(format!("2r/(alpha*v_max)*2^({k}*tanh(y))")));
-        let mut durations = rule("0.5");
-        assert!(read(&durations).unwrap_err().to_string().contains("channels"), "the channel is missing");
-        durations["channels"].as_array_mut().unwrap().push(json!("duration"));
-        assert_eq!(read(&durations).unwrap().model().duration_octaves, 0.5);
-        assert_eq!(read(&track()).unwrap().model().duration_octaves, 0.0);
-        for k in ["3", "0", "-1", "nan", "x"] {
-            assert!(read(&rule(k)).unwrap_err().to_string().contains("duration_rule"), "{k}");
-        }
     }
 
     #[test]

@@ -128,7 +128,7 @@ class _Messages:
         ]
         yield "/plan/candidates", _type("visualization_msgs/msg/MarkerArray")(markers=markers)
         if lines.chosen is not None:
-            times_S = np.linspace(0.0, plan.duration_N[lines.chosen], SAMPLES)
+            times_S = np.linspace(0.0, plan.duration_s, SAMPLES)
             poses = [
                 _type("geometry_msgs/msg/PoseStamped")(
                     header=_header(plan.frame_ns + int(t * 1e9), frames.WORLD), pose=_pose(p_3)

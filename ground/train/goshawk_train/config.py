@@ -73,12 +73,10 @@ class MotionConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
-    """Size of the network; `channels` of the backbone's four stages (ResNet-18: 64, 128, 256, 512). A
-    trajectory's duration is 2^±`duration_octaves` of T, 0 as in the paper."""
+    """Size of the network; `channels` of the backbone's four stages (ResNet-18: 64, 128, 256, 512)."""
 
     channels: tuple[int, int, int, int]
     head_channels: int
-    duration_octaves: float
     target_depth_scale_m: float
 
 
@@ -101,7 +99,6 @@ class CostConfig:
     feasibility: float
     goal: float
     progress: float
-    duration: float
     idle: float
     trajectory_loss: float
     lambda_negative: float
@@ -214,11 +211,7 @@ class Config:
     def channel_names(self) -> list[str]:
         """The network's outputs for an anchor, in order."""
         names = ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost"]
-        return (
-            names
-            + (["objectness", "du", "dv", "distance"] if self.task == "track" else [])
-            + (["duration"] if self.network.duration_octaves else [])
-        )
+        return names + (["objectness", "du", "dv", "distance"] if self.task == "track" else [])
 
     def validate(self) -> None:
         """Raise `ConfigError` where values contradict each other."""
@@ -246,8 +239,6 @@ class Config:
         for name, value in positive.items():
             if not value > 0:
                 raise ConfigError(f"{name} must be above 0")
-        if not 0 <= self.network.duration_octaves <= 2:
-            raise ConfigError("network.duration_octaves must be 0 to 2, as the flight code takes it")
         if self.assign.ignored_m < self.assign.positive_m:
             raise ConfigError("assign.ignored_m must not be below assign.positive_m")
 

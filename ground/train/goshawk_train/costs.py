@@ -45,7 +45,6 @@ class CostTerms:
     goal_BN: Tensor
     progress_BN: Tensor
     idle_BN: Tensor
-    duration_BN: Tensor
     min_distance_BN: Tensor
     pos_rel_BNK3: Tensor
 
@@ -60,7 +59,6 @@ class CostTerms:
             + self.goal_BN
             + self.progress_BN
             + self.idle_BN
-            + self.duration_BN
         )
 
 
@@ -70,42 +68,33 @@ class CostModel:
     def __init__(self, config: Config, maps: SceneMaps, *, dtype: torch.dtype = torch.float32) -> None:
         self.config, self.maps = config, maps
         duration, costs, v_max = config.duration_s, config.costs, config.motion.v_max_mps
-        self.duration_s = duration
-        self.jerk_66 = torch.tensor(costs.jerk / v_max**5 * quintic.gram(1.0, 3), dtype=dtype)
-        self.acceleration_66 = torch.tensor(costs.acceleration / v_max**3 * quintic.gram(1.0, 2), dtype=dtype)
-        self.rows_3K6 = torch.tensor(quintic.sample_rows(1.0, costs.samples), dtype=dtype)
+        jerk = costs.jerk / v_max**5 * quintic.gram(duration, 3)
+        acceleration = costs.acceleration / v_max**3 * quintic.gram(duration, 2)
+        self.smooth_66 = torch.tensor(jerk + acceleration, dtype=dtype)
+        """Symmetric; B of the paper for both derivatives, weights included."""
+        self.rows_3K6 = torch.tensor(quintic.sample_rows(duration, costs.samples), dtype=dtype)
+        self.step_s = duration / costs.samples
 
-    def in_durations(self, d_BN63: Tensor, t_BN: Tensor) -> Tensor:
-        """The boundary vectors with each trajectory's duration as the unit of time."""
-        return d_BN63 * torch.stack([torch.ones_like(t_BN), t_BN, t_BN * t_BN] * 2, dim=-1)[..., None]
-
-    def smoothness(self, d_BN63: Tensor, t_BN: Tensor) -> Tensor:
+    def smoothness(self, d_BN63: Tensor) -> Tensor:
         """Js: weighted integrals of squared jerk and acceleration, closed form, for a vehicle that can give a_max."""
-        d_BN63 = self.in_durations(d_BN63, t_BN)
-        jerk = torch.einsum("ij,bnic,bnjc->bn", self.jerk_66, d_BN63, d_BN63)
-        acceleration = torch.einsum("ij,bnic,bnjc->bn", self.acceleration_66, d_BN63, d_BN63)
-        return jerk / t_BN**5 + acceleration / t_BN**3
+        return torch.einsum("ij,bnic,bnjc->bn", self.smooth_66, d_BN63, d_BN63)
 
     def potential(self, distance: Tensor) -> Tensor:
         """c(d) = exp(-(d - d0) / r0)."""
         costs = self.config.costs
         return torch.exp(-(distance - costs.potential_distance_m) / costs.potential_scale_m)
 
-    def __call__(self, d_BN63: Tensor, situation: Situation, stretch_BN: Tensor | None = None) -> CostTerms:
+    def __call__(self, d_BN63: Tensor, situation: Situation) -> CostTerms:
         """All terms of trajectories given by their boundary vectors."""
         costs, motion = self.config.costs, self.config.motion
-        stretch = torch.ones_like(d_BN63[..., 0, 0]) if stretch_BN is None else stretch_BN
-        t = self.duration_s * stretch
-        pos, vel, acc = torch.einsum("oki,bnic->obnkc", self.rows_3K6, self.in_durations(d_BN63, t)).unbind(0)
-        vel, acc = vel / t[..., None, None], acc / (t * t)[..., None, None]
-        step_s = t / costs.samples
+        pos, vel, acc = torch.einsum("oki,bnic->obnkc", self.rows_3K6, d_BN63).unbind(0)
         world = pos + situation.pos_world_B3[:, None, None]
         flat = world.reshape(-1, 3)
         scene = situation.scene_B[:, None, None].expand(pos.shape[:3]).reshape(-1)
         distance = self.maps.clearance(flat, scene).view(pos.shape[:3])
         speed = _norm(vel) / motion.v_max_mps
         exposure = costs.potential_rest + (1 - costs.potential_rest) * speed
-        safety = costs.collision * step_s * (self.potential(distance) * exposure).sum(-1)
+        safety = costs.collision * self.step_s * (self.potential(distance) * exposure).sum(-1)
         min_distance = distance.amin(-1)
         short = F.relu(1 - min_distance / costs.clearance_m)
         above = world[..., 2] - self.maps.ground(flat, scene).view(pos.shape[:3])
@@ -114,15 +103,14 @@ class CostModel:
         fast = F.relu(speed.amax(-1) - 1)
         hard = F.relu(_norm(acc).amax(-1) / (motion.a_max_mps2 * agility) - 1)
         return CostTerms(
-            smoothness_BN=self.smoothness(d_BN63, t) / agility,
+            smoothness_BN=self.smoothness(d_BN63) / agility,
             safety_BN=safety,
             clearance_BN=costs.clearance * short.square(),
             feasibility_BN=costs.feasibility * (_excess(fast) + _excess(hard)),
-            ground_BN=costs.ground * step_s * ground.sum(-1),
+            ground_BN=costs.ground * self.step_s * ground.sum(-1),
             goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3[:, None]),
             progress_BN=costs.progress * self.miss(pos, situation.aim_rel_B3[:, None, None]).mean(-1),
             idle_BN=costs.idle * self.idle(d_BN63[:, :, 3], situation.aim_rel_B3),
-            duration_BN=costs.duration * stretch,
             min_distance_BN=min_distance,
             pos_rel_BNK3=pos,
         )

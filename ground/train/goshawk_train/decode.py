@@ -22,8 +22,6 @@ class Decoded:
     end_cam_BN33: Tensor
     """Rows f(T), f'(T), f''(T); m, m/s, m/s^2."""
     cost_BN: Tensor
-    stretch_BN: Tensor
-    """Duration, as a share of T."""
     objectness_logit_BN: Tensor | None
     target_cam_BN3: Tensor | None
     """Position of the target's centre, m."""
@@ -57,12 +55,8 @@ class Decoder:
         derivatives = torch.einsum("nij,bndj->bndi", self.cam_from_cell_N33, derivatives_cell)
         end = torch.cat([pos.unsqueeze(2), derivatives], dim=2)
         cost = F.softplus(y[..., 9])
-        octaves = self.config.network.duration_octaves
-        stretch = torch.exp2(octaves * torch.tanh(y[..., -1])) if octaves else torch.ones_like(cost)
         if self.config.task == "navigate":
-            return Decoded(
-                end_cam_BN33=end, cost_BN=cost, stretch_BN=stretch, objectness_logit_BN=None, target_cam_BN3=None
-            )
+            return Decoded(end_cam_BN33=end, cost_BN=cost, objectness_logit_BN=None, target_cam_BN3=None)
         cell_px = camera.width / lattice.columns
         u = (2 * torch.sigmoid(y[..., 11]) - 0.5 + self.column_N) * cell_px
         v = (2 * torch.sigmoid(y[..., 12]) - 0.5 + self.row_N) * cell_px
@@ -70,6 +64,4 @@ class Decoder:
         left = (camera.width / 2 - u) / camera.focal_px * depth
         up = (camera.height / 2 - v) / camera.focal_px * depth
         target = torch.stack([depth, left, up], dim=-1)
-        return Decoded(
-            end_cam_BN33=end, cost_BN=cost, stretch_BN=stretch, objectness_logit_BN=y[..., 10], target_cam_BN3=target
-        )
+        return Decoded(end_cam_BN33=end, cost_BN=cost, objectness_logit_BN=y[..., 10], target_cam_BN3=target)

@@ -17,7 +17,7 @@ import torch
 from goshawk_train.checkpoint import Checkpoint, load_weights
 from goshawk_train.config import STATE_SIZES, Config
 from goshawk_train.flights import MARKS
-from goshawk_train.network import DETECTION_CHANNELS, TRAJECTORY_CHANNELS, Policy, parameter_count
+from goshawk_train.network import TRAJECTORY_CHANNELS, Policy, parameter_count
 
 CONTRACT_KEY = "goshawk_contract"
 OPSET = 18
@@ -56,8 +56,7 @@ def contract(saved: Checkpoint, *, commit: str) -> dict[str, Any]:
         },
         "v_max_mps": config.motion.v_max_mps,
         "a_max_mps2": config.motion.a_max_mps2,
-        "duration_rule": "2r/(alpha*v_max)"
-        + (f"*2^({config.network.duration_octaves:g}*tanh(y))" if config.network.duration_octaves else ""),
+        "duration_rule": "2r/(alpha*v_max)",
         "target_depth_scale_m": config.network.target_depth_scale_m,
         "state": config.state_names,
         "channels": config.channel_names,
@@ -151,8 +150,7 @@ def for_navigation(saved: Checkpoint) -> Checkpoint:
         return saved
 
     def cut(state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-        first, last = TRAJECTORY_CHANNELS, TRAJECTORY_CHANNELS + DETECTION_CHANNELS
-        return {k: torch.cat([v[:first], v[last:]]) if k.startswith("out.") else v for k, v in state.items()}
+        return {k: v[:TRAJECTORY_CHANNELS] if k.startswith("out.") else v for k, v in state.items()}
 
     config = dataclasses.replace(saved.config, task="navigate")
     return dataclasses.replace(saved, config=config, network=cut(saved.network), ema=cut(saved.ema))

@@ -43,7 +43,7 @@ class LossModel:
         d = boundary_vectors(
             batch.velocity_net_B3, batch.acceleration_net_B3, decoded.end_cam_BN33, batch.world_from_net_B33
         )
-        terms = self.costs(d, batch.situation, decoded.stretch_BN)
+        terms = self.costs(d, batch.situation)
         trajectory = terms.trajectory_BN()
         label = trajectory.detach().clamp_max(weights.cost_label_max)
         cost_loss = F.smooth_l1_loss(decoded.cost_BN, label, reduction="none")
@@ -51,8 +51,7 @@ class LossModel:
         parts = {
             "trajectory": trajectory.mean(),
             "cost_error": cost_loss.mean(),
-            "stretch": decoded.stretch_BN.mean(),
-            **{f.name[:-3]: getattr(terms, f.name).mean() for f in dataclasses.fields(terms)[:9]},
+            **{f.name[:-3]: getattr(terms, f.name).mean() for f in dataclasses.fields(terms)[:8]},
         }
         if decoded.objectness_logit_BN is not None and decoded.target_cam_BN3 is not None:
             truth = groups.positive_BN.to(each.dtype)

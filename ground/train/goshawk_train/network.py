@@ -14,10 +14,7 @@ from goshawk_train import geometry
 from goshawk_train.config import STATE_SIZES, Config
 
 TRAJECTORY_CHANNELS = 10
-"""Of the outputs, the first: end state and cost."""
-
-DETECTION_CHANNELS = 4
-"""Of the outputs, the next, in tracking. A predicted duration is the last."""
+"""Of the outputs, the first: end state and cost. The rest is detection."""
 
 MOTION_STATES = 9
 """Of the state, the first: how the camera moves and hangs. The rest is the task."""
@@ -101,13 +98,12 @@ class Policy(nn.Module):
         """The 1x1 head; weights are shared by all cells. What detects the target does not get the task: the aim and the
         agility, with which the state ends."""
         trajectories = self._head(features, state_BS)
-        if trajectories.shape[1] < TRAJECTORY_CHANNELS + DETECTION_CHANNELS:
+        if trajectories.shape[1] == TRAJECTORY_CHANNELS:
             return trajectories
         # Where the target is said to be must not tell where it is seen.
         unaimed = torch.cat([state_BS[:, :MOTION_STATES], torch.zeros_like(state_BS[:, MOTION_STATES:])], dim=1)
         detections = self._head(features, unaimed)
-        first, last = TRAJECTORY_CHANNELS, TRAJECTORY_CHANNELS + DETECTION_CHANNELS
-        return torch.cat([trajectories[:, :first], detections[:, first:last], trajectories[:, last:]], dim=1)
+        return torch.cat([trajectories[:, :TRAJECTORY_CHANNELS], detections[:, TRAJECTORY_CHANNELS:]], dim=1)
 
     def _head(self, features: Tensor, state_BS: Tensor) -> Tensor:
         rotated = F.linear(state_BS, self.cell_state).unflatten(1, (-1, *self.lattice))

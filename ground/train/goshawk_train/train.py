@@ -105,17 +105,14 @@ class Trainer:
 
     def begin_from(self, other: Beginning) -> None:
         """Start at step 0 with these weights. Of another task's, whose head sees and says other things, only the
-        backbone is taken; inputs of the head that the other did not have begin without weight, and so does a duration
-        that it did not predict: as T. Raises `TrainingError` if not even that fits.
+        backbone is taken; inputs of the head that the other did not have begin without weight. Raises `TrainingError`
+        if not even that fits.
         """
         own = self.network.state_dict()
         theirs = dict(other.weights)
         missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
         if missing > 0:
             theirs["head1.weight"] = F.pad(theirs["head1.weight"], (0, 0, 0, 0, 0, missing))
-        for name in ("out.weight", "out.bias") if other.task == self.config.task else ():
-            rows = len(own[name])
-            theirs[name] = torch.cat([theirs[name], torch.zeros_like(own[name])])[:rows]
         fitting = {name: value for name, value in theirs.items() if name in own and value.shape == own[name].shape}
         if not all(name in fitting for name in own if name.startswith(("stem.", "blocks."))):
             raise TrainingError("what it is to begin from has another backbone; use the same widths")

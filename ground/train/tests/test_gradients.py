@@ -61,56 +61,22 @@ def final_gradient(value: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
 
 def test_smoothness_gradient_is_twice_df_bfp_plus_dp_bpp(config: Config, maps: SceneMaps, d: torch.Tensor) -> None:
     model = CostModel(config, maps, dtype=F64)
-    jerk, acceleration = config.costs.jerk / 6.0**5, config.costs.acceleration / 6.0**3
-    b = torch.tensor(jerk * quintic.gram(config.duration_s, 3) + acceleration * quintic.gram(config.duration_s, 2))
-    lasts = torch.full((2, 15), config.duration_s, dtype=F64)
+    b = model.smooth_66
     closed = 2 * torch.einsum("bnic,ij->bnjc", d[:, :, :3], b[:3, 3:])
     closed = closed + 2 * torch.einsum("bnic,ij->bnjc", d[:, :, 3:], b[3:, 3:])
-    torch.testing.assert_close(final_gradient(model.smoothness(d, lasts), d), closed)
+    torch.testing.assert_close(final_gradient(model.smoothness(d), d), closed)
 
 
-@pytest.mark.parametrize("stretch", [0.6, 1.0, 1.7])
-def test_smoothness_is_the_integral_of_squared_jerk_and_acceleration(
-    config: Config, maps: SceneMaps, stretch: float
-) -> None:
-    d, duration = torch.randn(1, 1, 6, 3, dtype=F64), config.duration_s * stretch
-    coefficients = quintic.hermite(duration) @ d[0, 0].numpy()
-    times = np.linspace(0, duration, 20001)
+def test_smoothness_is_the_integral_of_squared_jerk_and_acceleration(config: Config, maps: SceneMaps) -> None:
+    d = torch.randn(1, 1, 6, 3, dtype=F64)
+    coefficients = quintic.hermite(config.duration_s) @ d[0, 0].numpy()
+    times = np.linspace(0, config.duration_s, 20001)
     integral = 0.0
     for order, weight in ((3, config.costs.jerk / 6.0**5), (2, config.costs.acceleration / 6.0**3)):
         rows = np.stack([quintic.derivative_row(t, order) for t in times])
         integral += weight * np.trapezoid(((rows @ coefficients) ** 2).sum(1), times)
-    lasts = torch.full((1, 1), duration, dtype=F64)
-    value = float(CostModel(config, maps, dtype=F64).smoothness(d, lasts)[0, 0])
+    value = float(CostModel(config, maps, dtype=F64).smoothness(d)[0, 0])
     assert value == pytest.approx(integral, rel=1e-6)
-
-
-def test_the_same_way_flown_longer_costs_its_time_and_spares_the_vehicle(
-    config: Config, maps: SceneMaps, d: torch.Tensor
-) -> None:
-    costs = dataclasses.replace(config.costs, potential_rest=1.0, acceleration=0.0)
-    model, longer = CostModel(dataclasses.replace(config, costs=costs), maps, dtype=F64), 1.4
-    slower_6 = torch.tensor([1, longer, longer**2] * 2, dtype=F64)[:, None]
-    a, b = model(d, situation()), model(d / slower_6, situation(), torch.full((2, 15), longer, dtype=F64))
-    torch.testing.assert_close(b.pos_rel_BNK3, a.pos_rel_BNK3)
-    torch.testing.assert_close(b.progress_BN, a.progress_BN)
-    torch.testing.assert_close(b.safety_BN, longer * a.safety_BN)
-    torch.testing.assert_close(b.smoothness_BN, a.smoothness_BN / longer**5)
-    torch.testing.assert_close(b.duration_BN, longer * a.duration_BN)
-    assert (b.feasibility_BN <= a.feasibility_BN).all() and (b.feasibility_BN < a.feasibility_BN).any()
-
-
-def test_a_durations_slope_is_the_finite_difference(config: Config, maps: SceneMaps, d: torch.Tensor) -> None:
-    model, step = CostModel(config, maps, dtype=F64), 1e-6
-    stretch = (0.7 + 0.8 * torch.rand(2, 15, generator=torch.Generator().manual_seed(3), dtype=F64)).requires_grad_()
-
-    def cost(stretch_BN: torch.Tensor) -> torch.Tensor:
-        terms = model(d, situation(), stretch_BN)
-        return terms.trajectory_BN() - terms.ground_BN  # the ground's height has no gradient
-
-    (slope,) = torch.autograd.grad(cost(stretch).sum(), stretch)
-    more, less = cost(stretch + step), cost(stretch - step)
-    torch.testing.assert_close(slope, (more - less) / (2 * step), rtol=1e-4, atol=1e-4)
 
 
 def test_safety_gradient_is_the_sum_of_potential_slopes_times_lp(
@@ -192,13 +158,12 @@ def test_chain_rule_through_decoding_is_jacobian_times_tanh_slope(config: Config
     """dJ/dy = dJ/ddP * ddP/d(offset) * d * (1 - tanh^2), written out for every raw output."""
     decoder, model, where = Decoder(config, dtype=F64), CostModel(config, maps, dtype=F64), situation()
     generator = torch.Generator().manual_seed(2)
-    raw = (torch.randn(2, 15, 3, 5, generator=generator, dtype=F64) * 0.5).requires_grad_()
+    raw = (torch.randn(2, 14, 3, 5, generator=generator, dtype=F64) * 0.5).requires_grad_()
     state = torch.randn(2, 2, 3, generator=generator, dtype=F64)
     rotation = torch.eye(3, dtype=F64).expand(2, 3, 3)
-    decoded = decoder(raw)
-    end, stretch = decoded.end_cam_BN33, decoded.stretch_BN
-    cost = model(boundary_vectors(state[:, 0], state[:, 1], end, rotation), where, stretch).trajectory_BN().sum()
-    dj_ddp, dj_ds, dj_dy = torch.autograd.grad(cost, [end, stretch, raw])
+    end = decoder(raw).end_cam_BN33
+    cost = model(boundary_vectors(state[:, 0], state[:, 1], end, rotation), where).trajectory_BN().sum()
+    dj_ddp, dj_dy = torch.autograd.grad(cost, [end, raw])
 
     y = raw.detach().flatten(2).transpose(1, 2)
     t = torch.tanh(y[..., :9])
@@ -207,7 +172,7 @@ def test_chain_rule_through_decoding_is_jacobian_times_tanh_slope(config: Config
     phi = decoder.azimuth_N + t[..., 1] * lattice.azimuth_offset_rad
     r = lattice.radius_m * (1 + t[..., 2])
     st, ct, sp, cp = theta.sin(), theta.cos(), phi.sin(), phi.cos()
-    closed = torch.zeros(2, 15, 15, dtype=F64)
+    closed = torch.zeros(2, 15, 14, dtype=F64)
     d_theta = torch.stack([-r * st * cp, -r * st * sp, r * ct], -1)
     d_phi = torch.stack([-r * ct * sp, r * ct * cp, torch.zeros_like(r)], -1)
     d_r = torch.stack([ct * cp, ct * sp, st], -1)
@@ -218,8 +183,6 @@ def test_chain_rule_through_decoding_is_jacobian_times_tanh_slope(config: Config
     closed[..., 3:6] = cell[:, :, 0] * motion.v_max_mps
     closed[..., 6:9] = cell[:, :, 1] * motion.a_max_mps2
     closed[..., :9] *= 1 - t**2
-    octaves = config.network.duration_octaves
-    closed[..., 14] = dj_ds * stretch.detach() * np.log(2) * octaves * (1 - torch.tanh(y[..., 14]) ** 2)
     torch.testing.assert_close(dj_dy.flatten(2).transpose(1, 2), closed, rtol=1e-9, atol=1e-12)
 
 

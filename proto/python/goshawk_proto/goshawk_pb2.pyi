@@ -130,7 +130,7 @@ class CommandReply(_message.Message):
     def __init__(self, command_id: _Optional[str] = ..., accepted: _Optional[bool] = ..., reason: _Optional[str] = ..., mode: _Optional[_Union[Mode, str]] = ...) -> None: ...
 
 class Candidate(_message.Message):
-    __slots__ = ("end_pos_world", "end_vel_world", "end_acc_world", "cost", "objectness", "target_pos_world", "rejection", "duration_s")
+    __slots__ = ("end_pos_world", "end_vel_world", "end_acc_world", "cost", "objectness", "target_pos_world", "rejection")
     END_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     END_VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
     END_ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
@@ -138,7 +138,6 @@ class Candidate(_message.Message):
     OBJECTNESS_FIELD_NUMBER: _ClassVar[int]
     TARGET_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     REJECTION_FIELD_NUMBER: _ClassVar[int]
-    DURATION_S_FIELD_NUMBER: _ClassVar[int]
     end_pos_world: Vec3f
     end_vel_world: Vec3f
     end_acc_world: Vec3f
@@ -146,8 +145,7 @@ class Candidate(_message.Message):
     objectness: float
     target_pos_world: Vec3f
     rejection: Rejection
-    duration_s: float
-    def __init__(self, end_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_vel_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_acc_world: _Optional[_Union[Vec3f, _Mapping]] = ..., cost: _Optional[float] = ..., objectness: _Optional[float] = ..., target_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., rejection: _Optional[_Union[Rejection, str]] = ..., duration_s: _Optional[float] = ...) -> None: ...
+    def __init__(self, end_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_vel_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_acc_world: _Optional[_Union[Vec3f, _Mapping]] = ..., cost: _Optional[float] = ..., objectness: _Optional[float] = ..., target_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., rejection: _Optional[_Union[Rejection, str]] = ...) -> None: ...
 
 class Plan(_message.Message):
     __slots__ = ("seq", "frame_ns", "ready_ns", "start_pos_world", "start_vel_world", "start_acc_world", "world_from_cam", "duration_s", "alpha", "candidates", "chosen")

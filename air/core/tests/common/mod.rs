@@ -81,7 +81,6 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             elevation_offset: 15_f64.to_radians(),
             v_max: 6.0,
             a_max: 6.0,
-            duration_octaves: 0.0,
             target_depth_scale: 5.0,
             hfov,
             vfov,
@@ -359,8 +358,7 @@ impl Loop {
             let direction = line.try_normalize(1e-6).unwrap_or_default();
             FlatState { pos: pos + direction * reach, vel: direction * (2.0 * self.haste), acc: Vec3::zeros() }
         });
-        let duration = 10.0 / (alpha * 6.0 * self.haste);
-        let candidate = Candidate { end, duration, cost: 1.0, objectness: 1.0, target_world: target, rejection: None };
+        let candidate = Candidate { end, cost: 1.0, objectness: 1.0, target_world: target, rejection: None };
         let estimate = target.map(|at| TargetEstimate {
             stamp: self.now,
             pos_world: at,
@@ -376,7 +374,7 @@ impl Loop {
             stamp: self.now,
             start: FlatState { pos, vel: self.vel, acc: self.out().acc_des_world },
             world_from_cam: self.attitude,
-            duration,
+            duration: 10.0 / (alpha * 6.0 * self.haste),
             alpha,
             candidates: [candidate; ANCHORS],
             chosen: aim.map(|_| 7),

@@ -109,14 +109,8 @@ impl<'a> Classical<'a> {
         }
         let odometry = seen.odometry;
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: seen.acc_world };
-        let candidate = Candidate {
-            end: start,
-            duration: 1.0,
-            cost: 0.0,
-            objectness: 1.0,
-            target_world: None,
-            rejection: Some(Rejection::Cost),
-        };
+        let candidate =
+            Candidate { end: start, cost: 0.0, objectness: 1.0, target_world: None, rejection: Some(Rejection::Cost) };
         Ok(Plan {
             seq: seen.seq,
             stamp: odometry.stamp,
@@ -237,7 +231,6 @@ impl Pilot for Classical<'_> {
             let trajectory = self.trajectory(&aim, demand.speed, &start, begins);
             // For the record, and for the controller to know that there is a way.
             plan.duration = (begins.since(trajectory.begins) + trajectory.spline.duration()).max(1.0);
-            plan.candidates[MIDDLE].duration = plan.duration;
             plan.candidates[MIDDLE].end = trajectory.at(stamp.plus(plan.duration)).flat;
             plan.candidates[MIDDLE].rejection = None;
             plan.chosen = Some(MIDDLE);
