@@ -35,7 +35,6 @@ pub mod target;
 pub mod thrust;
 pub mod transitions;
 pub mod types;
-pub mod view;
 pub mod yaw;
 
 pub use aim::ChaseConfig;
@@ -59,4 +58,3 @@ pub use types::{
     ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,
     Odometry, Plan, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
 };
-pub use view::ViewConfig;
