@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, sync_channel};
 use std::time::Duration;
 
 use goshawk_core::{Command, Refusal};
@@ -20,8 +20,6 @@ use crate::shared::{PendingCommand, Report, Shared, lock};
 
 const REMEMBERED: usize = 64;
 const WAIT: Duration = Duration::from_millis(200);
-/// Answers that wait to be sent; more are dropped, the asker repeats its question.
-const UNSENT: usize = 16;
 
 /// A query that waits for its answer.
 pub struct Asked {
@@ -29,31 +27,42 @@ pub struct Asked {
     query: Query,
 }
 
-/// Declares the two queryables; queries wait in a short queue for [`serve`], and are dropped when it is full.
+/// A query that is done with, for [`send`]. Nobody else may drop a query: the last of it to go tells the asker that no
+/// more will come, and where the asker wants that waited with, it waits until the asker's link moves or is given up.
+pub struct Answer {
+    query: Query,
+    /// None: it goes unanswered, and the asker repeats it.
+    payload: Option<Vec<u8>>,
+}
+
+/// Declares the two queryables; queries wait in a short queue for [`serve`], and go unanswered when it is full.
 ///
 /// # Errors
 /// Zenoh refused a declaration.
-pub fn declare(bus: &Bus) -> Result<Receiver<Asked>, BusError> {
-    let (sender, receiver): (SyncSender<Asked>, _) = sync_channel(16);
+pub fn declare(bus: &Bus, answers: &Sender<Answer>) -> Result<Receiver<Asked>, BusError> {
+    let (sender, receiver) = sync_channel(16);
     for key in [Key::CmdStart, Key::CmdStop] {
-        let sender = sender.clone();
-        bus.queryable(key, move |query| {
-            let _ = sender.try_send(Asked { key, query }); // a flood is dropped: the asker times out
-        })?;
+        let (sender, answers) = (sender.clone(), answers.clone());
+        bus.queryable(key, move |query| queue(&sender, Asked { key, query }, &answers, |asked| asked.query))?;
     }
     Ok(receiver)
 }
 
-/// Declares the question that is answered by coming back; more than a few at once are dropped.
+/// Declares the question that is answered by coming back; more than a few at once go unanswered.
 ///
 /// # Errors
 /// Zenoh refused the declaration.
-pub fn declare_ping(bus: &Bus) -> Result<Receiver<Query>, BusError> {
+pub fn declare_ping(bus: &Bus, answers: &Sender<Answer>) -> Result<Receiver<Query>, BusError> {
     let (sender, receiver) = sync_channel(4);
-    bus.queryable(Key::Ping, move |query| {
-        let _ = sender.try_send(query);
-    })?;
+    let answers = answers.clone();
+    bus.queryable(Key::Ping, move |query| queue(&sender, query, &answers, |query| query))?;
     Ok(receiver)
+}
+
+fn queue<T>(sender: &SyncSender<T>, asked: T, answers: &Sender<Answer>, query: impl Fn(T) -> Query) {
+    if let Err(TrySendError::Full(asked) | TrySendError::Disconnected(asked)) = sender.try_send(asked) {
+        let _ = answers.send(Answer { query: query(asked), payload: None });
+    }
 }
 
 /// Answers pings until the process stops: apart from the commands, which no flood of them may hold up.
@@ -65,31 +74,20 @@ pub fn serve_pings(asked: &Receiver<Query>, shared: &Shared) {
     }
 }
 
-/// An answer, to be sent.
-pub struct Answer {
-    query: Query,
-    reply: v1::CommandReply,
-}
-
-/// Where [`serve`] leaves its answers, and where [`send`] finds them.
-#[must_use]
-pub fn answers() -> (SyncSender<Answer>, Receiver<Answer>) {
-    sync_channel(UNSENT)
-}
-
 /// Sends answers until the process stops: apart from the commands, which must not wait until another ground's link, over
-/// which an answer goes, moves again.
+/// which an answer goes, moves again. What waits here is bounded by what one link brings until Zenoh gives it up (5 s).
 pub fn send(answers: &Receiver<Answer>, shared: &Shared) {
     while !shared.stopping() {
-        let Ok(Answer { query, reply }) = answers.recv_timeout(Duration::from_millis(100)) else { continue };
-        if let Err(e) = query.reply(query.key_expr().clone(), reply.encode_to_vec()).wait() {
+        let Ok(Answer { query, payload }) = answers.recv_timeout(Duration::from_millis(100)) else { continue };
+        let Some(payload) = payload else { continue };
+        if let Err(e) = query.reply(query.key_expr().clone(), payload).wait() {
             tracing::warn!("a command's reply could not be sent: {e}");
         }
     }
 }
 
 /// Decides on queries until the process stops, and leaves the answers to `answers`.
-pub fn serve(asked: &Receiver<Asked>, answers: &SyncSender<Answer>, shared: &Shared, vehicle: &Vehicle) {
+pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared, vehicle: &Vehicle) {
     let mut answered: VecDeque<v1::CommandReply> = VecDeque::with_capacity(REMEMBERED);
     while !shared.stopping() {
         let Ok(Asked { key, query }) = asked.recv_timeout(Duration::from_millis(100)) else { continue };
@@ -111,7 +109,7 @@ pub fn serve(asked: &Receiver<Asked>, answers: &SyncSender<Answer>, shared: &Sha
                 reply
             }),
         };
-        let _ = answers.try_send(Answer { query, reply });
+        let _ = answers.send(Answer { query, payload: Some(reply.encode_to_vec()) });
     }
 }
 

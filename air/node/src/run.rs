@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{channel, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -75,9 +75,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let (sender, reports) = sync_channel(REPORT_QUEUE);
     let shared = Arc::new(Shared::new(sender));
     subscribe(&bus, &vehicle, &shared)?;
-    let asked = commands::declare(&bus)?;
-    let pinged = commands::declare_ping(&bus)?;
-    let (answers, unsent) = commands::answers();
+    let (answers, unsent) = channel();
+    let asked = commands::declare(&bus, &answers)?;
+    let pinged = commands::declare_ping(&bus, &answers)?;
     let log = FlightLog::new(log_dir, &vehicle, &policy);
     let identity = Identity {
         vehicle: vehicle.name.clone(),
