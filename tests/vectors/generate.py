@@ -258,14 +258,16 @@ def decode() -> Json:
 class Filter:
     """The target filter's settings; SI."""
 
-    acc_variance: tuple[float, float, float] = (16.0, 16.0, 8.0)
-    measurement_variance: float = 0.02
+    acc_variance: tuple[float, float, float] = (48.0, 48.0, 24.0)
+    lateral_variance: float = 0.015
+    range_variance: float = 0.06
+    doubt: float = 16.0
     variance_distance: float = 6.0
     gate: float = 5.0
     confirm_hits: int = 4
     confirm_of: int = 6
     max_speed: float = 10.0
-    outlier: float = 3.0
+    outlier: float = 2.0
 
 
 def target() -> Json:
@@ -291,10 +293,11 @@ def target() -> Json:
             detections.append(truth + rng.normal(size=3) * 0.25)
         if k % 5 == 4:
             detections.append(truth + np.array([0.0, 9.0, 0.5]))
+        objectness = rng.uniform(0.5, 1.0, len(detections)).tolist()
         if k == 0:
-            variance = measurement_variance(config, detections[0] - lens)
             x = np.concatenate([detections[0], np.zeros(3)])
-            covariance = np.diag([variance] * 3 + [(config.max_speed / 2) ** 2] * 3)
+            covariance = np.diag([0.0] * 3 + [(config.max_speed / 2) ** 2] * 3)
+            covariance[:3, :3] = measurement_covariance(config, detections[0] - lens, objectness[0])
             history, consistent = [True], [False] * len(detections)
         else:
             transition = np.block([[np.eye(3), dt * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
@@ -303,18 +306,18 @@ def target() -> Json:
             covariance = transition @ covariance @ transition.T + push @ np.diag(config.acc_variance) @ push.T
             measure = np.hstack([np.eye(3), np.zeros((3, 3))])
             corrections = []
-            for detection in detections:
-                variance = measurement_variance(config, detection - lens)
-                spread = measure @ covariance @ measure.T + variance * np.eye(3)
-                innovation = detection - measure @ x
+            for detection, sure in zip(detections, objectness, strict=True):
+                innovation, prior = detection - measure @ x, measure @ covariance @ measure.T
+                spread = prior + measurement_covariance(config, detection - lens, 1.0)
                 size = float(np.sqrt(innovation @ np.linalg.solve(spread, innovation)))
-                doubted = variance * max(1.0, size / config.outlier) ** 2
-                spread = measure @ covariance @ measure.T + doubted * np.eye(3)
-                gain = covariance @ measure.T @ np.linalg.inv(spread)
-                corrections.append((size, gain, innovation))
-            inside = [size <= config.gate for size, _, _ in corrections]
+                noise = measurement_covariance(config, detection - lens, sure)
+                wrong = float(np.sqrt(innovation @ np.linalg.solve(prior + noise, innovation))) / config.outlier
+                noise = noise * max(1.0, wrong) ** 2
+                gain = covariance @ measure.T @ np.linalg.inv(prior + noise)
+                corrections.append((size <= config.gate, sure, gain, innovation))
+            inside = [near for near, _, _, _ in corrections]
             if any(inside):
-                _, gain, innovation = min(corrections, key=lambda c: c[0])
+                _, _, gain, innovation = max(corrections, key=lambda c: c[:2])
                 x = x + gain @ innovation
                 covariance = (np.eye(6) - gain @ measure) @ covariance
                 speed = float(np.linalg.norm(x[3:]))
@@ -326,6 +329,7 @@ def target() -> Json:
             {
                 "stamp_ns": now_ns,
                 "detections": [d.tolist() for d in detections],
+                "objectness": objectness,
                 "consistent": consistent,
                 "confirmed": confirmed,
                 "pos": x[:3].tolist(),
@@ -336,9 +340,14 @@ def target() -> Json:
     return {"filter": vars(config), "lens_3": lens.tolist(), "frames_K": frames}
 
 
-def measurement_variance(config: Filter, line_3: Array) -> float:
-    """Doubles at `variance_distance`."""
-    return config.measurement_variance * (1.0 + float(line_3 @ line_3) / config.variance_distance**2)
+def measurement_covariance(config: Filter, sight_3: Array, objectness: float) -> Array:
+    """In a frame whose first axis is the line of sight it is diagonal; both variances double at `variance_distance`."""
+    frame = np.linalg.svd(sight_3[None])[2]  # rows: the line of sight, and two axes across it
+    larger = (1.0 + float(sight_3 @ sight_3) / config.variance_distance**2) * (
+        1.0 + config.doubt * float(np.sqrt(1.0 - objectness))
+    )
+    variances = [config.range_variance, config.lateral_variance, config.lateral_variance]
+    return larger * frame.T @ np.diag(variances) @ frame
 
 
 # ---- eq. 14-15: the observer, by the exponential of the whole augmented system ----

@@ -87,5 +87,5 @@ pub fn select(
 
 fn detection(least: f64, cam_world: Vec3, candidate: &Candidate) -> Option<Detection> {
     let pos_world = candidate.target_world.filter(|_| candidate.objectness >= least)?;
-    Some(Detection { pos_world, distance: (pos_world - cam_world).norm(), objectness: candidate.objectness })
+    Some(Detection { pos_world, sight_world: pos_world - cam_world, objectness: candidate.objectness })
 }

@@ -1,19 +1,24 @@
 //! Where the target is: constant-velocity Kalman filter, gate, confirmation, re-acquisition (§III-C.2, eq. 10).
 //!
-//! Detections and the target's acceleration have independent axes, so the 6 × 6 filter is three filters of 2 × 2.
+//! The network knows better where in the image a target is than how far away, and both the better the surer it is that
+//! there is one. So a detection's covariance is long along its line of sight, and large where the objectness is low.
 
 use crate::error::{ConfigError, check, not_negative, positive};
 use crate::types::{TargetEstimate, Time, Vec3};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix3, Matrix6};
 
 /// The filter's noise, gate and confirmation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TargetConfig {
-    /// Variance of the target's acceleration, (m/s²)², for each world axis (16, 16, 8).
+    /// Variance of the target's acceleration from frame to frame, (m/s²)², for each world axis (48, 48, 24).
     pub acc_variance: [f64; 3],
-    /// Variance of a detection at short range, m² (0.02).
-    pub measurement_variance: f64,
-    /// Distance at which the detection's variance has doubled, m (6).
+    /// Variance of a detection at short range and an objectness of 1, across the line of sight, m² (0.015),
+    pub lateral_variance: f64,
+    /// and along it, m² (0.06).
+    pub range_variance: f64,
+    /// By how many times both are larger at an objectness of 0; by its root's share before (16).
+    pub doubt: f64,
+    /// Distance at which both have doubled, m (6).
     pub variance_distance: f64,
     /// Largest inconsistency of a detection, in standard deviations (5).
     pub gate: f64,
@@ -27,8 +32,10 @@ pub struct TargetConfig {
     pub sure_objectness: f64,
     /// How long the target is believed without being seen, s (0.5).
     pub blind_time: f64,
-    /// Largest speed of a target, m/s (10).
+    /// Largest speed of a target, m/s (10),
     pub max_speed: f64,
+    /// and its largest acceleration, m/s² (8).
+    pub max_acc: f64,
     /// Detections farther from the lens than this are not believed, m (20).
     pub max_distance: f64,
     /// Added to the reachable set's radius, m (1).
@@ -40,45 +47,57 @@ pub struct TargetConfig {
 pub struct Detection {
     /// The target's centre, m.
     pub pos_world: Vec3,
-    /// From the lens, m.
-    pub distance: f64,
+    /// The line of sight from the lens to it, m.
+    pub sight_world: Vec3,
     /// 0..=1.
     pub objectness: f64,
 }
 
-/// One axis of the filter.
+/// Position and velocity, normally distributed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Axis {
-    pos: f64,
-    vel: f64,
-    /// Covariance: position, cross, velocity.
-    var: [f64; 3],
+struct Motion {
+    pos: Vec3,
+    vel: Vec3,
+    /// Covariance of the position, m²,
+    pos_var: Matrix3<f64>,
+    /// of position and velocity,
+    cross: Matrix3<f64>,
+    /// of the velocity.
+    vel_var: Matrix3<f64>,
 }
 
-impl Axis {
-    /// x ← F x, P ← F P Fᵀ + G σ² Gᵀ with G = (dt²/2, dt).
-    fn predict(&mut self, dt: f64, acc_variance: f64) {
-        let [pp, pv, vv] = self.var;
+impl Motion {
+    /// x ← F x, P ← F P Fᵀ + G σ² Gᵀ with G = (dt²/2, dt) on each axis.
+    fn predict(&mut self, dt: f64, acc_variance: [f64; 3]) {
+        let noise = Matrix3::from_diagonal(&Vec3::from(acc_variance)) * (dt * dt);
         self.pos += self.vel * dt;
-        let noise = acc_variance * dt * dt;
-        self.var =
-            [pp + 2.0 * dt * pv + dt * dt * vv + 0.25 * noise * dt * dt, pv + dt * vv + 0.5 * noise * dt, vv + noise];
+        self.pos_var +=
+            (self.cross + self.cross.transpose()) * dt + self.vel_var * (dt * dt) + noise * (0.25 * dt * dt);
+        self.cross += self.vel_var * dt + noise * (0.5 * dt);
+        self.vel_var += noise;
     }
 
-    fn update(&mut self, measured: f64, variance: f64) {
-        let [pp, pv, vv] = self.var;
-        let (innovation, s) = (measured - self.pos, pp + variance);
-        let (gain_pos, gain_vel) = (pp / s, pv / s);
+    /// The position is `measured` with covariance `measured_var`, positive definite.
+    fn update(&mut self, measured: Vec3, measured_var: &Matrix3<f64>) {
+        let Some(precision) = (self.pos_var + measured_var).try_inverse() else { return };
+        let (gain_pos, gain_vel) = (self.pos_var * precision, self.cross.transpose() * precision);
+        let innovation = measured - self.pos;
         self.pos += gain_pos * innovation;
         self.vel += gain_vel * innovation;
-        self.var = [pp * variance / s, pv * variance / s, vv - gain_vel * pv];
+        self.vel_var = symmetric(&(self.vel_var - gain_vel * self.cross));
+        self.cross -= gain_pos * self.cross;
+        self.pos_var = symmetric(&(self.pos_var - gain_pos * self.pos_var));
     }
+}
+
+fn symmetric(m: &Matrix3<f64>) -> Matrix3<f64> {
+    (m + m.transpose()) * 0.5
 }
 
 /// A hypothesis of one target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Track {
-    axes: [Axis; 3],
+    motion: Motion,
     stamp: Time,
     last_seen: Time,
     /// Bit k: was seen k frames ago.
@@ -123,7 +142,7 @@ pub struct TargetFilter {
 const STRONGER: f64 = 0.2;
 /// A detection that is farther off than this, in standard deviations, counts as one of that much more variance: the range
 /// of a half hidden target may be wrong by metres for some frames, and its velocity must not follow.
-const OUTLIER: f64 = 3.0;
+const OUTLIER: f64 = 2.0;
 
 impl TargetConfig {
     /// Checks every value.
@@ -134,7 +153,9 @@ impl TargetConfig {
         for variance in self.acc_variance {
             positive("target.acc_variance", variance)?;
         }
-        positive("target.measurement_variance", self.measurement_variance)?;
+        positive("target.lateral_variance", self.lateral_variance)?;
+        positive("target.range_variance", self.range_variance)?;
+        not_negative("target.doubt", self.doubt)?;
         positive("target.variance_distance", self.variance_distance)?;
         positive("target.gate", self.gate)?;
         check("target.confirm_of", f64::from(self.confirm_of), "1 to 32", |n| (1.0..=32.0).contains(&n))?;
@@ -147,30 +168,33 @@ impl TargetConfig {
         })?;
         positive("target.blind_time", self.blind_time)?;
         positive("target.max_speed", self.max_speed)?;
+        positive("target.max_acc", self.max_acc)?;
         positive("target.max_distance", self.max_distance)?;
         not_negative("target.reacquire_margin", self.reacquire_margin)
     }
 
-    /// The acceleration that is hardly ever exceeded: two standard deviations along the axis of the largest, m/s².
-    fn hardest_turn(&self) -> f64 {
-        2.0 * self.acc_variance.into_iter().fold(0.0, f64::max).sqrt()
-    }
-
-    /// Variance of a detection at `distance` m, m².
+    /// Covariance of a detection at the end of the line of sight `sight_world`, m².
     #[must_use]
-    pub fn variance(&self, distance: f64) -> f64 {
-        self.measurement_variance * (1.0 + (distance / self.variance_distance).powi(2))
+    pub fn covariance(&self, sight_world: Vec3, objectness: f64) -> Matrix3<f64> {
+        let farther = 1.0 + sight_world.norm_squared() / self.variance_distance.powi(2);
+        let larger = farther * (1.0 + self.doubt * (1.0 - objectness.clamp(0.0, 1.0)).sqrt());
+        let (across, along) = (self.lateral_variance * larger, self.range_variance * larger);
+        let line = sight_world.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vec3::zeros);
+        Matrix3::from_diagonal_element(across) + line * line.transpose() * (along - across)
     }
 }
 
 impl Track {
     fn new(config: &TargetConfig, stamp: Time, detection: &Detection) -> Self {
-        let variance = config.variance(detection.distance);
-        // Half the largest speed as one standard deviation.
-        let axis = |pos| Axis { pos, vel: 0.0, var: [variance, 0.0, (0.5 * config.max_speed).powi(2)] };
-        let p = &detection.pos_world;
         Self {
-            axes: [axis(p.x), axis(p.y), axis(p.z)],
+            motion: Motion {
+                pos: detection.pos_world,
+                vel: Vec3::zeros(),
+                pos_var: config.covariance(detection.sight_world, detection.objectness),
+                cross: Matrix3::zeros(),
+                // Half the largest speed as one standard deviation.
+                vel_var: Matrix3::from_diagonal_element((0.5 * config.max_speed).powi(2)),
+            },
             stamp,
             last_seen: stamp,
             history: 1,
@@ -180,53 +204,41 @@ impl Track {
         }
     }
 
-    fn pos(&self) -> Vec3 {
-        Vec3::new(self.axes[0].pos, self.axes[1].pos, self.axes[2].pos)
-    }
-
-    fn vel(&self) -> Vec3 {
-        Vec3::new(self.axes[0].vel, self.axes[1].vel, self.axes[2].vel)
-    }
-
     fn predict(&mut self, config: &TargetConfig, now: Time) {
         let dt = now.since(self.stamp);
         if dt > 0.0 {
-            for (axis, variance) in self.axes.iter_mut().zip(config.acc_variance) {
-                axis.predict(dt, variance);
-            }
+            self.motion.predict(dt, config.acc_variance);
             self.stamp = now;
         }
     }
 
     /// |x_temp - x| of eq. 10, in standard deviations: a correction K ν measured in its own covariance K S Kᵀ has the
     /// squared length νᵀ S⁻¹ ν, so positions and velocities need no common unit and the gate widens while blind.
-    fn inconsistency(&self, config: &TargetConfig, detection: &Detection) -> f64 {
-        let variance = config.variance(detection.distance);
-        let squared: f64 = self
-            .axes
-            .iter()
-            .zip(detection.pos_world.iter())
-            .map(|(axis, measured)| (measured - axis.pos).powi(2) / (axis.var[0] + variance))
-            .sum();
-        squared.sqrt()
+    fn inconsistency(&self, detection: &Detection, covariance: &Matrix3<f64>) -> f64 {
+        let innovation = detection.pos_world - self.motion.pos;
+        let precision = (self.motion.pos_var + covariance).try_inverse();
+        precision.map_or(f64::INFINITY, |precision| innovation.dot(&(precision * innovation)).sqrt())
+    }
+
+    /// The gate of eq. 10. It is no wider for a doubtful detection than for a sure one: before a target that is hidden, a
+    /// branch looks a little like it, and must not pass for it.
+    fn takes(&self, config: &TargetConfig, detection: &Detection) -> bool {
+        usable(config, detection)
+            && self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)) <= config.gate
     }
 
     fn update(&mut self, config: &TargetConfig, detection: &Detection) {
-        let doubt = (self.inconsistency(config, detection) / OUTLIER).max(1.0);
-        let variance = config.variance(detection.distance) * doubt * doubt;
-        for (axis, measured) in self.axes.iter_mut().zip(detection.pos_world.iter()) {
-            axis.update(*measured, variance);
-        }
-        let speed = self.vel().norm();
+        let covariance = config.covariance(detection.sight_world, detection.objectness);
+        let wrong = (self.inconsistency(detection, &covariance) / OUTLIER).max(1.0);
+        self.motion.update(detection.pos_world, &(covariance * (wrong * wrong)));
+        let speed = self.motion.vel.norm();
         if speed > config.max_speed {
-            for axis in &mut self.axes {
-                axis.vel *= config.max_speed / speed;
-            }
+            self.motion.vel *= config.max_speed / speed;
         }
         self.last_seen = self.stamp;
     }
 
-    /// One frame: predicts, marks the detections that are its own, and takes the nearest of them.
+    /// One frame: predicts, marks the detections that are its own, and takes the surest of them.
     fn step<const N: usize>(
         &mut self,
         config: &TargetConfig,
@@ -235,23 +247,21 @@ impl Track {
         consistent: &mut [bool; N],
     ) {
         self.predict(config, now);
-        let mut best: Option<(usize, f64)> = None;
-        for (index, detection) in detections.iter().enumerate() {
+        let mut surest: Option<&Detection> = None;
+        for (detection, own) in detections.iter().zip(consistent.iter_mut()) {
             let Some(detection) = detection else { continue };
-            let inconsistency = self.inconsistency(config, detection);
-            if usable(config, detection) && inconsistency <= config.gate {
-                consistent[index] = true;
-                if best.is_none_or(|(_, least)| inconsistency < least) {
-                    best = Some((index, inconsistency));
+            if self.takes(config, detection) {
+                *own = true;
+                if surest.is_none_or(|best| detection.objectness > best.objectness) {
+                    surest = Some(detection);
                 }
             }
         }
-        let seen = best.and_then(|(index, _)| detections[index].as_ref());
-        if let Some(detection) = seen {
+        if let Some(detection) = surest {
             self.update(config, detection);
             self.strength += (detection.objectness - self.strength) / f64::from(config.confirm_of);
         }
-        self.history = self.history << 1 | u32::from(seen.is_some());
+        self.history = self.history << 1 | u32::from(surest.is_some());
     }
 
     fn is_seen_often(&self, config: &TargetConfig) -> bool {
@@ -272,17 +282,16 @@ impl Track {
     }
 
     fn estimate(&self) -> TargetEstimate {
+        let m = &self.motion;
         let mut covariance = Matrix6::zeros();
-        for (k, axis) in self.axes.iter().enumerate() {
-            covariance[(k, k)] = axis.var[0];
-            covariance[(k, k + 3)] = axis.var[1];
-            covariance[(k + 3, k)] = axis.var[1];
-            covariance[(k + 3, k + 3)] = axis.var[2];
-        }
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&m.pos_var);
+        covariance.fixed_view_mut::<3, 3>(0, 3).copy_from(&m.cross);
+        covariance.fixed_view_mut::<3, 3>(3, 0).copy_from(&m.cross.transpose());
+        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&m.vel_var);
         TargetEstimate {
             stamp: self.stamp,
-            pos_world: self.pos(),
-            vel_world: self.vel(),
+            pos_world: m.pos,
+            vel_world: m.vel,
             covariance,
             confirmed: self.confirmed,
             last_seen: self.last_seen,
@@ -305,9 +314,7 @@ impl TargetFilter {
     /// Moves all positions by `jump_world`: the odometry's origin jumped, the target did not.
     pub fn shift(&mut self, jump_world: Vec3) {
         for track in [&mut self.track, &mut self.lost, &mut self.rival].into_iter().flatten() {
-            for (axis, d) in track.axes.iter_mut().zip(jump_world.iter()) {
-                axis.pos += d;
-            }
+            track.motion.pos += jump_world;
         }
     }
 
@@ -392,10 +399,10 @@ impl TargetFilter {
     fn is_reachable(&self, now: Time, detection: &Detection) -> bool {
         self.lost.is_none_or(|lost| {
             let (unseen, margin) = (now.since(lost.last_seen).max(0.0), self.config.reacquire_margin);
-            let moved = detection.pos_world - lost.pos();
-            let turned = moved - lost.vel() * now.since(lost.stamp);
+            let moved = detection.pos_world - lost.motion.pos;
+            let turned = moved - lost.motion.vel * now.since(lost.stamp);
             moved.norm() <= margin + self.config.max_speed * unseen
-                && turned.norm() <= margin + 0.5 * self.config.hardest_turn() * unseen * unseen
+                && turned.norm() <= margin + 0.5 * self.config.max_acc * unseen * unseen
         })
     }
 
@@ -405,9 +412,9 @@ impl TargetFilter {
     pub fn expected(&self, now: Time) -> Option<Expected> {
         let track = self.track.filter(|track| track.confirmed).or(self.lost)?;
         let carry = now.since(track.stamp).clamp(0.0, LONGEST_CARRY);
-        let (pos_world, vel_world) = (track.pos() + track.vel() * carry, track.vel());
+        let (pos_world, vel_world) = (track.motion.pos + track.motion.vel * carry, track.motion.vel);
         let (last_seen, unseen) = (track.last_seen, now.since(track.last_seen));
-        let seen_world = track.pos() - vel_world * track.stamp.since(last_seen);
+        let seen_world = track.motion.pos - vel_world * track.stamp.since(last_seen);
         Some(Expected { pos_world, vel_world, unseen, last_seen, seen_world })
     }
 
@@ -430,5 +437,7 @@ impl TargetFilter {
 }
 
 fn usable(config: &TargetConfig, detection: &Detection) -> bool {
-    detection.distance <= config.max_distance && detection.pos_world.iter().all(|x| x.is_finite())
+    detection.sight_world.norm() <= config.max_distance
+        && detection.pos_world.iter().all(|x| x.is_finite())
+        && (0.0..=1.0).contains(&detection.objectness)
 }

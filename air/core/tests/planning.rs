@@ -17,7 +17,7 @@ fn seen(pos_world: Vec3) -> [Option<Detection>; 2] {
 }
 
 fn seen_as(pos_world: Vec3, objectness: f64) -> [Option<Detection>; 2] {
-    [Some(Detection { pos_world, distance: pos_world.norm(), objectness }), None]
+    [Some(Detection { pos_world, sight_world: pos_world, objectness }), None]
 }
 
 /// Frames at 30 Hz; `what(t)` is the detection.
@@ -114,12 +114,44 @@ fn beyond_its_reach_a_lost_target_is_taken_again_only_if_it_is_sure() {
     }
 }
 
+/// A target seen for a second at 5 m, and then for two frames `off` of there.
+fn after_an_error(off: Vec3, objectness: f64, range_doubt: f64) -> TargetEstimate {
+    let here = Vec3::new(5.0, 0.0, 0.0);
+    let mut filter = TargetFilter::new(TargetConfig { range_doubt, ..config() });
+    watch(&mut filter, 0.0, 30, |_| seen(here));
+    assert_eq!(watch(&mut filter, 1.0, 2, |_| seen_as(here + off, objectness)), [true, false], "inside the gate");
+    filter.estimate().unwrap()
+}
+
 #[test]
-fn a_wrong_range_for_a_moment_hardly_moves_the_velocity() {
-    let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
-    let consistent = watch(&mut filter, 1.0, 2, |_| seen(Vec3::new(6.0, 0.0, 1.0)));
-    assert_eq!(consistent, [true, false], "inside the gate");
-    assert!(filter.estimate().unwrap().vel_world.norm() < 0.8, "1.0 without it: {:?}", filter.estimate());
+fn a_doubtful_range_hardly_moves_the_target_and_a_bearing_does() {
+    let sure = after_an_error(Vec3::new(1.0, 0.0, 0.0), 1.0, 40.0);
+    let doubtful = after_an_error(Vec3::new(1.0, 0.0, 0.0), 0.6, 40.0);
+    assert!(doubtful.vel_world.norm() < 0.3 * sure.vel_world.norm(), "{doubtful:?} {sure:?}");
+    let undoubted = after_an_error(Vec3::new(1.0, 0.0, 0.0), 0.6, 0.0);
+    assert!((undoubted.pos_world - sure.pos_world).norm() < 0.05, "the doubt is what tells them apart: {undoubted:?}");
+    let aside = after_an_error(Vec3::new(0.0, 0.5, 0.0), 0.6, 40.0);
+    assert!(aside.pos_world.y > 0.15 && aside.pos_world.y > 4.0 * (doubtful.pos_world.x - 5.0), "{aside:?}");
+}
+
+#[test]
+fn what_is_doubtful_must_be_where_the_target_is_as_what_is_sure() {
+    for objectness in [1.0, 0.3] {
+        let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+        let branch = Vec3::new(3.0, 0.0, 0.6);
+        assert_eq!(watch(&mut filter, 1.0, 1, |_| seen_as(branch, objectness)), [false, false]);
+    }
+}
+
+#[test]
+fn of_two_cells_that_see_the_target_the_surer_is_taken() {
+    let (here, aside) = (Vec3::new(5.0, 0.0, 1.0), Vec3::new(5.0, 0.3, 1.0));
+    for (first, y) in [(0.99, 0.0..0.05), (0.6, 0.05..0.3)] {
+        let mut filter = confirmed_at(here);
+        let both = [seen_as(here, first)[0], seen_as(aside, 0.8)[0]];
+        assert_eq!(watch(&mut filter, 1.0, 3, |_| both), [true, true]);
+        assert!(y.contains(&filter.estimate().unwrap().pos_world.y.max(0.0)), "{:?}", filter.estimate());
+    }
 }
 
 #[test]
@@ -142,8 +174,8 @@ proptest! {
         for (k, point) in points.iter().enumerate() {
             let (wild, tame) = (Vec3::from(*point), Vec3::from(near[k]));
             let detections = [
-                Some(Detection { pos_world: wild, distance: wild.norm(), objectness: 0.9 }),
-                Some(Detection { pos_world: tame, distance: tame.norm(), objectness: 0.6 }),
+                Some(Detection { pos_world: wild, sight_world: wild, objectness: 0.9 }),
+                Some(Detection { pos_world: tame, sight_world: tame, objectness: 0.6 + tame.x }),
             ];
             filter.step(Time::from_secs(step * k as f64), &detections, &mut consistent);
             if let Some(e) = filter.estimate() {

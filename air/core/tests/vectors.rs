@@ -89,15 +89,18 @@ fn target_config(vectors: &Value) -> TargetConfig {
     let get = |key: &str| number(&vectors["filter"][key]);
     TargetConfig {
         acc_variance: vector(&vectors["filter"]["acc_variance"]).into(),
-        measurement_variance: get("measurement_variance"),
+        lateral_variance: get("lateral_variance"),
+        range_variance: get("range_variance"),
+        doubt: get("doubt"),
         variance_distance: get("variance_distance"),
         gate: get("gate"),
         confirm_hits: get("confirm_hits") as u32,
         confirm_of: get("confirm_of") as u32,
-        confirm_objectness: 0.9,
-        sure_objectness: 0.98,
+        confirm_objectness: 0.0,
+        sure_objectness: 1.0,
         blind_time: 0.5,
         max_speed: get("max_speed"),
+        max_acc: 8.0,
         max_distance: 50.0,
         reacquire_margin: 1.0,
     }
@@ -211,9 +214,11 @@ fn target_filter_agrees_frame_by_frame() {
     let lens = vector(&vectors["lens_3"]);
     for frame in list(&vectors["frames_K"]) {
         let mut detections = [None; 4];
-        for (slot, pos) in detections.iter_mut().zip(list(&frame["detections"])) {
+        let seen = list(&frame["detections"]).iter().zip(list(&frame["objectness"]));
+        for (slot, (pos, objectness)) in detections.iter_mut().zip(seen) {
             let pos_world = vector(pos);
-            *slot = Some(Detection { pos_world, distance: (pos_world - lens).norm(), objectness: 0.9 });
+            *slot =
+                Some(Detection { pos_world, sight_world: pos_world - lens, objectness: number(objectness) });
         }
         let mut consistent = [false; 4];
         filter.step(Time(frame["stamp_ns"].as_u64().unwrap()), &detections, &mut consistent);

@@ -97,9 +97,10 @@ section! { /** The control loop. */ Controller { rate_hz: f64 } }
 section! { /** Detection, the chase and the target filter. */ Planner {
     min_objectness: f64, keep_objectness: f64, standoff_m: f64, headway_s: f64, above_target_m: f64,
     keep_off_m: f64, max_acc_mps2: f64, max_agility: f64, remember_within_m: f64, pursue_until_s: f64,
-    acc_variance_mps2: [f64; 3], measurement_variance_m2: f64, variance_distance_m: f64, gate_sigmas: f64,
+    acc_variance_mps2: [f64; 3], lateral_variance_m2: f64, range_variance_m2: f64, doubt: f64,
+    variance_distance_m: f64, gate_sigmas: f64,
     confirm_hits: u32, confirm_of: u32, confirm_objectness: f64, sure_objectness: f64, blind_time_s: f64,
-    target_max_speed_mps: f64, target_max_distance_m: f64, reacquire_margin_m: f64,
+    target_max_speed_mps: f64, target_max_acc_mps2: f64, target_max_distance_m: f64, reacquire_margin_m: f64,
 } }
 section! { /** Disturbance observer. */ Observer { alpha1: f64, alpha2: f64, zeta_s: f64, limit_mps2: f64 } }
 section! { /** Lead over the attitude loop's lag. */ Lead {
@@ -315,7 +316,9 @@ impl Vehicle {
             policy,
             target: TargetConfig {
                 acc_variance: p.acc_variance_mps2,
-                measurement_variance: p.measurement_variance_m2,
+                lateral_variance: p.lateral_variance_m2,
+                range_variance: p.range_variance_m2,
+                doubt: p.doubt,
                 variance_distance: p.variance_distance_m,
                 gate: p.gate_sigmas,
                 confirm_hits: p.confirm_hits,
@@ -324,6 +327,7 @@ impl Vehicle {
                 sure_objectness: p.sure_objectness,
                 blind_time: p.blind_time_s,
                 max_speed: p.target_max_speed_mps,
+                max_acc: p.target_max_acc_mps2,
                 max_distance: p.target_max_distance_m,
                 reacquire_margin: p.reacquire_margin_m,
             },
