@@ -59,7 +59,8 @@ impl ChaseConfig {
 
 /// A target that is not seen for longer than this went behind something, s.
 const HIDDEN_AFTER: f64 = 0.2;
-/// So far beyond the place where it went, the way that it was heading, the chase aims first, m.
+/// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where
+/// it would otherwise get there more slowly than the target ran.
 const BEYOND: f64 = 2.0;
 /// From so near to that place one sees what lies behind it, m.
 const PASSED_WITHIN: f64 = 2.5;
@@ -94,7 +95,8 @@ impl Chase {
             self.passed = Some(target.last_seen);
         }
         if target.unseen > HIDDEN_AFTER && self.passed != Some(target.last_seen) {
-            return corner + vel_world.try_normalize(1e-6).unwrap_or_default() * BEYOND + up;
+            let beyond = (vel_world.norm() * duration - corner.xy().norm()).max(BEYOND);
+            return corner + vel_world.try_normalize(1e-6).unwrap_or_default() * beyond + up;
         }
         let lead = duration * (1.0 - target.unseen / LONGEST_CARRY).clamp(0.0, 1.0);
         let line = target.pos_world + vel_world * lead - pos_world;
@@ -156,6 +158,13 @@ mod tests {
         assert!((on - first).norm() > 0.5, "it has been there: {on}");
         let again = Expected { last_seen: Time::from_secs(8.0), ..hidden };
         assert_eq!(chase.aim(away, &again, 1.0), first, "seen and hidden anew");
+    }
+
+    #[test]
+    fn the_way_to_where_it_was_seen_last_is_flown_as_fast_as_it_ran() {
+        let hidden = Expected { vel_world: Vec3::new(6.0, 0.0, 0.0), ..target(0.5) };
+        let aim = aim(CHASE, Vec3::new(1.0, 0.0, 1.0), &hidden, 1.5);
+        assert!((aim.x - 9.0).abs() < 1e-12, "6 m/s for 1.5 s, of which it is 4 m to there: {aim}");
     }
 
     #[test]

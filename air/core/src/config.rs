@@ -7,6 +7,7 @@ use crate::limits::LimitsConfig;
 use crate::mission::StopAction;
 use crate::thrust::ThrustConfig;
 use crate::types::{GRAVITY, Newtons, NormalisedThrust};
+use crate::view::ViewConfig;
 
 /// Everything that the controller needs to know.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +24,8 @@ pub struct ControllerConfig {
     pub lag: LagConfig,
     /// Yaw limits and the search.
     pub yaw: YawConfig,
+    /// What the camera shows.
+    pub view: ViewConfig,
     /// Braking and position hold.
     pub hold: HoldConfig,
     /// The fallback ladder's timings.
@@ -176,6 +179,7 @@ impl ControllerConfig {
         self.thrust.validate(&self.vehicle)?;
         self.lag.validate(self.lead.tau)?;
         self.limits.validate()?;
+        self.view.validate()?;
         self.validate_loops()?;
         self.validate_ladder()?;
         self.validate_mission()
@@ -271,6 +275,7 @@ pub(crate) mod tests {
                 search_delay: 1.5,
                 along_velocity_speed: 1.0,
             },
+            view: ViewConfig { top: 0.63 },
             hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
             ladder: LadderConfig {
                 missed_detection: 0.6,
@@ -311,7 +316,7 @@ pub(crate) mod tests {
     fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
         assert_eq!(config().validate(), Ok(()));
         type Spoil = fn(&mut ControllerConfig);
-        let spoiled: [(&str, Spoil); 16] = [
+        let spoiled: [(&str, Spoil); 17] = [
             ("vehicle.mass", |c| c.vehicle.mass = 0.0),
             ("vehicle.hover_thrust", |c| c.vehicle.hover_thrust = 1.0),
             ("vehicle.min_thrust", |c| c.vehicle.min_thrust = 0.0),
@@ -323,6 +328,7 @@ pub(crate) mod tests {
             ("lag.least", |c| c.lag.least = 0.11),
             ("lag.most", |c| c.lag.most = 0.09),
             ("limits.battery_start", |c| c.limits.battery_start = 0.1),
+            ("view.top", |c| c.view.top = f64::NAN),
             ("yaw.search_rate", |c| c.yaw.search_rate = 9.0),
             ("ladder.odometry_stale", |c| c.ladder.odometry_stale = f64::INFINITY),
             ("mission.resume_distance", |c| c.mission.resume_distance = 1.9),

@@ -142,6 +142,11 @@ impl Controller {
                     let reference = flown.quintic.at(age);
                     let led = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
                     let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
+                    let target = self.plans.target_at(now).filter(|_| task == Task::Track);
+                    let acc_world = target.map_or(acc_world, |target| {
+                        let disturbance = self.motion.observer().disturbance();
+                        self.config.view.keeping(acc_world, disturbance, target.pos - pos)
+                    });
                     return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
                 }
                 let reference = self.hover.step(hold, pos, vel);
@@ -185,6 +190,9 @@ impl Controller {
                 toward(target.pos - odometry.pos_world, target.vel - odometry.vel_world)
             })
         };
+        if let (Mode::Track | Mode::Hold | Mode::Search, Some(at)) = (self.mode, self.plans.glimpse(now)) {
+            return toward(at - odometry.pos_world, Vec3::zeros());
+        }
         match self.mode {
             Mode::Search if now.since(self.entered) > config.search_delay => YawGoal::Sweep(self.sweep),
             Mode::Track | Mode::Hold if self.slipped_by(now, odometry) => YawGoal::Sweep(self.sweep),

@@ -35,6 +35,7 @@ pub mod target;
 pub mod thrust;
 pub mod transitions;
 pub mod types;
+pub mod view;
 pub mod yaw;
 
 pub use aim::ChaseConfig;
@@ -58,3 +59,4 @@ pub use types::{
     ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,
     Odometry, Plan, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
 };
+pub use view::ViewConfig;

@@ -3,7 +3,7 @@
 use crate::config::LadderConfig;
 use crate::quintic::Quintic;
 use crate::target::LONGEST_CARRY;
-use crate::types::{FlatState, Plan, TargetEstimate, Task, Time, Vec3};
+use crate::types::{Candidate, FlatState, Plan, TargetEstimate, Task, Time, Vec3};
 
 /// The trajectory that is flown.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +16,12 @@ pub struct Flown {
     pub quintic: Quintic,
 }
 
+/// What is as likely the target as this is looked at, for so long, s, once the target itself has not been seen for so
+/// long, s.
+const GLIMPSE: (f64, f64, f64) = (0.9, 0.2, 0.1);
+/// It is no farther from where the target was than this, m, and what a target runs meanwhile, m/s.
+const GLIMPSE_WITHIN: (f64, f64) = (1.0, 10.0);
+
 /// What has come from the planner in this flight.
 #[derive(Clone, Copy, Debug)]
 pub struct Plans {
@@ -24,13 +30,15 @@ pub struct Plans {
     newest: Option<(u64, Time)>,
     flown: Option<Flown>,
     target: Option<TargetEstimate>,
+    /// When and where something last looked like the target.
+    glimpse: Option<(Time, Vec3)>,
 }
 
 impl Plans {
     /// Nothing yet; frames before `since` do not count.
     #[must_use]
     pub fn new(since: Time) -> Self {
-        Self { since, newest: None, flown: None, target: None }
+        Self { since, newest: None, flown: None, target: None, glimpse: None }
     }
 
     /// Takes the newest plan. One that is not finite counts as a frame without a choice.
@@ -40,6 +48,11 @@ impl Plans {
         }
         self.newest = Some((plan.seq, plan.stamp));
         self.target = plan.target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
+        let likely = |candidate: &&Candidate| candidate.objectness >= GLIMPSE.0;
+        let seen = plan.candidates.iter().filter(likely).max_by(|a, b| a.objectness.total_cmp(&b.objectness));
+        if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
+            self.glimpse = Some((plan.stamp, pos_world));
+        }
         let chosen = plan.chosen.and_then(|index| plan.candidates.get(index));
         if let Some(candidate) = chosen {
             let states = [&plan.start, &candidate.end];
@@ -55,6 +68,9 @@ impl Plans {
     pub fn shift(&mut self, jump_world: Vec3) {
         if let Some(target) = &mut self.target {
             target.pos_world += jump_world;
+        }
+        if let Some((_, pos_world)) = &mut self.glimpse {
+            *pos_world += jump_world;
         }
     }
 
@@ -84,6 +100,17 @@ impl Plans {
     #[must_use]
     pub fn target(&self) -> Option<&TargetEstimate> {
         self.target.as_ref()
+    }
+
+    /// Where something has just looked like the target, which itself is not seen: it may be the target.
+    #[must_use]
+    pub fn glimpse(&self, now: Time) -> Option<Vec3> {
+        let (_, latest, missed) = GLIMPSE;
+        let ((stamp, pos_world), target) = self.glimpse.zip(self.target)?;
+        let unseen = now.since(target.last_seen);
+        let reach = GLIMPSE_WITHIN.0 + GLIMPSE_WITHIN.1 * unseen;
+        let fits = unseen > missed && (pos_world - target.pos_world).norm() < reach;
+        (fits && now.since(stamp) < latest).then_some(pos_world)
     }
 
     /// The newest estimate carried on to `now` at its velocity, for a while; velocity 0 once it is not believed.
@@ -147,6 +174,37 @@ mod tests {
         plans.take(&plan(3, 1.2, 2.0, None));
         assert_eq!(plans.flyable(&LADDER, Task::Track, Time::from_secs(1.3)).map(|f| f.seq), Some(2));
         assert_eq!(plans.silence(Time::from_secs(1.3)), 0.1);
+    }
+
+    #[test]
+    fn what_looks_like_the_target_is_glimpsed_while_that_is_not_seen_and_where_it_can_be() {
+        let target = TargetEstimate {
+            stamp: Time::from_secs(1.0),
+            pos_world: Vec3::new(5.0, 0.0, 1.0),
+            vel_world: Vec3::zeros(),
+            covariance: nalgebra::Matrix6::identity(),
+            confirmed: true,
+            last_seen: Time::from_secs(1.0),
+        };
+        let glimpse = |objectness: f64, lateral: f64, unseen: f64, later: f64| {
+            let mut plan = plan(1, 1.0 + unseen, 2.0, Some(7));
+            let at = Vec3::new(5.0, lateral, 1.0);
+            plan.candidates[3] = Candidate { objectness, target_world: Some(at), ..plan.candidates[3] };
+            for candidate in plan.candidates.iter_mut().filter(|c| c.target_world.is_none()) {
+                candidate.objectness = 0.0;
+            }
+            plan.target = Some(target);
+            let mut plans = Plans::new(Time(0));
+            plans.take(&plan);
+            plans.glimpse(plan.stamp.plus(later))
+        };
+        assert_eq!(glimpse(0.95, 2.0, 0.2, 0.0), Some(Vec3::new(5.0, 2.0, 1.0)));
+        assert_eq!(glimpse(0.85, 2.0, 0.2, 0.0), None, "unlikely");
+        assert_eq!(glimpse(0.95, 2.0, 0.0, 0.0), None, "the target itself is seen");
+        assert_eq!(glimpse(0.95, 4.0, 0.2, 0.0), None, "too far");
+        assert_eq!(glimpse(0.95, 2.0, 0.2, 0.3), None, "too old");
+        assert_eq!(glimpse(0.95, f64::NAN, 0.2, 0.0), None);
+        assert_eq!(glimpse(f64::NAN, 2.0, 0.2, 0.0), None);
     }
 
     #[test]

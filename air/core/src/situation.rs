@@ -8,6 +8,8 @@ use crate::takeoff::Stage;
 use crate::transitions::{Happened, Situation};
 use crate::types::{Odometry, Task, Time};
 
+/// A target that moved faster than this when it was seen last, m/s, is not looked for on the spot.
+const RUNS: f64 = 1.0;
 /// A fault is shown at least this long, s.
 const FAULT_SHOWN: f64 = 3.0;
 /// The climb is over this near the height, m, and below this speed, m/s.
@@ -94,13 +96,16 @@ impl Controller {
             Mode::Track => !flyable && self.hover.is_stopped(),
             _ => !confirmed,
         };
+        let last = self.plans.target().filter(|_| planning && !confirmed);
+        let ran = last.is_some_and(|target| target.vel_world.xy().norm() > RUNS);
+        let moved_off = ran || gap.is_some_and(|(gap, _)| gap > mission.resume_distance);
         let at_goal =
             odometry.zip(flight.goal_world).is_some_and(|(o, goal)| (goal - o.pos_world).norm() < mission.goal_radius);
         happened
             .with(Cause::NoPlan, planning && self.plans.silence(now) > ladder.no_plan_land)
             .with(Cause::CaughtUp, gap.is_some_and(|(gap, opening)| gap < mission.hold_distance && opening < 0.0))
             .with(Cause::GoalReached, at_goal)
-            .with(Cause::TargetMovedOff, flyable && gap.is_some_and(|(gap, _)| gap > mission.resume_distance))
+            .with(Cause::TargetMovedOff, flyable && moved_off)
             .with(Cause::TargetConfirmed, flyable && confirmed)
             .with(Cause::TargetLost, planning && self.plans.frames_arrive(ladder, now) && lost)
             .with(Cause::SearchTimeout, now.since(self.entered) > mission.search_timeout)

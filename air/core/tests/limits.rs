@@ -77,6 +77,33 @@ fn no_plan_flies_faster_than_the_limit() {
     assert!(fastest(7.0) < 7.5, "{}", fastest(7.0));
 }
 
+/// How far above its nose the chasing vehicle ever has the target, rad, with the image's upper edge at `top`.
+fn highest_sight(top: f64) -> f64 {
+    let mut sim = limited(|c| {
+        c.view.top = top;
+        c.limits.fence_radius = 1e4;
+    });
+    sim.start(Profile { speed: 10.0, ..track() });
+    sim.until(12.0, |s| s.mode() == Mode::Search);
+    let mut highest = 0.0_f64;
+    for _ in 0..800 {
+        sim.haste = 3.0;
+        let target = sim.pos + Vec3::new(8.0, 0.0, 0.0);
+        sim.frames = Frames::Target(target);
+        sim.tick(None);
+        let line = sim.attitude.inverse() * (target - sim.pos);
+        highest = highest.max(line.z.atan2(line.x));
+    }
+    highest
+}
+
+#[test]
+fn a_chase_speeds_up_no_harder_than_leaves_the_target_in_the_image() {
+    assert!(highest_sight(3.0) > 0.63, "{}: these plans would lose it", highest_sight(3.0));
+    let highest = highest_sight(0.63);
+    assert!(highest > 0.3 && highest < 0.63, "{highest}");
+}
+
 #[test]
 fn the_vehicle_never_tilts_beyond_its_limit() {
     let mut sim = limited(|c| {

@@ -132,6 +132,36 @@ fn a_near_target_that_runs_away_is_chased_on() {
 }
 
 #[test]
+fn a_hold_pursues_a_target_that_ran_out_of_sight_and_looks_around_for_one_that_stood() {
+    for (vel, then) in [(Vec3::new(0.0, 4.0, 0.0), Mode::Track), (Vec3::new(0.0, 0.5, 0.0), Mode::Search)] {
+        let target = Vec3::new(8.0, 3.0, 1.5);
+        let mut sim = chasing(target);
+        sim.until(15.0, |s| s.mode() == Mode::Hold);
+        sim.target_vel = vel;
+        sim.run(0.1);
+        sim.frames = Frames::Blank;
+        sim.until(1.0, |s| s.mode() != Mode::Hold);
+        assert_eq!(sim.mode(), then, "{vel}");
+    }
+}
+
+#[test]
+fn something_like_the_lost_target_draws_the_camera_before_it_is_believed() {
+    let mut sim = chasing(Vec3::new(12.0, 0.0, 1.5));
+    sim.run(1.0);
+    let aside = Vec3::new(12.0, 2.5, 1.5);
+    sim.frames = Frames::Glimpse(aside);
+    let off = |sim: &Loop| {
+        let line = aside - sim.pos;
+        goshawk_core::yaw::wrap(line.y.atan2(line.x) - sim.out().yaw_des).abs()
+    };
+    let before = off(&sim);
+    sim.run(0.6);
+    assert_eq!(sim.mode(), Mode::Track);
+    assert!(before > 0.2 && off(&sim) < 0.15, "{before} {}", off(&sim));
+}
+
+#[test]
 fn a_briefly_missed_target_does_not_interrupt_the_chase() {
     let mut sim = chasing(Vec3::new(20.0, 0.0, 1.5));
     sim.run(1.0);
@@ -147,7 +177,7 @@ fn a_briefly_missed_target_does_not_interrupt_the_chase() {
 
 #[test]
 fn a_lost_target_brakes_then_is_looked_for_where_it_was_lost_then_all_around() {
-    let target = Vec3::new(3.0, 18.0, 1.5);
+    let target = Vec3::new(3.0, 24.0, 1.5);
     let mut sim = chasing(target);
     sim.run(2.0);
     sim.frames = Frames::Blank;

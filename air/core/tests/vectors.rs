@@ -217,8 +217,7 @@ fn target_filter_agrees_frame_by_frame() {
         let seen = list(&frame["detections"]).iter().zip(list(&frame["objectness"]));
         for (slot, (pos, objectness)) in detections.iter_mut().zip(seen) {
             let pos_world = vector(pos);
-            *slot =
-                Some(Detection { pos_world, sight_world: pos_world - lens, objectness: number(objectness) });
+            *slot = Some(Detection { pos_world, sight_world: pos_world - lens, objectness: number(objectness) });
         }
         let mut consistent = [false; 4];
         filter.step(Time(frame["stamp_ns"].as_u64().unwrap()), &detections, &mut consistent);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use goshawk_core::{
     CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
     LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, StopAction,
-    TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, YawConfig,
+    TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig,
 };
 use goshawk_policy::Provider;
 use serde::Deserialize;
@@ -370,6 +370,7 @@ impl Vehicle {
                 search_delay: y.search_delay_s,
                 along_velocity_speed: y.along_velocity_speed_mps,
             },
+            view: ViewConfig { top: (self.camera.tilt_deg + 0.5 * self.camera.vfov_deg).to_radians() },
             hold: HoldConfig {
                 kp: h.kp,
                 kv: h.kv,

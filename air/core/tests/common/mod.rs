@@ -27,6 +27,7 @@ pub fn config() -> ControllerConfig {
             search_delay: 1.5,
             along_velocity_speed: 1.0,
         },
+        view: ViewConfig { top: 0.63 },
         hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
         ladder: LadderConfig {
             missed_detection: 0.6,
@@ -140,6 +141,8 @@ pub enum Frames {
     Blank,
     /// A target here.
     Target(Vec3),
+    /// Something here that looks like a target and is not believed to be it.
+    Glimpse(Vec3),
     /// A straight plan to the demand's goal.
     Goal,
 }
@@ -350,7 +353,7 @@ impl Loop {
         let pos = self.pos + self.odometry_offset;
         let (aim, target) = match self.frames {
             Frames::None => return None,
-            Frames::Blank => (None, None),
+            Frames::Blank | Frames::Glimpse(_) => (None, None),
             Frames::Target(at) => (Some(at), Some(at)),
             Frames::Goal => (demand.goal_world, None),
         };
@@ -361,7 +364,8 @@ impl Loop {
             let direction = line.try_normalize(1e-6).unwrap_or_default();
             FlatState { pos: pos + direction * reach, vel: direction * (2.0 * self.haste), acc: Vec3::zeros() }
         });
-        let candidate = Candidate { end, cost: 1.0, objectness: 1.0, target_world: target, rejection: None };
+        let glimpsed = if let Frames::Glimpse(at) = self.frames { Some(at) } else { target };
+        let candidate = Candidate { end, cost: 1.0, objectness: 1.0, target_world: glimpsed, rejection: None };
         let estimate = target.map(|at| TargetEstimate {
             stamp: self.now,
             pos_world: at,
