@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import struct
 import subprocess
 import time
 from pathlib import Path
@@ -47,7 +48,7 @@ def controls(log: Path) -> list[int]:
         try:
             for _, _, message in NonSeekingReader(stream).iter_messages(topics=["tel/control"], log_time_order=False):
                 stamps.append(goshawk_pb2.Control.FromString(message.data).stamp_ns)
-        except (McapError, EOFError, ValueError):
+        except (McapError, EOFError, ValueError, struct.error):
             pass  # where the file was cut off
     return stamps
 
