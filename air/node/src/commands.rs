@@ -27,8 +27,9 @@ pub struct Asked {
     query: Query,
 }
 
-/// A query that is done with, for [`send`]. Nobody else may drop a query: the last of it to go tells the asker that no
-/// more will come, and where the asker wants that waited with, it waits until the asker's link moves or is given up.
+/// A query that is done with, for [`send`]. Beside that, and [`serve_pings`] for the pings it answers, nobody may drop a
+/// query: the last of it to go tells the asker that no more will come, and where the asker wants that waited with, it
+/// waits until the asker's link moves or is given up.
 pub struct Answer {
     query: Query,
     /// None: it goes unanswered, and the asker repeats it.
@@ -75,7 +76,8 @@ pub fn serve_pings(asked: &Receiver<Query>, shared: &Shared) {
 }
 
 /// Sends answers until the process stops: apart from the commands, which must not wait until another ground's link, over
-/// which an answer goes, moves again. What waits here is bounded by what one link brings until Zenoh gives it up (5 s).
+/// which an answer goes, moves again. Zenoh gives up a link that
+/// stands still for 5 s; until then what waits here has no bound, for what is too much could only be dropped by waiting.
 pub fn send(answers: &Receiver<Answer>, shared: &Shared) {
     while !shared.stopping() {
         let Ok(Answer { query, payload }) = answers.recv_timeout(Duration::from_millis(100)) else { continue };
