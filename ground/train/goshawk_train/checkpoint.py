@@ -55,6 +55,8 @@ class Checkpoint:
     network: dict[str, Tensor]
     ema: dict[str, Tensor]
     optimiser: dict[str, Any]
+    hardware: str = "hardware that was not recorded"
+    """What it was computed on, last."""
 
 
 def save(path: Path, checkpoint: Checkpoint) -> None:

@@ -67,6 +67,7 @@ def contract(saved: Checkpoint, *, commit: str) -> dict[str, Any]:
             "seed": config.seed,
             "samples": saved.step * config.training.batch,
             "hours": round(saved.seconds / 3600, 3),
+            "hardware": saved.hardware,
         },
     }
 
@@ -172,8 +173,8 @@ Task: {config.task}. ResNet-18 with stages of {", ".join(map(str, config.network
 {len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.
 
 ## Training
-{training["samples"]:,} samples in {training["hours"]:.2f} h on {config.training.threads} shared CPU threads, weight
-average {config.training.ema:g}, seed {training["seed"]}, commit `{training["commit"]}`, configuration
+{training["samples"]:,} samples in {training["hours"]:.2f} h on {training["hardware"]}; weight average
+{config.training.ema:g}, seed {training["seed"]}, commit `{training["commit"]}`, configuration
 `ground/train/configs/{trained_as}.toml`. Data set: {training["data"]}.
 
 ## Held-out scenes

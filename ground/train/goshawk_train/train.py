@@ -88,6 +88,7 @@ class Trainer:
             network={name: value.cpu() for name, value in self.network.state_dict().items()},
             ema={name: value.cpu() for name, value in self.ema.state_dict().items()},
             optimiser=self.optimiser.state_dict(),
+            hardware=self.workers.hardware(),
         )
 
     def restore(self, saved: Checkpoint) -> None:

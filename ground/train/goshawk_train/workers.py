@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
 import torch.distributed as dist
@@ -24,6 +26,14 @@ class Workers:
         """Whether this one prints and writes."""
         return self.rank == 0
 
+    def hardware(self) -> str:
+        """What a run computes on, for its record."""
+        if self.device.type == "cuda":
+            return f"{self.count} x {torch.cuda.get_device_name(self.device)}"
+        threads = self.count * torch.get_num_threads()
+        instructions = torch.backends.cpu.get_cpu_capability()
+        return f"{_processor()} with {instructions}, {threads} thread{'s' if threads > 1 else ''}"
+
     def average_gradients(self, parameters: Iterable[Tensor]) -> None:
         """Replace each gradient by its mean over all processes."""
         if self.count == 1:
@@ -42,6 +52,13 @@ class Workers:
         flags = torch.tensor([float(flag)], device=self.device)
         dist.all_reduce(flags)
         return bool(flags.item())
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 def join() -> Workers:
