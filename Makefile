@@ -79,4 +79,5 @@ train: $(VENV)/.train build ## data set, training and export of both policies (h
 	$(VENV)/bin/goshawk dataset check data/train --against data/val
 	$(VENV)/bin/python -m goshawk_train train --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/track --resume
 	$(VENV)/bin/python -m goshawk_train export --run runs/track --data data/val --out air/models/track.onnx
-	$(VENV)/bin/python -m goshawk_train export --run runs/track --task navigate --data data/val --out air/models/navigate.onnx
+	$(VENV)/bin/python -m goshawk_train train --config ground/train/configs/navigate.toml --data data/train --validation data/val --out runs/navigate --from runs/track --resume
+	$(VENV)/bin/python -m goshawk_train export --run runs/navigate --data data/val --out air/models/navigate.onnx

@@ -28,7 +28,8 @@ EXAMPLES = """examples:
   python -m goshawk_train validate --run runs/a --data data/val --json metrics.json
   python -m goshawk_train preview  --run runs/a --data data/val --out preview.png
   python -m goshawk_train export   --run runs/a --data data/val --out air/models/track.onnx
-  python -m goshawk_train export   --run runs/a --task navigate --data data/val --out air/models/navigate.onnx
+  python -m goshawk_train train    --config configs/navigate.toml --data data/train --out runs/n --from runs/a
+  python -m goshawk_train export   --run runs/n --data data/val --out air/models/navigate.onnx
 """
 
 

@@ -195,6 +195,5 @@ Not flown yet.
 
 ## Limits
 Trained on synthetic forests with a synthetic person only, at alpha = 1; flight scales by alpha. It sees one frame:
-what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away. A navigation policy is the tracking
-network without its detection, so its trajectories are the same.
+what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away.
 """

@@ -81,6 +81,8 @@ def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp
     while flying.poll() is None and not children.read_text():
         time.sleep(0.05)
     simulator = Path("/proc") / children.read_text().split()[0] / "cmdline"
+    while flying.poll() is None and SIMULATOR.name.encode() not in simulator.read_bytes().split(b"\0")[0]:
+        time.sleep(0.05)  # forked, not yet the simulator: nobody could stop it
     flying.send_signal(number)
     message = flying.communicate(timeout=30)[1]
     assert flying.returncode == 130

@@ -20,7 +20,7 @@ from goshawk_train.config import Config, config_to_dict, replace_training
 from goshawk_train.network import Policy
 
 SIMULATOR = Path(__file__).parents[3] / "target" / "release" / "goshawk-sim"
-GOLDEN_LOSSES = [230.793, 270.954, 217.973, 211.442]
+GOLDEN_LOSSES = [218.376, 256.404, 202.591, 190.028]
 
 
 @pytest.fixture(scope="module")
