@@ -76,8 +76,8 @@ pub fn serve_pings(asked: &Receiver<Query>, shared: &Shared) {
 }
 
 /// Sends answers until the process stops: apart from the commands, which must not wait until another ground's link, over
-/// which an answer goes, moves again. Zenoh gives up a link that
-/// stands still for 5 s; until then what waits here has no bound, for what is too much could only be dropped by waiting.
+/// which an answer goes, moves again. Zenoh gives up a link that stands still for 5 s; until then what waits here has no
+/// bound, for what is too much could only be dropped by waiting.
 pub fn send(answers: &Receiver<Answer>, shared: &Shared) {
     while !shared.stopping() {
         let Ok(Answer { query, payload }) = answers.recv_timeout(Duration::from_millis(100)) else { continue };

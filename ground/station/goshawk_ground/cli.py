@@ -256,6 +256,12 @@ def review(
     dashboard.close()
 
 
+def _of_trainer(name: str, context: typer.Context) -> None:
+    if not trainer_installed():
+        fail(f"goshawk {name} needs the trainer (goshawk_train), which is not installed: make setup-train", NO_REPLY)
+    raise typer.Exit(run_trainer([name, *context.args]))
+
+
 @app.command(
     add_help_option=False,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
@@ -263,9 +269,17 @@ def review(
 )
 def dataset(context: typer.Context) -> None:
     """Data sets for training: check one, or import recordings. Says more with --help."""
-    if not trainer_installed():
-        fail("goshawk dataset needs the trainer (goshawk_train), which is not installed: make setup-train", NO_REPLY)
-    raise typer.Exit(run_trainer(["dataset", *context.args]))
+    _of_trainer("dataset", context)
+
+
+@app.command(
+    add_help_option=False,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    epilog="Example: goshawk train --config ground/train/configs/track.toml --data data/train --out runs/track",
+)
+def train(context: typer.Context) -> None:
+    """Train a policy; --resume goes on where it stopped. Says more with --help; `make train` does it all."""
+    _of_trainer("train", context)
 
 
 log_commands.register(app)

@@ -116,6 +116,16 @@ def test_dataset_passes_words_and_status_through(tmp_path: Path) -> None:
     assert one_line(done.stderr).startswith(f"goshawk dataset check: {tmp_path} holds no dataset.json")
 
 
+def test_train_is_the_trainers_command(tmp_path: Path) -> None:
+    done = goshawk("train", "--help")
+    assert done.returncode == 0 and "--resume" in done.stdout
+    done = goshawk(
+        "train", "--config", str(tmp_path / "no.toml"), "--data", str(tmp_path), "--out", str(tmp_path / "run")
+    )
+    assert done.returncode == 2
+    assert "no.toml" in one_line(done.stderr)
+
+
 def test_dataset_without_the_trainer_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("goshawk_ground.cli.trainer_installed", lambda: False)
     done = CliRunner().invoke(app, ["dataset", "check", "data"])
