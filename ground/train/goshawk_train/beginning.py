@@ -30,7 +30,6 @@ class Beginning:
 
     weights: dict[str, Tensor]
     """By their names in `Policy`."""
-    task: str
     origin: str
     """For the model card: samples and data."""
     folded: bool = False
@@ -42,7 +41,7 @@ def of_run(path: Path) -> Beginning:
     saved = load(path)
     samples = saved.step * saved.config.training.batch
     weights = {**saved.network, **saved.ema}
-    return Beginning(weights=weights, task=saved.config.task, origin=f"{samples} samples of {saved.data}")
+    return Beginning(weights=weights, origin=f"{samples} samples of {saved.data}")
 
 
 def of_policy(path: Path) -> Beginning:
@@ -50,7 +49,7 @@ def of_policy(path: Path) -> Beginning:
     try:
         model = onnx.load(str(path))
         contract = json.loads({entry.key: entry.value for entry in model.metadata_props}[CONTRACT_KEY])
-        task, training = contract["task"], contract["training"]
+        training = contract["training"]
         origin = f"{training['samples']} samples of {training['data']}"
     except OSError as error:
         raise CheckpointError(f"{path}: {error.strerror}") from error
@@ -72,7 +71,7 @@ def of_policy(path: Path) -> Beginning:
         norm = nn.BatchNorm2d(len(bias))
         unit = {"weight": torch.full_like(bias, (1 + norm.eps) ** 0.5), "bias": bias}
         weights |= {f"{block}.{NORM_OF[last]}.{key}": value for key, value in {**norm.state_dict(), **unit}.items()}
-    return Beginning(weights=weights, task=task, origin=origin, folded=True)
+    return Beginning(weights=weights, origin=origin, folded=True)
 
 
 def normalise(network: Policy, rgbd_B4HW: Tensor) -> None:

@@ -105,21 +105,20 @@ class Trainer:
         self.step, self.seconds, self.data_name = saved.step, saved.seconds, saved.data
 
     def begin_from(self, other: Beginning) -> None:
-        """Start at step 0 with these weights. Of another task's, whose head sees and says other things, only the
-        backbone is taken; inputs of the head that the other did not have begin without weight. Raises `TrainingError`
-        if not even that fits.
+        """Start at step 0 with these weights, another task's too: a navigation begins with a chase's trajectories, and
+        a chase with a navigation's. Inputs of the head that the other did not have begin without weight. Raises
+        `TrainingError` if the networks have other widths.
         """
-        own = self.network.state_dict()
-        theirs = dict(other.weights)
-        missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
-        if missing > 0:
-            theirs["head1.weight"] = F.pad(theirs["head1.weight"], (0, 0, 0, 0, 0, missing))
-        fitting = {name: value for name, value in theirs.items() if name in own and value.shape == own[name].shape}
-        if not all(name in fitting for name in own if name.startswith(("stem.", "blocks."))):
-            raise TrainingError("what it is to begin from has another backbone; use the same widths")
-        if other.task != self.config.task:
-            fitting = {name: value for name, value in fitting.items() if not name.startswith(("head", "out."))}
-        self.network.load_state_dict({**own, **fitting})
+        own, theirs = self.network.state_dict(), dict(other.weights)
+        try:
+            missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
+            if missing > 0:
+                theirs["head1.weight"] = F.pad(theirs["head1.weight"], (0, 0, 0, 0, 0, missing))
+            for name in ("out.weight", "out.bias"):  # trajectories first, then what detects the target
+                theirs[name] = torch.cat([theirs[name], own[name][len(theirs[name]) :]])[: len(own[name])]
+            self.network.load_state_dict(theirs)
+        except (KeyError, RuntimeError) as error:
+            raise TrainingError("what it is to begin from is another network; use the same widths") from error
         if other.folded:
             rng = np.random.default_rng([self.config.seed, 3])
             index = rng.choice(len(self.frames), min(NORMALISING_FRAMES, len(self.frames)), replace=False)

@@ -17,7 +17,7 @@ import torch.nn.functional as F
 from goshawk_train import checkpoint, cli, data, export, score, train, validate
 from goshawk_train.beginning import Beginning, normalise, of_policy, of_run
 from goshawk_train.config import Config, config_to_dict, replace_training
-from goshawk_train.network import Policy
+from goshawk_train.network import TRAJECTORY_CHANNELS, Policy
 
 SIMULATOR = Path(__file__).parents[3] / "target" / "release" / "goshawk-sim"
 GOLDEN_LOSSES = [218.376, 256.404, 202.591, 190.028]
@@ -98,18 +98,32 @@ def test_run_begins_with_another_runs_averaged_weights(
     assert "samples of a" in second.snapshot().data
 
 
-def test_run_of_another_task_lends_its_backbone_only(
+def test_a_navigation_begins_with_a_chases_trajectories_and_a_chase_with_a_navigations(
+    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+) -> None:
+    chase = train.Trainer(small, *loaded, data_name="a")
+    chase.advance()
+    navigation = train.Trainer(dataclasses.replace(small, task="navigate"), *loaded, data_name="b")
+    navigation.begin_from(beginning(chase, tmp_path))
+    again = train.Trainer(dataclasses.replace(small, seed=2), *loaded, data_name="c")
+    fresh = {name: value.clone() for name, value in again.network.state_dict().items()}
+    again.begin_from(beginning(navigation, tmp_path))
+    lent = {**chase.network.state_dict(), **chase.ema.state_dict()}
+    for name, value in again.network.state_dict().items():
+        if name.startswith("out."):
+            lent[name] = torch.cat([lent[name][:TRAJECTORY_CHANNELS], fresh[name][TRAJECTORY_CHANNELS:]])
+        if value.is_floating_point():
+            assert torch.equal(value, lent[name]), name
+
+
+def test_a_network_of_other_widths_is_nothing_to_begin_from(
     small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
 ) -> None:
     first = train.Trainer(small, *loaded, data_name="a")
-    first.advance()
-    second = train.Trainer(dataclasses.replace(small, task="navigate"), *loaded, data_name="b")
-    fresh = {name: value.clone() for name, value in second.snapshot().network.items()}
-    second.begin_from(beginning(first, tmp_path))
-    for name, value in second.snapshot().network.items():
-        lent = first.ema.state_dict().get(name) if name.startswith(("stem.", "blocks.")) else fresh[name]
-        if lent is not None and value.is_floating_point():
-            assert torch.equal(value, lent), name
+    network = dataclasses.replace(small.network, head_channels=small.network.head_channels + 1)
+    second = train.Trainer(dataclasses.replace(small, network=network), *loaded, data_name="b")
+    with pytest.raises(train.TrainingError, match="same widths"):
+        second.begin_from(beginning(first, tmp_path))
 
 
 def test_a_policys_file_is_gone_on_with_as_if_never_folded(
