@@ -93,6 +93,7 @@ class CostConfig:
     potential_rest: float
     clearance: float
     clearance_m: float
+    clearance_agility: float
     ground: float
     ground_distance_m: float
     ground_scale_m: float

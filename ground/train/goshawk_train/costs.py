@@ -96,16 +96,17 @@ class CostModel:
         exposure = costs.potential_rest + (1 - costs.potential_rest) * speed
         safety = costs.collision * self.step_s * (self.potential(distance) * exposure).sum(-1)
         min_distance = distance.amin(-1)
-        short = F.relu(1 - min_distance / costs.clearance_m)
         above = world[..., 2] - self.maps.ground(flat, scene).view(pos.shape[:3])
         ground = F.softplus((costs.ground_distance_m - above) / costs.ground_scale_m)
         agility = situation.agility_B[:, None]
+        care = agility**-costs.clearance_agility
+        short = F.relu(1 - min_distance / (costs.clearance_m * care))
         fast = F.relu(speed.amax(-1) - 1)
         hard = F.relu(_norm(acc).amax(-1) / (motion.a_max_mps2 * agility) - 1)
         return CostTerms(
             smoothness_BN=self.smoothness(d_BN63) / agility,
             safety_BN=safety,
-            clearance_BN=costs.clearance * short.square(),
+            clearance_BN=costs.clearance * care * short.square(),
             feasibility_BN=costs.feasibility * (_excess(fast) + _excess(hard)),
             ground_BN=costs.ground * self.step_s * ground.sum(-1),
             goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3[:, None]),

@@ -146,6 +146,15 @@ def test_a_less_agile_vehicle_is_given_less_acceleration(config: Config, maps: S
     torch.testing.assert_close(b.safety_BN, a.safety_BN)
 
 
+def test_a_less_agile_vehicle_keeps_farther_off(config: Config, maps: SceneMaps, d: torch.Tensor) -> None:
+    costs = dataclasses.replace(config.costs, clearance=8.0, clearance_m=0.3, clearance_agility=1.0)
+    terms = CostModel(dataclasses.replace(config, costs=costs), maps, dtype=F64)(d, situation())
+    for scene, agility in enumerate([1.0, 0.5]):
+        short = (1 - terms.min_distance_BN[scene] / (0.3 / agility)).clamp(min=0)
+        torch.testing.assert_close(terms.clearance_BN[scene], 8.0 / agility * short.square())
+        assert (short > 0).any() and (short < 1).any()
+
+
 def test_rest_costs_less_near_obstacles_than_speed(config: Config, maps: SceneMaps) -> None:
     model, where = CostModel(config, maps, dtype=F64), situation()
     at_rest = torch.zeros(2, 1, 6, 3, dtype=F64)
