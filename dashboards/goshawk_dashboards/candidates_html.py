@@ -23,7 +23,7 @@ REASONS = {
     "cost": ("$", "dearer than the one flown"),
     "objectness": ("o", "no target to chase, and it holds none"),
     "gate": ("g", "its detection is not confirmed or not consistent"),
-    "blocked": ("x", "would meet something that was seen, or the target"),
+    "blocked": ("x", "would meet something that was seen, or the target, or climb over the goal"),
     "invalid": ("!", "its network values are not finite"),
 }
 """A letter for the strip, and the words, for each rejection."""

@@ -57,6 +57,18 @@ impl ChaseConfig {
     }
 }
 
+/// Navigation: over the goal by more than this, m, a trajectory should not end.
+const RISE: f64 = 0.6;
+/// And each metre beyond that costs so much, on the scale of the network's costs.
+const CLIMBING: f64 = 30.0;
+
+/// What it costs a navigation to end at `end` (m): who flies over a roof finds no way down to the goal under it, which
+/// the camera does not show.
+#[must_use]
+pub fn climbing(end: Vec3, goal: Vec3) -> f64 {
+    CLIMBING * (end.z - goal.z - RISE).max(0.0)
+}
+
 /// A target that is not seen for longer than this went behind something, s.
 const HIDDEN_AFTER: f64 = 0.2;
 /// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where

@@ -1,6 +1,6 @@
 //! One camera frame in, one plan out.
 
-use crate::aim::{Chase, ChaseConfig, within_reach};
+use crate::aim::{Chase, ChaseConfig, climbing, within_reach};
 use crate::decode::{Decoder, FramePose};
 use crate::error::{ConfigError, check, not_negative, positive};
 use crate::obstacles::{Ignored, Nearest, Obstacles};
@@ -193,8 +193,11 @@ impl Planner {
         let duration = self.decoder.duration(alpha);
         let chosen = match self.config.policy.task {
             Task::Navigate => {
-                let meeting = |c: &Candidate| self.obstacles.meeting(&Quintic::new(&start, &c.end, duration), None);
-                select(Some(meeting), &[None; ANCHORS], &mut candidates)
+                let avoided = |c: &Candidate| {
+                    let climbing = input.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
+                    climbing + self.obstacles.meeting(&Quintic::new(&start, &c.end, duration), None)
+                };
+                select(Some(avoided), &[None; ANCHORS], &mut candidates)
             }
             Task::Track => {
                 let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);

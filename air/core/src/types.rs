@@ -106,7 +106,7 @@ pub enum Rejection {
     Gate,
     /// Another was cheaper.
     Cost,
-    /// It would have been the cheapest, but for what it meets: an obstacle, or the target.
+    /// It would have been the cheapest, but for what it meets, an obstacle or the target, or for its climb over the goal.
     Blocked,
     /// The network's values for it are not finite; `end` is the bare anchor, `objectness` 0.
     Invalid,

@@ -198,6 +198,29 @@ fn navigation_flies_the_cheapest_valid_candidate() {
 }
 
 #[test]
+fn navigation_does_not_climb_over_the_roof_under_which_its_goal_lies() {
+    let step = |output: &NetworkOutput, goal_world| {
+        let input = PlannerInput {
+            seq: 0,
+            odometry: &odometry(0.0),
+            acc_world: Vec3::zeros(),
+            speed: 6.0,
+            goal_world: Some(goal_world),
+            network: output,
+        };
+        planner(Task::Navigate).step(&input)
+    };
+    let level = odometry(0.0).pos_world + Vec3::new(40.0, 0.0, 0.0);
+    let high = |index: usize| step(&network(&[]), level).candidates[index].end.pos.z - level.z;
+    let (upper, lower) = if high(2) > high(12) { (2, 12) } else { (12, 2) };
+    assert!(high(upper) > 1.5 && high(lower) < 0.5, "{} and {}", high(upper), high(lower));
+    let output = network(&[(upper, 0.2), (lower, 2.0)]);
+    assert_eq!(step(&output, level + Vec3::new(0.0, 0.0, 2.0)).chosen, Some(upper));
+    let plan = step(&output, level);
+    assert_eq!((plan.chosen, plan.candidates[upper].rejection), (Some(lower), Some(Rejection::Blocked)));
+}
+
+#[test]
 fn a_network_of_nan_chooses_nothing() {
     for task in [Task::Track, Task::Navigate] {
         let nan = NetworkOutput { values: [f32::NAN; MAX_CHANNELS * ANCHORS] };
