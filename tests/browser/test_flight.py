@@ -21,6 +21,7 @@ from playwright.sync_api import expect
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = ROOT / "target/release"
+UNDER_WAY = ("takeoff", "search", "track", "hold")
 
 
 @pytest.fixture
@@ -81,11 +82,12 @@ def test_start_in_the_browser_begins_the_flight_and_stop_ends_it(
     for _ in range(3):
         page.get_by_role("button", name="Start", exact=True).click()
         page.get_by_role("button", name=re.compile("^Start (now|anyway)$")).click()
-        if link.wait_for(lambda s: s.mode == "takeoff", 8):
+        # The click may return late on a busy machine, with the take-off over and the runner already caught up with.
+        if link.wait_for(lambda s: s.mode in UNDER_WAY, 8):
             break
-    assert link.snapshot().mode in ("takeoff", "search", "track")
+    assert link.snapshot().mode in UNDER_WAY
     assert link.wait_for(lambda s: s.mode == "track" and s.plan is not None, 40)
-    expect(status).to_have_attribute("data-mode", "track")
+    expect(status).to_have_attribute("data-mode", "track", timeout=30_000)
 
     deadline = time.monotonic() + 30
     while look.flown_green(look.picture(page)) < 40:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import signal
@@ -77,20 +78,36 @@ def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp
     command += ["--models", str(MODELS), "--out", str(tmp_path / "out"), "--markdown", str(tmp_path / "R.md")]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would this
     flying = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    children = Path(f"/proc/{flying.pid}/task/{flying.pid}/children")
-    while flying.poll() is None and not children.read_text():
+    simulator = None
+    while flying.poll() is None and simulator is None:
         time.sleep(0.05)
-    simulator = Path("/proc") / children.read_text().split()[0] / "cmdline"
-    while flying.poll() is None and SIMULATOR.name.encode() not in simulator.read_bytes().split(b"\0")[0]:
-        time.sleep(0.05)  # forked, not yet the simulator: nobody could stop it
+        simulator = next((child for child in children(flying.pid) if program(child) == SIMULATOR.name), None)
+    assert simulator is not None, flying.communicate()[1]
     flying.send_signal(number)
     message = flying.communicate(timeout=30)[1]
     assert flying.returncode == 130
     assert message.splitlines()[-1] == "goshawk_train flights: interrupted; what is finished is kept"
     end = time.monotonic() + 10
-    while simulator.exists() and simulator.read_bytes():  # a dead one that nobody waits for has no arguments
+    while program(simulator) == SIMULATOR.name:
         assert time.monotonic() < end, "the simulator flies on"
         time.sleep(0.05)
+
+
+def children(process: int) -> list[int]:
+    """Of each of its threads; the libraries that it loads run programs of their own."""
+    found = []
+    with contextlib.suppress(OSError):
+        for thread in Path(f"/proc/{process}/task").iterdir():
+            found += map(int, (thread / "children").read_text().split())
+    return found
+
+
+def program(process: int) -> str:
+    """Its name; none: it is over, or dead and nobody has asked."""
+    try:
+        return Path(Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")[0].decode()).name
+    except OSError:
+        return ""
 
 
 def test_the_robustness_figure_shows_every_sweep(tmp_path: Path) -> None:
