@@ -73,7 +73,7 @@ bench: setup setup-train build ## speed, each figure against its yardstick
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
 
-train: $(VENV)/.train build ## data set, training and export of both policies (two hours; goes on where it stopped)
+train: $(VENV)/.train build ## data set, training and export of both policies (two and a half hours; goes on where it stopped)
 	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1
 	target/release/goshawk-sim dataset --out data/val --scenes 12 --frames 128 --seed 900001
 	$(VENV)/bin/goshawk dataset check data/train --against data/val
