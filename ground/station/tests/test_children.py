@@ -37,6 +37,7 @@ def test_a_polite_child_gets_sigint_and_may_tidy_up(tmp_path: Path) -> None:
     code = (
         "import time\ntry:\n  print('up', flush=True)\n  time.sleep(60)\nexcept KeyboardInterrupt:\n  print('tidied')\n"
     )
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would this
     child = Child("polite", python(code), tmp_path / "log")
     wait_for_output(child, "up")
     stop_all([child], QUICK)
