@@ -19,7 +19,8 @@ use crate::person::{CENTRE_M, Person, PersonLook, PersonPose};
 use crate::world::World;
 pub use course::{Course, CourseError};
 use field::{Field, Point, column_clearance};
-use pace::{Knot, Limits, place, timetable};
+use course::Pass;
+use pace::{Knot, Limits, Stand, place, timetable};
 use path::{Path, relax, resample};
 
 /// How a person runs.
@@ -233,13 +234,14 @@ impl Runner<'_> {
     fn run(&self, start: Point, rng: &mut ChaCha8Rng) -> Option<(Leg, Leg, f64)> {
         let rest = Knot { time_s: 0.0, arc_m: 0.0, parameter: 0.0, speed_mps: 0.0 };
         if let Some(points) = self.config.course.points(self.vehicle.xy(), self.heading_rad) {
-            let goals: Vec<Point> = points.iter().filter_map(|p| self.free_near(p)).collect();
-            let whole = self.leg(&[start], &goals, rest)?;
+            let free = |pass: &Pass| Some(Pass { at: self.free_near(&pass.at)?, ..*pass });
+            let passes: Vec<Pass> = points.iter().filter_map(free).collect();
+            let whole = self.leg(&[start], &passes, rest)?;
             return Some((whole.clone(), whole, 0.0));
         }
         let before = (0..20).find_map(|_| {
             let goal = self.ahead(self.config.goal_m, rng.random_range(-0.3..0.3));
-            self.leg(&[start], &[goal], rest)
+            self.leg(&[start], &[Pass { at: goal, stand_s: 0.0 }], rest)
         })?;
         let length = before.knots[before.knots.len() - 1].arc_m;
         let switch_arc = length * rng.random_range(0.35..0.6);
@@ -257,7 +259,7 @@ impl Runner<'_> {
                 let angle = self.heading_rad + turn;
                 let goal = at + Point::new(angle.cos(), angle.sin()) * left;
                 let elsewhere = (goal - before.path.at(before.path.end()).0).norm() > 5.0;
-                if let Some(after) = elsewhere.then(|| self.leg(head, &[goal], switch)).flatten() {
+                if let Some(after) = elsewhere.then(|| self.leg(head, &[Pass { at: goal, stand_s: 0.0 }], switch)).flatten() {
                     return Some((before, after, switch.time_s));
                 }
             }
@@ -280,15 +282,21 @@ impl Runner<'_> {
         })
     }
 
-    /// From the end of `head` (control points that are kept) by way of all `goals`, entered at `from`: the quickest of
+    /// From the end of `head` (control points that are kept) by way of all `passes`, entered at `from`: the quickest of
     /// several smoothings that keep the margin.
-    fn leg(&self, head: &[Point], goals: &[Point], from: Knot) -> Option<Leg> {
+    fn leg(&self, head: &[Point], passes: &[Pass], from: Knot) -> Option<Leg> {
         let mut way = vec![head[head.len() - 1]];
-        for goal in goals {
+        // Each pass lies at a share of the way's length.
+        let (mut length, mut reached) = (0.0, Vec::new());
+        for Pass { at: goal, stand_s } in passes {
             if !self.world.contains_xy(goal.x, goal.y, 1.5) {
                 return None;
             }
-            way.extend(self.field.way(&way[way.len() - 1], goal, self.way_margin())?.into_iter().skip(1));
+            let last = way[way.len() - 1];
+            let further = self.field.way(&last, goal, self.way_margin())?;
+            length += further.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>();
+            reached.push((length, *stand_s));
+            way.extend(further.into_iter().skip(1));
         }
         if way.len() < 2 {
             return None;
@@ -300,7 +308,12 @@ impl Runner<'_> {
             .filter_map(|&(stiffness, extra)| {
                 let keep_m = self.config.margin_m + extra;
                 let path = Path { control: relax(&self.field, &control, head.len(), stiffness, keep_m) };
-                let knots = timetable(&path, from, self.limits())?;
+                let stand = |&(at, stand_s): &(f64, f64)| {
+                    let share = at / length.max(1e-6);
+                    Stand { parameter: from.parameter + share * (path.end() - from.parameter), stand_s }
+                };
+                let stands: Vec<Stand> = reached.iter().filter(|(_, stand_s)| *stand_s > 0.0).map(stand).collect();
+                let knots = timetable(&path, from, self.limits(), &stands)?;
                 self.is_free(&path, from.parameter).then_some(Leg { path, knots })
             })
             .min_by(|a, b| a.knots[a.knots.len() - 1].time_s.total_cmp(&b.knots[b.knots.len() - 1].time_s))

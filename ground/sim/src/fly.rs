@@ -45,8 +45,8 @@ pub struct Campaign {
     pub speeds_mps: Vec<f64>,
     /// And for each world.
     pub worlds: Vec<WorldSource>,
-    /// Track: what the evader runs.
-    pub course: Course,
+    /// Track: what the evader runs; a cell for each.
+    pub courses: Vec<Course>,
     /// Flights in each cell.
     pub trials: usize,
     /// Everything is drawn from it.
@@ -221,15 +221,17 @@ impl Campaign {
     }
 
     fn cells(&self) -> Vec<CellConfig> {
-        let cell = |speed_mps, world: &WorldSource| CellConfig {
+        let cell = |speed_mps, world: &WorldSource, course: &Course| CellConfig {
             pilot: self.pilot,
             task: self.task,
             speed_mps,
             world: world.clone(),
+            course: course.clone(),
             wind_mps: self.wind_mps,
             moving: self.moving,
         };
-        self.worlds.iter().flat_map(|w| self.speeds_mps.iter().map(move |v| cell(*v, w))).collect()
+        let places = self.worlds.iter().flat_map(|w| self.courses.iter().map(move |c| (w, c)));
+        places.flat_map(|(w, c)| self.speeds_mps.iter().map(move |v| cell(*v, w, c))).collect()
     }
 
     fn fly(
@@ -247,7 +249,7 @@ impl Campaign {
             speed_margin_mps: self.speed_margin_mps,
             height_m: self.height_m,
             world: cell.world.clone(),
-            course: self.course.clone(),
+            course: cell.course.clone(),
             wind_mps: cell.wind_mps,
             sensors: self.sensors,
             airframe: self.airframe,

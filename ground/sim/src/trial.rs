@@ -161,6 +161,8 @@ pub enum Outcome {
     Lost,
     /// It took too long.
     Timeout,
+    /// Track: otherwise a success, but the vehicle came nearer to the target than [`judge::TOO_CLOSE_M`].
+    TooClose,
 }
 
 /// The record of one flight.

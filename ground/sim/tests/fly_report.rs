@@ -67,7 +67,7 @@ fn campaign(task: Task) -> Campaign {
         task,
         speeds_mps: vec![4.0, 6.0],
         worlds: vec![WorldSource::Forest { spacing_m: 7.0 }],
-        course: Course::Goal,
+        courses: vec![Course::Goal],
         sensors: Sensors::default(),
         airframe: Difference::default(),
         moving: 0,
@@ -197,6 +197,7 @@ fn a_navigation_has_paths_and_obstacles_but_no_runner() {
             Outcome::Collision => "end-collision",
             Outcome::Lost => "end-lost",
             Outcome::Timeout => "end-timeout",
+            Outcome::TooClose => "end-too-close",
         }));
     }
 }

@@ -18,7 +18,7 @@ from goshawk_train.config import Config, ConfigError, config_from_dict, config_t
 from goshawk_train.flights import FlightsError, Row, fly
 
 MARKS = ("<!-- ablations: begin -->", "<!-- ablations: end -->")
-FAILURES = ("collision", "lost", "timeout")
+FAILURES = ("collision", "lost", "timeout", "too_close")
 METRICS = ("collide_cheapest", "aim_missed_p50", "cost_rank", "recall", "false_alarm_empty", "lateral_error_p50")
 """Of the held-out scenes, what the table shows (`validate`)."""
 
@@ -165,7 +165,7 @@ def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
     head = [
         *(f"{cell['task']} {cell['speed_mps']:g} m/s" for cell in cells),
         "all",
-        "collision, lost, timeout",
+        "collision, lost, timeout, too close",
         *METRICS,
     ]
     lines = [f"| change | {' | '.join(head)} |", "|---" * (len(head) + 1) + "|"]
@@ -173,7 +173,7 @@ def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
         flown = [f"{cell['successes']}" for cell in result["cells"]]
         total = sum(cell["successes"] for cell in result["cells"])
         trials = sum(cell["trials"] for cell in result["cells"])
-        failures = [sum(cell["failures"][reason] for cell in result["cells"]) for reason in FAILURES]
+        failures = [sum(cell["failures"].get(reason, 0) for cell in result["cells"]) for reason in FAILURES]
         metrics = [f"{result['metrics'][name]:.3g}" for name in METRICS]
         row = [*flown, f"{total} of {trials}", ", ".join(map(str, failures)), *metrics]
         lines.append(f"| {change.name} | {' | '.join(row)} |")

@@ -100,7 +100,7 @@ def _run(row: Row, simulator: Path, arguments: list[str]) -> None:
 def markdown(rows: list[tuple[Row, dict[str, Any]]]) -> str:
     """The table of all cells."""
     lines = [
-        "| flight | speed, m/s | spacing, m | successes | 95 % | target | collision, lost, timeout | clearance p5, m "
+        "| flight | speed, m/s | spacing, m | successes | 95 % | target | collision, lost, timeout, too close | clearance p5, m "
         "| flown mean, m/s | in view | lateral, along error 5..95 %, m |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
@@ -121,7 +121,7 @@ def _line(row: Row, cell: dict[str, Any]) -> str:
     spacing = f"{cell['spacing_m']:g}" if cell["world"] == "forest" else ""
     cells = [
         *(row.name, f"{cell['speed_mps']:g}", spacing, f"{cell['successes']} of {cell['trials']}"),
-        *(f"{low:.0%} to {high:.0%}", verdict, f"{failures['collision']}, {failures['lost']}, {failures['timeout']}"),
+        *(f"{low:.0%} to {high:.0%}", verdict, ", ".join(str(failures[why]) for why in ("collision", "lost", "timeout", "too_close"))),
         *(f"{cell['clearance_m']['p5']:.2f}", f"{cell['flown_speed_mps']['mean']:.1f}", view, errors),
     ]
     return "| " + " | ".join(cells) + " |"

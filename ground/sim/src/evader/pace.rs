@@ -30,9 +30,18 @@ pub(super) struct Limits {
 /// Share of the acceleration that bends may use: the rest slows down and speeds up in them.
 const BEND_SHARE: f64 = 0.92;
 
-/// Knots from `from` (a place of an earlier timetable, or rest at the beginning) to rest at the path's end; none if the
-/// runner is too fast at `from` to take what follows.
-pub(super) fn timetable(path: &Path, from: Knot, limits: Limits) -> Option<Vec<Knot>> {
+/// A place where the runner stands for a while.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stand {
+    /// Parameter of the path.
+    pub(super) parameter: f64,
+    /// For so long, s.
+    pub(super) stand_s: f64,
+}
+
+/// Knots from `from` (a place of an earlier timetable, or rest at the beginning) to rest at the path's end, with a rest
+/// at each of `stands`; none if the runner is too fast at `from` to take what follows.
+pub(super) fn timetable(path: &Path, from: Knot, limits: Limits, stands: &[Stand]) -> Option<Vec<Knot>> {
     // A little less than the limit: between knots curvature is not quite that of the knots.
     let acc = 0.95 * limits.acc_mps2;
     let steps = ((path.end() - from.parameter) / KNOT).ceil().max(1.0) as usize;
@@ -52,6 +61,10 @@ pub(super) fn timetable(path: &Path, from: Knot, limits: Limits) -> Option<Vec<K
     let mut square: Vec<f64> =
         bend.iter().map(|k| (BEND_SHARE * acc / k.max(1e-9)).min(limits.speed_mps * limits.speed_mps)).collect();
     square[steps] = 0.0;
+    let rest = |stand: &Stand| (((stand.parameter - from.parameter) / step).round() as usize).min(steps);
+    for stand in stands {
+        square[rest(stand)] = 0.0;
+    }
     let along = |square: f64, bend: f64| (acc * acc - (square * bend) * (square * bend)).max(0.0).sqrt();
     for i in (0..steps).rev() {
         let arc = knots[i + 1].arc_m - knots[i].arc_m;
@@ -76,6 +89,12 @@ pub(super) fn timetable(path: &Path, from: Knot, limits: Limits) -> Option<Vec<K
             let mean = 0.5 * (knots[i].speed_mps + knots[i - 1].speed_mps);
             knots[i].time_s = knots[i - 1].time_s + arc / mean.max(1e-6);
         }
+    }
+    // From the last to the first: what comes before keeps its index.
+    for stand in stands.iter().rev() {
+        let index = rest(stand);
+        knots.insert(index + 1, knots[index]);
+        knots[index + 1..].iter_mut().for_each(|knot| knot.time_s += stand.stand_s);
     }
     Some(knots)
 }

@@ -47,6 +47,8 @@ pub enum PilotName {
                   goshawk-sim fly --task navigate --pilot classical --speed 3,5 --spacing 5\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --report report   # then open report/index.html\n  \
                   goshawk-sim fly --task track --speed 5 --moving 8   # eight posts and boxes cross the way\n  \
+                  goshawk-sim fly --task track --speed 3,5,7 --course goal,zigzag,u-turn,square,eight,stop-and-go   # how \
+                  near it comes to who turns on it\n  \
                   goshawk-sim fly --task track --speed 4 --airframe hover_thrust=0.5 --airframe attitude_lag_s=0.2   # the \
                   vehicle file is wrong\n  \
                   goshawk-sim fly --task track --speed 3,5 --seed 3 --only 1:4 --log logs\n\n\
@@ -75,9 +77,10 @@ pub struct FlyArgs {
     /// The world: forest, buildings, or a point cloud (.ply, .pcd).
     #[arg(long, value_name = "WORLD", default_value = "forest")]
     world: String,
-    /// Track: what the evader runs: goal, eight, or a CSV file of waypoints (x,y in m ahead and left).
-    #[arg(long, value_name = "COURSE", default_value = "goal")]
-    course: String,
+    /// Track: what the evader runs: goal, eight, zigzag, u-turn, square, stop-and-go, or a CSV file of waypoints (x,y in
+    /// m ahead and left, and stand_s); cells for each.
+    #[arg(long, value_name = "COURSE[,…]", value_delimiter = ',', default_value = "goal")]
+    course: Vec<String>,
     /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it. Not needed by --pilot classical to
     /// navigate.
     #[arg(long, value_name = "FILE")]
@@ -194,7 +197,7 @@ impl FlyArgs {
             task,
             speeds_mps: self.speed.clone(),
             worlds: self.worlds()?,
-            course: Course::parse(&self.course)?,
+            courses: self.course.iter().map(|course| Course::parse(course)).collect::<Result<_, _>>()?,
             trials: self.trials,
             seed: self.seed,
             wind_mps: self.wind,

@@ -8,7 +8,8 @@ use serde::Serialize;
 
 use super::stats::{quantile, quantiles, wilson};
 use super::{Flown, Pick};
-use crate::trial::{Contact, Metrics, Outcome, PilotKind, WorldSource};
+use crate::evader::Course;
+use crate::trial::{Contact, Flight, Metrics, Outcome, PilotKind, WorldSource};
 
 /// The whole of it. Everything but `timing` is the same for the same seed, vehicle file and policy.
 #[derive(Clone, Debug, Serialize)]
@@ -43,6 +44,8 @@ pub struct Cell {
     pub speed_mps: f64,
     pub spacing_m: f64,
     pub world: String,
+    /// What the target ran; none in navigation.
+    pub course: Option<String>,
     pub wind_mps: f64,
     /// Moving obstacles in each flight.
     pub moving: usize,
@@ -59,6 +62,8 @@ pub struct Cell {
     pub in_view_fraction: Option<f64>,
     /// Mean and largest distance to the target; none in navigation.
     pub target_distance_m: Option<Distance>,
+    /// Of the flights' least distances to the target, centre to centre, until 5 s after its arrival; none in navigation.
+    pub min_distance_to_target_m: Option<Closest>,
     /// None in navigation, or if the target was never located.
     pub target_error_m: Option<TargetError>,
     /// Mean over the flights of ∫ jerk² dt, m²/s⁵.
@@ -78,6 +83,26 @@ pub struct Failures {
     pub collision: usize,
     pub lost: usize,
     pub timeout: usize,
+    /// Nearer than 1.5 m to the target, and otherwise a success.
+    pub too_close: usize,
+}
+
+/// A least distance over some flights, m.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(missing_docs)]
+pub struct Closest {
+    pub min: f64,
+    pub p1: f64,
+    pub p50: f64,
+}
+
+impl Closest {
+    /// Of the flights in which a target was about; none if in none.
+    #[must_use]
+    pub fn of<'a>(flights: impl Iterator<Item = &'a Flight>) -> Option<Self> {
+        let least: Vec<f64> = flights.filter_map(|f| f.metrics.target_distance_min_m).collect();
+        quantiles(&least, [0.0, 0.01, 0.5]).map(|[min, p1, p50]| Self { min, p1, p50 })
+    }
 }
 
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -138,6 +163,8 @@ pub struct FlightRow {
     pub clearance_m: Option<f64>,
     pub in_view_fraction: Option<f64>,
     pub target_distance_m: Option<Distance>,
+    /// Least distance to the target, centre to centre.
+    pub min_distance_to_target_m: Option<f64>,
     pub jerk_integral: f64,
     pub flown_speed_mps: Speed,
     /// "12.3 Search: the target has not been seen for too long", one for each change of mode.
@@ -187,6 +214,7 @@ pub fn outcome_name(outcome: Outcome) -> &'static str {
         Outcome::Collision => "collision",
         Outcome::Lost => "lost",
         Outcome::Timeout => "timeout",
+        Outcome::TooClose => "too-close",
     }
 }
 
@@ -216,6 +244,8 @@ pub struct CellConfig {
     pub speed_mps: f64,
     /// Where.
     pub world: WorldSource,
+    /// Track: what the target runs.
+    pub course: Course,
     /// m/s.
     pub wind_mps: f64,
     /// Moving obstacles in each flight.
@@ -223,22 +253,25 @@ pub struct CellConfig {
 }
 
 impl CellConfig {
-    /// The world in short, as in a file's name: `4m`, `buildings`, `hall.ply`.
+    /// World and course in short, as in a file's name: `4m`, `buildings`, `hall.ply`, `4m-zigzag`.
     #[must_use]
     pub fn label(&self) -> String {
-        match &self.world {
+        let world = match &self.world {
             WorldSource::Forest { spacing_m } => format!("{spacing_m}m"),
             other => other.name().to_owned(),
-        }
+        };
+        if self.course == Course::Goal { world } else { format!("{world}-{}", self.course.name()) }
     }
 }
 
 impl Cell {
-    /// The world in short: `4 m`, `buildings`, `hall.ply`; with moving obstacles `4 m, 8 moving`.
+    /// The world in short: `4 m`, `buildings`, `hall.ply`; with a course or moving obstacles `4 m, zigzag, 8 moving`.
     #[must_use]
     pub fn place(&self) -> String {
         let world = if self.world == "forest" { format!("{} m", self.spacing_m) } else { self.world.clone() };
-        if self.moving > 0 { format!("{world}, {} moving", self.moving) } else { world }
+        let course = self.course.as_deref().filter(|name| *name != Course::Goal.name());
+        let moving = (self.moving > 0).then(|| format!("{} moving", self.moving));
+        [Some(world), course.map(str::to_owned), moving].into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 
     /// The summary of a cell's flights, in the order of the trials. `cell`: its place in the campaign.
@@ -267,6 +300,7 @@ impl Cell {
             speed_mps: config.speed_mps,
             spacing_m: config.world.spacing_m(),
             world: config.world.name().to_owned(),
+            course: tracks.then(|| config.course.name().to_owned()),
             wind_mps: config.wind_mps,
             moving: config.moving,
             trials: flown.len(),
@@ -276,6 +310,7 @@ impl Cell {
                 collision: count(Outcome::Collision),
                 lost: count(Outcome::Lost),
                 timeout: count(Outcome::Timeout),
+                too_close: count(Outcome::TooClose),
             },
             contacts,
             clearance_m: Clearance { min, p5, p50 },
@@ -284,6 +319,7 @@ impl Cell {
                 mean: sum(&|m| m.distance_sum_m) / frames,
                 max: flights().map(|f| f.metrics.distance_max_m).fold(0.0, f64::max),
             }),
+            min_distance_to_target_m: Closest::of(flights()),
             target_error_m: lateral
                 .zip(longitudinal)
                 .map(|(lateral, longitudinal)| TargetError { lateral, longitudinal }),
@@ -323,6 +359,7 @@ impl FlightRow {
             clearance_m: m.clearance_m,
             in_view_fraction: frames.map(|frames| m.frames_in_view as f64 / frames),
             target_distance_m: frames.map(|frames| Distance { mean: m.distance_sum_m / frames, max: m.distance_max_m }),
+            min_distance_to_target_m: m.target_distance_min_m,
             jerk_integral: m.jerk_integral,
             flown_speed_mps: Speed { mean: m.way_m / m.task_s.max(1e-9), max: m.speed_max_mps },
             modes: flight.modes.iter().map(|(at, to, cause)| format!("{at:.2} {to:?}: {cause}")).collect(),

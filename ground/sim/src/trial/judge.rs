@@ -36,6 +36,10 @@ const PERSON_RADIUS_M: f64 = 0.25;
 const PERSON_LOW_M: f64 = 0.25;
 const PERSON_HIGH_M: f64 = 1.5;
 
+/// Centre to centre, a vehicle that is nearer to the target than this was too close, m: within two strides of a runner,
+/// and a quarter below the least distance that the vehicle file asks for.
+pub const TOO_CLOSE_M: f64 = 1.5;
+
 /// An estimate farther from the truth than this is not the target, m.
 const SAME_TARGET_M: f64 = 2.0;
 
@@ -53,6 +57,8 @@ pub struct Metrics {
     pub task_s: f64,
     /// Least distance from the vehicle's sphere to an obstacle (not the ground), m; none: not flown.
     pub clearance_m: Option<f64>,
+    /// Least distance from the vehicle's centre to the target's while both were about, from the take-off's end on, m.
+    pub target_distance_min_m: Option<f64>,
     /// Frames, and those in which the target was truly in view.
     pub frames: u64,
     /// See `frames`.
@@ -194,6 +200,12 @@ impl Judge {
     pub(super) fn clearance(&mut self, clearance_m: f64) {
         let least = self.metrics.clearance_m.get_or_insert(clearance_m);
         *least = least.min(clearance_m);
+    }
+
+    /// How far the target is now, m.
+    pub(super) fn target_distance(&mut self, distance_m: f64) {
+        let least = self.metrics.target_distance_min_m.get_or_insert(distance_m);
+        *least = least.min(distance_m);
     }
 
     /// A frame was exposed during the task.

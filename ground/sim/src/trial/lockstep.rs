@@ -29,6 +29,7 @@ const CLEARANCE_STEPS: u64 = 2;
 const HEAD_START_S: f64 = 0.5;
 /// Or, if the vehicle does not find it, this long after the take-off's end, s.
 const RUNS_ANYWAY_S: f64 = 5.0;
+
 /// A frame on its way through the vehicle.
 struct InFlight {
     stamp: Time,
@@ -67,6 +68,8 @@ pub(super) struct Lockstep<'a> {
     started: Option<Time>,
     up: Option<Time>,
     runs: Option<Time>,
+    /// Track: when the evader arrived, and how the chase was then judged. It stands there a while, and the vehicle by it.
+    arrived: Option<(Time, Outcome)>,
 }
 
 impl<'a> Lockstep<'a> {
@@ -102,6 +105,7 @@ impl<'a> Lockstep<'a> {
             started: None,
             up: None,
             runs: None,
+            arrived: None,
         }
     }
 
@@ -139,7 +143,7 @@ impl<'a> Lockstep<'a> {
 
     fn in_task(&self, now: Time) -> bool {
         match self.config.task {
-            Task::Track => self.runs.is_some_and(|runs| now >= runs),
+            Task::Track => self.runs.is_some_and(|runs| now >= runs) && self.arrived.is_none(),
             Task::Navigate => self.up.is_some(),
         }
     }
@@ -262,6 +266,9 @@ impl<'a> Lockstep<'a> {
             self.clearance_m = self.follower.clearance(world, &self.moving, &self.quad.state().pos_world, matters_m);
             if in_task {
                 self.judge.clearance(self.clearance_m);
+            }
+            if let Some(evader) = self.scene.evader_at(self.running_for(now)) {
+                self.judge.target_distance((evader.centre_world() - self.quad.state().pos_world).norm());
             }
         }
     }

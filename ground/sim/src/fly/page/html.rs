@@ -81,6 +81,7 @@ fn head(page: &mut String, contents: &Contents<'_>, successes: usize, trials: us
         (sum(|p| p.cell.failures.collision), "collided"),
         (sum(|p| p.cell.failures.lost), "lost the runner"),
         (sum(|p| p.cell.failures.timeout), "ran out of time"),
+        (sum(|p| p.cell.failures.too_close), "came too close to the runner"),
     ];
     let reasons: Vec<String> =
         reasons.iter().filter(|(count, _)| *count > 0).map(|(count, why)| format!("{count} {why}")).collect();
@@ -126,7 +127,7 @@ fn flight_sections(page: &mut String, flights: &Flights<'_>) {
     let (failed, succeeded) = flights.shown.split_at(flights.failed);
     let key = "From above: the vehicle’s path coloured by speed, and the runner’s, dotted where the camera did not see \
                it; thin lines join the two every 2 s. White ring: the start; disc: the runner at the end, or the goal. \
-               The end: tick for success, cross for a collision, ring for lost, bar for a timeout. Obstacles are cut at \
+               The end: tick for success, cross for a collision, ring for lost, bar for a timeout, two rings for too close. Obstacles are cut at \
                the height of the flight, of a collision at that of the contact.";
     if !flights.shown.is_empty() {
         let _ = writeln!(page, "<h2>Flights</h2>\n<p class=\"note key\">{key}</p>");

@@ -204,6 +204,10 @@ fn end_mark(svg: &mut Svg, outcome: &str, [x, y]: [f64; 2]) {
             svg.path(&class, &cross.map(polyline).concat());
         }
         "lost" => svg.circle(&class, [x, y], 7.0),
+        "too-close" => {
+            svg.circle(&class, [x, y], 7.0);
+            svg.circle(&class, [x, y], 3.0);
+        }
         _ => svg.path(&class, &polyline([[x - 7.0, y], [x + 7.0, y]])),
     }
 }

@@ -103,8 +103,8 @@ pub(super) fn failures(pools: &[Pool<'_>]) -> Svg {
         svg.text("soft", Anchor::Middle, [x.at(tick), bottom + 16.0], &n(tick));
     }
     svg.text("soft", Anchor::Middle, [0.5 * (x.pixels[0] + x.pixels[1]), bottom + 36.0], "share of the flights [%]");
-    for (index, name) in ["success", "collision", "lost", "timeout"].iter().enumerate() {
-        let left = x.pixels[0] + 92.0 * index as f64;
+    for (index, name) in ["success", "collision", "lost", "timeout", "too-close"].iter().enumerate() {
+        let left = x.pixels[0] + 82.0 * index as f64;
         svg.rect(&format!("bar-{name}"), [left, 8.0], [11.0, 11.0], "");
         svg.text("", Anchor::Start, [left + 17.0, 18.0], name);
     }
@@ -112,7 +112,13 @@ pub(super) fn failures(pools: &[Pool<'_>]) -> Svg {
         let (cell, top) = (pool.cell, 40.0 + pitch * index as f64);
         svg.text("", Anchor::End, [x.pixels[0] - 10.0, top + 0.5 * pitch + 4.0], &pool.label());
         let f = &cell.failures;
-        let parts = [("success", cell.successes), ("collision", f.collision), ("lost", f.lost), ("timeout", f.timeout)];
+        let parts = [
+            ("success", cell.successes),
+            ("collision", f.collision),
+            ("lost", f.lost),
+            ("timeout", f.timeout),
+            ("too-close", f.too_close),
+        ];
         let mut left = x.pixels[0];
         for (name, count) in parts.into_iter().filter(|part| part.1 > 0) {
             let width = (x.pixels[1] - x.pixels[0]) * count as f64 / cell.trials as f64;

@@ -10,7 +10,7 @@ use crate::fly::stats::quantiles;
 use crate::fly::table::two;
 
 /// Columns of the page's table: head, and what stands under it.
-const COLUMNS: [(&str, &str); 15] = [
+const COLUMNS: [(&str, &str); 17] = [
     ("cell", ""),
     ("speed", "m/s"),
     ("world", ""),
@@ -19,9 +19,11 @@ const COLUMNS: [(&str, &str); 15] = [
     ("collision", ""),
     ("lost", ""),
     ("timeout", ""),
+    ("too close", "to the runner"),
     ("closest approach", "min / 5 % / 50 %, m"),
     ("in view", "%"),
     ("distance", "mean / max, m"),
+    ("least distance", "min / 1 % / 50 %, m"),
     ("lateral error", "5 … 95 %, m"),
     ("longitudinal error", "5 … 95 %, m"),
     ("∫ jerk²", "mean / 95 %, m²/s⁵"),
@@ -40,8 +42,8 @@ pub(super) fn html(report: &Report) -> String {
         for (index, value) in values(cell).iter().enumerate() {
             let class = match index {
                 3 => " class=\"main\"",
-                5..=7 if value != "0" => " class=\"bad\"",
-                5..=7 => " class=\"none\"",
+                5..=8 if value != "0" => " class=\"bad\"",
+                5..=8 => " class=\"none\"",
                 _ => "",
             };
             let _ = write!(text, "<td{class}>{}</td>", escape(value));
@@ -51,7 +53,7 @@ pub(super) fn html(report: &Report) -> String {
     text + "</tbody>\n</table>\n"
 }
 
-fn values(cell: &Cell) -> [String; 15] {
+fn values(cell: &Cell) -> [String; 17] {
     let number = |value: Option<f64>| value.map_or("–".to_owned(), two);
     let range = |r: Option<Range>| r.map_or("–".to_owned(), |r| format!("{} … {}", two(r.p5), two(r.p95)));
     let [low, high] = cell.success_interval.map(|share| (100.0 * share).round());
@@ -65,9 +67,12 @@ fn values(cell: &Cell) -> [String; 15] {
         cell.failures.collision.to_string(),
         cell.failures.lost.to_string(),
         cell.failures.timeout.to_string(),
+        cell.failures.too_close.to_string(),
         format!("{} / {} / {}", number(c.min), number(c.p5), number(c.p50)),
         cell.in_view_fraction.map_or("–".to_owned(), |f| format!("{:.0}", 100.0 * f)),
         cell.target_distance_m.map_or("–".to_owned(), |d| format!("{:.1} / {:.1}", d.mean, d.max)),
+        cell.min_distance_to_target_m
+            .map_or("–".to_owned(), |d| format!("{} / {} / {}", two(d.min), two(d.p1), two(d.p50))),
         range(cell.target_error_m.map(|e| e.lateral)),
         range(cell.target_error_m.map(|e| e.longitudinal)),
         format!(
@@ -109,12 +114,16 @@ pub(super) fn cells_csv(report: &Report) -> String {
             Some(c.failures.collision as f64),
             Some(c.failures.lost as f64),
             Some(c.failures.timeout as f64),
+            Some(c.failures.too_close as f64),
             c.clearance_m.min,
             c.clearance_m.p5,
             c.clearance_m.p50,
             c.in_view_fraction,
             c.target_distance_m.map(|d| d.mean),
             c.target_distance_m.map(|d| d.max),
+            c.min_distance_to_target_m.map(|d| d.min),
+            c.min_distance_to_target_m.map(|d| d.p1),
+            c.min_distance_to_target_m.map(|d| d.p50),
             lateral.map(|r| r.p5),
             lateral.map(|r| r.p95),
             longitudinal.map(|r| r.p5),
@@ -130,7 +139,8 @@ pub(super) fn cells_csv(report: &Report) -> String {
         names.into_iter().chain(numbers.map(cell_of)).collect()
     };
     let head = "cell,task,world,speed_mps,spacing_m,wind_mps,moving,trials,successes,success_low,success_high,collision,lost,\
-                timeout,clearance_min_m,clearance_p5_m,clearance_p50_m,in_view_fraction,distance_mean_m,distance_max_m,\
+                timeout,too_close,clearance_min_m,clearance_p5_m,clearance_p50_m,in_view_fraction,distance_mean_m,\
+                distance_max_m,target_min_m,target_p1_m,target_p50_m,\
                 lateral_p5_m,lateral_p95_m,longitudinal_p5_m,longitudinal_p95_m,jerk_mean,jerk_p5,jerk_p50,jerk_p95,\
                 flown_mean_mps,flown_max_mps";
     csv(head, report.cells.iter().map(row))
@@ -151,6 +161,7 @@ pub(super) fn flights_csv(report: &Report) -> String {
                 f.in_view_fraction,
                 f.target_distance_m.map(|d| d.mean),
                 f.target_distance_m.map(|d| d.max),
+                f.min_distance_to_target_m,
                 Some(f.jerk_integral),
                 Some(f.flown_speed_mps.mean),
                 Some(f.flown_speed_mps.max),
@@ -167,7 +178,8 @@ pub(super) fn flights_csv(report: &Report) -> String {
         })
     });
     let head = "cell,trial,speed_mps,spacing_m,outcome,contact,flown_s,end_x_m,end_y_m,end_z_m,end_distance_m,unseen_s,\
-                clearance_m,in_view_fraction,distance_mean_m,distance_max_m,jerk_integral,flown_mean_mps,flown_max_mps";
+                clearance_m,in_view_fraction,distance_mean_m,distance_max_m,\
+                target_min_m,jerk_integral,flown_mean_mps,flown_max_mps";
     csv(head, rows)
 }
 

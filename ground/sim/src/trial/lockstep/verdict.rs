@@ -4,12 +4,14 @@ use goshawk_core::Mode;
 use goshawk_core::types::Time;
 
 use super::super::Outcome;
-use super::super::judge::{Contact, contact};
+use super::super::judge::{Contact, TOO_CLOSE_M, contact};
 use super::{CLEARANCE_STEPS, Lockstep};
 
 /// Success of a chase: at most this far behind when the evader arrives, and seen this recently.
 const CAUGHT_UP_M: f64 = 12.0;
 const SEEN_WITHIN_S: f64 = 1.0;
+/// After its arrival the evader stands for so long, s, and the vehicle must not come too close to it.
+const STANDS_S: f64 = 5.0;
 /// A chase is over when the target has not been seen for so long and is so far away.
 const GONE_S: f64 = 8.0;
 const GONE_M: f64 = 25.0;
@@ -21,7 +23,7 @@ const NAVIGATION_GRACE_S: f64 = 20.0;
 
 impl Lockstep<'_> {
     /// None: it goes on.
-    pub(super) fn verdict(&self, now: Time) -> Option<(Outcome, Option<Contact>)> {
+    pub(super) fn verdict(&mut self, now: Time) -> Option<(Outcome, Option<Contact>)> {
         let since_start = now.since(self.started.unwrap_or(Time::from_secs(1.0)));
         if self.up.is_none() {
             let failed = matches!(self.mode, Mode::Fault | Mode::Stopping) || since_start > TAKEOFF_S;
@@ -41,7 +43,9 @@ impl Lockstep<'_> {
                 let distance = (evader.centre_world() - at).norm();
                 if evader.arrived {
                     let behind = distance <= CAUGHT_UP_M && self.judge.seen(now, SEEN_WITHIN_S);
-                    Some(if behind { Outcome::Success } else { Outcome::Lost })
+                    let judged = if behind { Outcome::Success } else { Outcome::Lost };
+                    let (arrived, judged) = *self.arrived.get_or_insert((now, judged));
+                    (now.since(arrived) >= STANDS_S).then(|| self.unless_too_close(judged))
                 } else {
                     let gone = distance > GONE_M && !self.judge.seen(now, GONE_S) && self.in_task(now);
                     (gone || given_up).then_some(Outcome::Lost)
@@ -59,5 +63,11 @@ impl Lockstep<'_> {
             }
         };
         outcome.map(|outcome| (outcome, None))
+    }
+
+    /// A chase that came too close to its target is no success.
+    fn unless_too_close(&self, outcome: Outcome) -> Outcome {
+        let too_close = self.judge.metrics.target_distance_min_m.is_some_and(|least| least < TOO_CLOSE_M);
+        if outcome == Outcome::Success && too_close { Outcome::TooClose } else { outcome }
     }
 }
