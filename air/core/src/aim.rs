@@ -17,7 +17,7 @@ pub struct ChaseConfig {
     pub height: f64,
     /// A target unseen for longer than this is not pursued any more, s (4).
     pub pursue_until: f64,
-    /// Trajectories that come nearer to the target's centre than this cost more, m (1.5).
+    /// Trajectories that come nearer than this to where the target's centre may be cost more, m (2).
     pub keep_off: f64,
 }
 
@@ -53,7 +53,7 @@ impl ChaseConfig {
             .map(|t| (trajectory.at(t).pos - target.pos_world - target.vel_world * t).norm_squared())
             .fold(f64::INFINITY, f64::min)
             .sqrt();
-        MEETING * (1.0 - nearest / self.keep_off).max(0.0)
+        MEETING * (1.0 - nearest / (self.keep_off + target.pos_doubt)).max(0.0)
     }
 }
 
@@ -138,7 +138,7 @@ mod tests {
     fn target(unseen: f64) -> Expected {
         let pos_world = Vec3::new(6.0, 0.0, 1.0);
         let (last_seen, seen_world) = (Time::from_secs(7.0), pos_world - Vec3::x());
-        Expected { pos_world, vel_world: Vec3::new(2.0, 0.0, 0.4), unseen, last_seen, seen_world }
+        Expected { pos_world, vel_world: Vec3::new(2.0, 0.0, 0.4), unseen, last_seen, seen_world, pos_doubt: 0.0 }
     }
 
     fn aim(config: ChaseConfig, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {

@@ -4,6 +4,7 @@
 use crate::error::{ConfigError, check, not_negative, positive};
 use crate::lag::LagConfig;
 use crate::limits::LimitsConfig;
+use crate::separation::SeparationConfig;
 use crate::mission::StopAction;
 use crate::thrust::ThrustConfig;
 use crate::types::{GRAVITY, Newtons, NormalisedThrust};
@@ -34,6 +35,8 @@ pub struct ControllerConfig {
     pub mission: MissionConfig,
     /// What no flight may exceed.
     pub limits: LimitsConfig,
+    /// The least distance to the target.
+    pub separation: SeparationConfig,
 }
 
 /// The airframe as the controller sees it.
@@ -179,6 +182,7 @@ impl ControllerConfig {
         self.thrust.validate(&self.vehicle)?;
         self.lag.validate(self.lead.tau)?;
         self.limits.validate()?;
+        self.separation.validate()?;
         self.view.validate()?;
         self.validate_loops()?;
         self.validate_ladder()?;
@@ -237,7 +241,9 @@ impl ControllerConfig {
         positive("mission.request_timeout", m.request_timeout)?;
         positive("mission.takeoff_ramp", m.takeoff_ramp)?;
         positive("mission.climb_speed", m.climb_speed)?;
-        positive("mission.hold_distance", m.hold_distance)?;
+        check("mission.hold_distance", m.hold_distance, "above limits.min_target_distance", |x| {
+            x > self.separation.min_distance
+        })?;
         check("mission.resume_distance", m.resume_distance, "above hold_distance", |x| x > m.hold_distance)?;
         positive("mission.goal_radius", m.goal_radius)?;
         positive("mission.search_timeout", m.search_timeout)?;
@@ -291,8 +297,8 @@ pub(crate) mod tests {
                 request_timeout: 5.0,
                 takeoff_ramp: 2.0,
                 climb_speed: 1.0,
-                hold_distance: 2.0,
-                resume_distance: 3.0,
+                hold_distance: 3.0,
+                resume_distance: 4.0,
                 goal_radius: 1.5,
                 search_timeout: 60.0,
                 descent_speed: 0.7,
@@ -309,6 +315,7 @@ pub(crate) mod tests {
                 battery_start: 0.3,
                 battery_land: 0.15,
             },
+            separation: SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 },
         }
     }
 
@@ -331,7 +338,7 @@ pub(crate) mod tests {
             ("view.top", |c| c.view.top = f64::NAN),
             ("yaw.search_rate", |c| c.yaw.search_rate = 9.0),
             ("ladder.odometry_stale", |c| c.ladder.odometry_stale = f64::INFINITY),
-            ("mission.resume_distance", |c| c.mission.resume_distance = 1.9),
+            ("mission.resume_distance", |c| c.mission.resume_distance = 2.9),
             ("mission.stream_before_offboard", |c| c.mission.stream_before_offboard = 0.5),
             ("mission.touchdown_speed", |c| c.mission.touchdown_speed = 0.8),
         ];

@@ -14,6 +14,7 @@ use crate::landing::Landing;
 use crate::mission::{Cause, Mode, StopAction};
 use crate::motion::{Commanded, Motion};
 use crate::plans::Plans;
+use crate::separation::Separation;
 use crate::takeoff::{Stage, Takeoff};
 use crate::transitions::transition;
 use crate::types::{Odometry, Task, Time, Vec3};
@@ -31,6 +32,7 @@ pub struct Controller {
     pub(crate) plans: Plans,
     pub(crate) yaw: YawPlanner,
     pub(crate) hover: Hover,
+    pub(crate) separation: Separation,
     pub(crate) flight: Option<Flight>,
     /// Commanded in the last step.
     pub(crate) commanded: Commanded,
@@ -117,6 +119,7 @@ impl Controller {
             plans: Plans::new(Time(0)),
             yaw: YawPlanner::new(config.yaw),
             hover: Hover::default(),
+            separation: Separation::default(),
             flight: None,
             commanded: Commanded::default(),
             sweep: 1.0,

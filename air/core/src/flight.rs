@@ -7,6 +7,7 @@ use crate::landing::Phase;
 use crate::lead::lead;
 use crate::mission::{Fallback, Mode};
 use crate::motion::Commanded;
+use crate::separation::Threat;
 use crate::takeoff::{Stage, repeat};
 use crate::types::{AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3};
 use crate::yaw::{YawGoal, toward, wrap, yaw_of};
@@ -62,7 +63,9 @@ impl Controller {
         self.find_way(now, &odometry);
         let goal = self.yaw_goal(now, &odometry);
         let yaw = self.yaw.step(dt, goal);
-        let intent = self.intent(now, &odometry);
+        self.hold_apart(now);
+        let mut intent = self.intent(now, &odometry);
+        intent.acc_world = self.keep_apart(now, &odometry, intent.acc_world);
         let disturbance = self.motion.observer().disturbance();
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
@@ -176,6 +179,27 @@ impl Controller {
             }
         };
         Intent { reference, acc_world: reference.acc, fallback, plan: None }
+    }
+
+    /// What is held keeps its distance from a target that is held beside.
+    fn hold_apart(&mut self, now: Time) {
+        let stays = matches!(self.mode, Mode::Hold | Mode::Search);
+        if let Some(threat) = self.threat(now).filter(|_| stays) {
+            self.hover.keep_from(threat.pos_world, self.config.separation.min_distance + threat.pos_doubt);
+        }
+    }
+
+    /// `acc_world` such that the least distance to the target is kept.
+    fn keep_apart(&mut self, now: Time, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
+        let Some(threat) = self.threat(now) else { return acc_world };
+        let state = [odometry.pos_world, odometry.vel_world];
+        self.separation.keep(&self.config.separation, acc_world, state, &threat, self.plans.room())
+    }
+
+    /// The target, where it may have to be kept away from.
+    fn threat(&self, now: Time) -> Option<Threat> {
+        let chases = self.flight.as_ref().is_some_and(|flight| flight.profile.task == Task::Track);
+        self.plans.target().filter(|_| chases).and_then(|target| Threat::of(target, now))
     }
 
     fn hover_rung(&self) -> Fallback {

@@ -25,6 +25,16 @@ impl Hover {
         self.anchor_world = Some(pos_world);
     }
 
+    /// Holds a place at least `distance` m, measured level, from `centre_world`.
+    pub fn keep_from(&mut self, centre_world: Vec3, distance: f64) {
+        let Some(anchor) = &mut self.anchor_world else { return };
+        let line = (*anchor - centre_world).xy();
+        if let Some(away) = line.try_normalize(1e-3).filter(|_| line.norm() < distance) {
+            let moved = centre_world.xy() + away * distance;
+            (anchor.x, anchor.y) = (moved.x, moved.y);
+        }
+    }
+
     /// Moves what is held by `jump_world`, m.
     pub fn shift(&mut self, jump_world: Vec3) {
         self.height = self.height.map(|height| height + jump_world.z);

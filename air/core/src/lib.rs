@@ -29,6 +29,7 @@ pub mod planner;
 pub mod plans;
 pub mod quintic;
 pub mod select;
+pub mod separation;
 mod situation;
 pub mod takeoff;
 pub mod target;
@@ -53,6 +54,7 @@ pub use limits::LimitsConfig;
 pub use mission::{Cause, Fallback, Mode, StopAction};
 pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PolicyModel};
 pub use select::SelectConfig;
+pub use separation::SeparationConfig;
 pub use target::TargetConfig;
 pub use thrust::ThrustConfig;
 pub use types::{

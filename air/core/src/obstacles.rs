@@ -16,6 +16,16 @@ pub const ROWS: usize = 24;
 /// The nearest depth in each block of an image, mm along the optical axis, row-major from the top left; 0: none measured.
 pub type Nearest = [u16; COLUMNS * ROWS];
 
+/// Headings of [`Room`], from the world's x axis counterclockwise.
+pub const HEADINGS: usize = 16;
+
+/// For each heading, how far the vehicle's body could go at its height before it meets something, m; at most
+/// [`FARTHEST_ROOM`].
+pub type Room = [f32; HEADINGS];
+
+/// Room is not looked for farther than this, m.
+pub const FARTHEST_ROOM: f32 = 4.0;
+
 /// Edge of a voxel, m.
 const VOXEL: f64 = 0.2;
 /// Voxels along x, y, z: powers of two, so that an index wraps by a mask. A row along x is one word of bits.
@@ -36,6 +46,8 @@ const SHORT: f32 = 0.25;
 const SHORT_PER_M: f32 = 0.006;
 /// Between the points of a ray, voxels.
 const STEP: f32 = 0.8;
+/// Between the places looked at for room, voxels: a look takes in its neighbours.
+const ROOM_STEP: f32 = 2.0;
 
 /// A trajectory is looked at in so many instants.
 const LOOKS: u32 = 20;
@@ -168,6 +180,24 @@ impl Obstacles {
             !expected && self.is_near(&low, &in_voxels(&pos, &low))
         });
         met.map_or(0.0, |time| MEETING * (1.0 - time / HORIZON).powi(2))
+    }
+
+    /// The room about a place, m. What was never seen counts as free.
+    #[must_use]
+    pub fn room(&self, pos_world: &Vec3) -> Room {
+        let mut room = [FARTHEST_ROOM; HEADINGS];
+        let Some(low) = self.low else { return room };
+        let at = in_voxels(pos_world, &low);
+        let steps = (FARTHEST_ROOM / VOXEL as f32 / ROOM_STEP) as u32;
+        for (heading, free) in room.iter_mut().enumerate() {
+            let (sin, cos) = (heading as f32 * std::f32::consts::TAU / HEADINGS as f32).sin_cos();
+            let way = Vector3::new(cos, sin, 0.0) * ROOM_STEP;
+            // The vehicle's own place is free, whatever is remembered of it.
+            if let Some(step) = (2..=steps).find(|step| self.is_near(&low, &(at + way * *step as f32))) {
+                *free = step as f32 * ROOM_STEP * VOXEL as f32;
+            }
+        }
+        room
     }
 
     /// Something is in the point's voxel or in one of those about it: within 0.2 to 0.4 m.

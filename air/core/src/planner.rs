@@ -110,6 +110,8 @@ pub struct Planner {
 
 /// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s.
 const LONGEST_BRIDGED_GAP: f64 = 0.5;
+/// A target that is farther off than this is not made room for, m.
+const ROOM_MATTERS: f64 = 10.0;
 /// What is so near to the target's axis is the target, m: half a person, its stride, and the estimate's error.
 const TARGET_RADIUS: f64 = 0.8;
 
@@ -222,7 +224,14 @@ impl Planner {
             candidates,
             chosen,
             target: self.filter.estimate(),
+            room: self.is_near_target(odometry).then(|| self.obstacles.room(&odometry.pos_world)),
         }
+    }
+
+    /// The target may be so near that the vehicle must make room.
+    fn is_near_target(&self, odometry: &Odometry) -> bool {
+        let near = |target: Expected| (target.pos_world - odometry.pos_world).norm() < ROOM_MATTERS;
+        self.config.policy.task == Task::Track && self.target(odometry.stamp).is_some_and(near)
     }
 
     /// Takes in the nearest depths of a frame, before the network answers it; odometry at the frame's stamp.

@@ -1,6 +1,7 @@
 //! Which plan is flown: the newest that chose a trajectory, for as long as it may be flown.
 
 use crate::config::LadderConfig;
+use crate::obstacles::Room;
 use crate::quintic::Quintic;
 use crate::target::LONGEST_CARRY;
 use crate::types::{Candidate, FlatState, Plan, TargetEstimate, Task, Time, Vec3};
@@ -32,13 +33,15 @@ pub struct Plans {
     target: Option<TargetEstimate>,
     /// When and where something last looked like the target.
     glimpse: Option<(Time, Vec3)>,
+    /// About the vehicle, when the last plan was made.
+    room: Option<Room>,
 }
 
 impl Plans {
     /// Nothing yet; frames before `since` do not count.
     #[must_use]
     pub fn new(since: Time) -> Self {
-        Self { since, newest: None, flown: None, target: None, glimpse: None }
+        Self { since, newest: None, flown: None, target: None, glimpse: None, room: None }
     }
 
     /// Takes the newest plan. One that is not finite counts as a frame without a choice.
@@ -48,6 +51,7 @@ impl Plans {
         }
         self.newest = Some((plan.seq, plan.stamp));
         self.target = plan.target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
+        self.room = plan.room;
         let likely = |candidate: &&Candidate| candidate.objectness >= GLIMPSE.0;
         let seen = plan.candidates.iter().filter(likely).max_by(|a, b| a.objectness.total_cmp(&b.objectness));
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
@@ -94,6 +98,12 @@ impl Plans {
     #[must_use]
     pub fn silence(&self, now: Time) -> f64 {
         now.since(self.newest.map_or(self.since, |(_, stamp)| stamp))
+    }
+
+    /// The room about the vehicle, as far as the newest plan tells it.
+    #[must_use]
+    pub fn room(&self) -> Option<&Room> {
+        self.room.as_ref()
     }
 
     /// The newest target estimate.
@@ -155,6 +165,7 @@ mod tests {
             candidates: [candidate; ANCHORS],
             chosen,
             target: None,
+            room: None,
         }
     }
 

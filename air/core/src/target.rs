@@ -4,6 +4,7 @@
 //! there is one. So a detection's covariance is long along its line of sight, and large where the objectness is low.
 
 use crate::error::{ConfigError, check, not_negative, positive};
+use crate::separation::pos_doubt;
 use crate::types::{TargetEstimate, Time, Vec3};
 use nalgebra::{Matrix3, Matrix6};
 
@@ -122,6 +123,8 @@ pub struct Expected {
     pub last_seen: Time,
     /// and where, m.
     pub seen_world: Vec3,
+    /// It may be nearer by so much, m.
+    pub pos_doubt: f64,
 }
 
 /// How far a target that is out of sight is carried on at its last velocity, s.
@@ -415,7 +418,8 @@ impl TargetFilter {
         let (pos_world, vel_world) = (track.motion.pos + track.motion.vel * carry, track.motion.vel);
         let (last_seen, unseen) = (track.last_seen, now.since(track.last_seen));
         let seen_world = track.motion.pos - vel_world * track.stamp.since(last_seen);
-        Some(Expected { pos_world, vel_world, unseen, last_seen, seen_world })
+        let pos_doubt = pos_doubt(&track.motion.pos_var);
+        Some(Expected { pos_world, vel_world, unseen, last_seen, seen_world, pos_doubt })
     }
 
     /// The target is believed.

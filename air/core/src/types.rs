@@ -148,6 +148,8 @@ pub struct Plan {
     pub chosen: Option<usize>,
     /// The target filter after this frame; none before the first detection.
     pub target: Option<TargetEstimate>,
+    /// The room about `start`, from what is remembered; none: no target is so near that it matters.
+    pub room: Option<crate::obstacles::Room>,
 }
 
 /// The target filter's state.

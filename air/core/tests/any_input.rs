@@ -21,7 +21,7 @@ fn odometry() -> impl Strategy<Value = (f64, Vec3, Vec3, f64, u32)> {
 prop_compose! {
     fn plan()(
         chosen in prop::option::of(0..20usize), pos in vector(), vel in vector(), acc in vector(),
-        duration in number(), age in 0.0..0.5f64, target in prop::option::of((vector(), vector(), any::<bool>()))
+        duration in number(), age in 0.0..0.5f64, distance in number(), target in prop::option::of((vector(), vector(), any::<bool>()))
     ) -> (f64, Plan) {
         let state = FlatState { pos, vel, acc };
         let candidate = Candidate { end: state, cost: 1.0, objectness: 1.0, target_world: None, rejection: None };
@@ -31,6 +31,7 @@ prop_compose! {
         (age, Plan {
             seq: 0, stamp: Time(0), start: state, world_from_cam: Rot::identity(), duration, alpha: 1.0,
             candidates: [candidate; ANCHORS], chosen, target: estimate,
+            room: Some([distance as f32; HEADINGS]),
         })
     }
 }

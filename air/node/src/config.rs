@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use goshawk_core::{
     CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
-    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, StopAction,
+    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, SeparationConfig, StopAction,
     TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig,
 };
 use goshawk_policy::Provider;
@@ -96,7 +96,7 @@ section! { /** Where logs go. */ Recorder { directory: PathBuf, keep_mb: f64 } }
 section! { /** The control loop. */ Controller { rate_hz: f64 } }
 section! { /** Detection, the chase and the target filter. */ Planner {
     min_objectness: f64, keep_objectness: f64, standoff_m: f64, headway_s: f64, above_target_m: f64,
-    keep_off_m: f64, max_acc_mps2: f64, max_agility: f64, remember_within_m: f64, pursue_until_s: f64,
+    max_acc_mps2: f64, max_agility: f64, remember_within_m: f64, pursue_until_s: f64,
     acc_variance_mps2: [f64; 3], lateral_variance_m2: f64, range_variance_m2: f64, doubt: f64,
     variance_distance_m: f64, gate_sigmas: f64,
     confirm_hits: u32, confirm_of: u32, confirm_objectness: f64, sure_objectness: f64, blind_time_s: f64,
@@ -124,6 +124,7 @@ section! { /** Take-off, holding, landing. */ Mission {
 } }
 section! { /** What no flight may exceed. */ Limits {
     fence_radius_m: f64, ceiling_m: f64, max_speed_mps: f64, max_time_s: f64, battery_start: f64, battery_land: f64,
+    min_target_distance_m: f64,
 } }
 
 /// What Stop does.
@@ -337,7 +338,7 @@ impl Vehicle {
                 headway: p.headway_s,
                 height: p.above_target_m,
                 pursue_until: p.pursue_until_s,
-                keep_off: p.keep_off_m,
+                keep_off: self.limits.min_target_distance_m,
             },
             max_acc: p.max_acc_mps2,
             max_agility: p.max_agility,
@@ -413,6 +414,11 @@ impl Vehicle {
                 max_time: limits.max_time_s,
                 battery_start: limits.battery_start,
                 battery_land: limits.battery_land,
+            },
+            separation: SeparationConfig {
+                min_distance: limits.min_target_distance_m,
+                target_acc: self.planner.target_max_acc_mps2,
+                max_acc: self.planner.max_acc_mps2,
             },
         }
     }

@@ -115,6 +115,7 @@ fn plan(seq: u64, stamp: Time, height: f64) -> Plan {
         candidates: [candidate; ANCHORS],
         chosen: Some(7),
         target: Some(target),
+        room: Some([1.0; HEADINGS]),
     }
 }
 

@@ -43,8 +43,8 @@ pub fn config() -> ControllerConfig {
             request_timeout: 5.0,
             takeoff_ramp: 2.0,
             climb_speed: 1.0,
-            hold_distance: 2.0,
-            resume_distance: 3.0,
+            hold_distance: 3.0,
+            resume_distance: 4.0,
             goal_radius: 1.5,
             search_timeout: 60.0,
             descent_speed: 0.7,
@@ -386,6 +386,7 @@ impl Loop {
             candidates: [candidate; ANCHORS],
             chosen: aim.map(|_| 7),
             target: estimate.or(kept),
+            room: None,
         })
     }
 

@@ -121,6 +121,7 @@ impl<'a> Classical<'a> {
             candidates: [candidate; ANCHORS],
             chosen: None,
             target: None,
+            room: None,
         })
     }
 

@@ -1,0 +1,234 @@
+//! The least distance to the target (beyond the paper): whatever is flown, the vehicle can still stop short of it.
+//!
+//! Two rules bend a commanded acceleration. The first bounds the speed at which the vehicle closes in: at each distance
+//! to what it could brake away before the least distance, if the target were to turn on it with its greatest
+//! acceleration. Below the least distance it backs away. The second steps aside, if a target that comes nearer would
+//! pass too close: to the side on which it would pass anyway, or to the other if there is more room. Both take the
+//! target where the filter's covariance puts it at its worst.
+
+use crate::error::{ConfigError, positive};
+use crate::obstacles::{HEADINGS, Room};
+use crate::target::LONGEST_CARRY;
+use crate::types::{TargetEstimate, Time, Vec3};
+use nalgebra::{Matrix3, Vector2};
+
+/// How far to keep, and what both can do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeparationConfig {
+    /// Least distance from the vehicle's centre to the target's, m (2).
+    pub min_distance: f64,
+    /// The target's greatest acceleration, m/s² (8),
+    pub target_acc: f64,
+    /// and what the vehicle may spend on keeping away from it, m/s² (10).
+    pub max_acc: f64,
+}
+
+/// The least part of the vehicle's acceleration that counts as being left over the target's, m/s².
+const LEAST_ADVANTAGE: f64 = 2.0;
+/// From the target's move to the vehicle's, s: camera, network, filter, attitude loop.
+const REACTION: f64 = 0.25;
+/// Gain on a closing speed that is too high, 1/s.
+const KV: f64 = 4.0;
+/// Nearer than the least distance the vehicle backs away with so much of what is missing, 1/s, at most so fast, m/s.
+const OPENING: (f64, f64) = (1.5, 3.0);
+/// A target that comes nearer faster than this, m/s, is stepped aside from if it passes within this, s.
+const COMING: f64 = 0.5;
+const FORESEEN: f64 = 2.0;
+/// What is aimed at beyond the least distance when stepping aside, m, with at most so much acceleration, m/s².
+const ASIDE: (f64, f64) = (0.3, 7.0);
+/// The soonest that stepping aside can be of use, s.
+const SOONEST: f64 = 0.35;
+/// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s².
+const SHORT: (f64, f64) = (0.3, 4.0);
+/// A target unseen for longer may be anywhere, s.
+const FORGOTTEN: f64 = 4.0;
+/// Standard deviations of the position that count, and the most that they come to, m.
+const DOUBT: (f64, f64) = (2.0, 0.8);
+/// The most that one standard deviation of the velocity comes to, m/s.
+const MOST_SPEED_DOUBT: f64 = 1.0;
+
+type Flat = Vector2<f64>;
+
+/// The target as it may be at its worst.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Threat {
+    /// Its centre, m.
+    pub pos_world: Vec3,
+    /// m/s.
+    pub vel_world: Vec3,
+    /// It may be nearer by so much, m,
+    pub pos_doubt: f64,
+    /// and faster by so much, m/s.
+    pub vel_doubt: f64,
+}
+
+impl Threat {
+    /// An estimate carried on to `now`; none: the target has not been seen for so long that it may be anywhere.
+    #[must_use]
+    pub fn of(target: &TargetEstimate, now: Time) -> Option<Self> {
+        if !target.covariance.iter().all(|x| x.is_finite()) || now.since(target.last_seen) > FORGOTTEN {
+            return None;
+        }
+        let carry = now.since(target.stamp).clamp(0.0, LONGEST_CARRY);
+        let block = |row, column| -> Matrix3<f64> { target.covariance.fixed_view::<3, 3>(row, column).into() };
+        let (pos, cross, vel) = (block(0, 0), block(0, 3), block(3, 3));
+        let carried = pos + (cross + cross.transpose()) * carry + vel * (carry * carry);
+        Some(Self {
+            pos_world: target.pos_world + target.vel_world * carry,
+            vel_world: target.vel_world,
+            pos_doubt: pos_doubt(&carried),
+            vel_doubt: level_deviation(&vel).min(MOST_SPEED_DOUBT),
+        })
+    }
+}
+
+/// How much nearer a target of this covariance (m²) may be, m.
+#[must_use]
+pub fn pos_doubt(covariance: &Matrix3<f64>) -> f64 {
+    (DOUBT.0 * level_deviation(covariance)).min(DOUBT.1)
+}
+
+/// The larger standard deviation of the two level axes.
+fn level_deviation(covariance: &Matrix3<f64>) -> f64 {
+    covariance[(0, 0)].max(covariance[(1, 1)]).max(0.0).sqrt()
+}
+
+/// Keeps the distance.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Separation {
+    /// The side of the relative velocity to which the vehicle steps aside, +1 left, -1 right; 0: it does not.
+    side: f64,
+}
+
+impl SeparationConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        positive("limits.min_target_distance", self.min_distance)?;
+        positive("separation.target_acc", self.target_acc)?;
+        positive("separation.max_acc", self.max_acc)
+    }
+
+    /// The greatest speed at which to close in on the least distance, m/s, which is `gap` m away: `gap` is what reaction
+    /// and braking take. Negative: the vehicle is too near and must open.
+    #[must_use]
+    pub fn closing_speed(&self, gap: f64) -> f64 {
+        if gap <= 0.0 {
+            return (OPENING.0 * gap).max(-OPENING.1);
+        }
+        let braking = self.braking();
+        let lost = braking * REACTION;
+        (lost * lost + 2.0 * braking * gap).sqrt() - lost
+    }
+
+    /// What is left for braking when the target accelerates toward the vehicle, m/s².
+    fn braking(&self) -> f64 {
+        (self.max_acc - self.target_acc).max(LEAST_ADVANTAGE)
+    }
+
+    /// The least level distance between two that are `rise` m apart in height, m.
+    fn level(&self, doubt: f64, rise: f64) -> f64 {
+        let least = self.min_distance + doubt;
+        (least * least - rise * rise).max(0.0).sqrt()
+    }
+}
+
+impl Separation {
+    /// `acc_world` (m/s²) of a vehicle at `pos_world` with `vel_world`, bent as far as the threat asks for. Level only;
+    /// not finite in any part: as it was.
+    #[must_use]
+    pub fn keep(
+        &mut self,
+        config: &SeparationConfig,
+        acc_world: Vec3,
+        [pos_world, vel_world]: [Vec3; 2],
+        threat: &Threat,
+        room: Option<&Room>,
+    ) -> Vec3 {
+        let between = pos_world - threat.pos_world;
+        let line: Flat = between.xy();
+        let distance = line.norm();
+        let Some(away) = line.try_normalize(1e-3) else { return acc_world };
+        let least = config.level(threat.pos_doubt, between.z);
+        let relative: Flat = (vel_world - threat.vel_world).xy();
+        let flat: Flat = acc_world.xy();
+        let backed = self.back(config, flat, (away, distance, least), relative, threat.vel_doubt);
+        let coming = threat.vel_world.xy().dot(&away) > COMING;
+        let aside = if coming { self.aside(least, line, relative, room) } else { None };
+        self.side = aside.map_or(0.0, |(side, _)| side);
+        let bent = match aside {
+            Some((_, push)) => {
+                let toward = push.normalize();
+                backed + toward * (push.norm() - backed.dot(&toward)).max(0.0)
+            }
+            None => backed,
+        };
+        let within = if bent == flat { flat } else { within_room(bent, flat, vel_world.xy(), room) };
+        // What was commanded may be more than this rule may spend.
+        let most = config.max_acc.max(flat.norm());
+        let within = within * (most / within.norm().max(most));
+        if within.iter().all(|x| x.is_finite()) { Vec3::new(within.x, within.y, acc_world.z) } else { acc_world }
+    }
+
+    /// Closes in no faster than can be braked; too near, opens.
+    fn back(
+        &self,
+        config: &SeparationConfig,
+        flat: Flat,
+        (away, distance, least): (Flat, f64, f64),
+        relative: Flat,
+        doubt: f64,
+    ) -> Flat {
+        let closing = -relative.dot(&away);
+        let worst = closing + doubt;
+        let allowed = config.closing_speed(distance - least);
+        let braking = config.braking();
+        // Along the bound itself, the speed falls as the distance does.
+        let along_bound = braking * worst.max(0.0) / (allowed.max(0.0) + braking * REACTION);
+        // Who passes by opens without braking.
+        let passing = (relative + away * closing).norm_squared() / distance.max(0.5 * least).max(0.1);
+        let wanted = KV * (worst - allowed) + along_bound - passing;
+        flat + away * (wanted - flat.dot(&away)).max(0.0)
+    }
+
+    /// The side and the acceleration that let a target pass at the least distance; none: it will.
+    fn aside(&self, least: f64, line: Flat, relative: Flat, room: Option<&Room>) -> Option<(f64, Flat)> {
+        let speed = relative.norm();
+        let soon = -line.dot(&relative) / relative.norm_squared();
+        if !(soon > 0.0 && soon < FORESEEN) {
+            return None;
+        }
+        let left = Flat::new(-relative.y, relative.x) / speed;
+        let offset = (line + relative * soon).dot(&left);
+        let passes = least + ASIDE.0;
+        if offset.abs() >= passes {
+            return None;
+        }
+        let side = if self.side == 0.0 { chosen_side(offset, passes, left, room) } else { self.side };
+        let missing = passes - side * offset;
+        let push = (2.0 * missing / soon.max(SOONEST).powi(2)).min(ASIDE.1);
+        Some((side, left * (side * push)))
+    }
+}
+
+/// Left (+1) or right (-1) of the relative velocity: the nearer way out, unless something stands in it and there is more
+/// room on the other side.
+fn chosen_side(offset: f64, passes: f64, left: Flat, room: Option<&Room>) -> f64 {
+    let natural = if offset < 0.0 { -1.0 } else { 1.0 };
+    let Some(room) = room else { return natural };
+    let missing = |side: f64| (passes - side * offset) - toward(room, left * side);
+    if missing(natural) > 0.0 && missing(-natural) < missing(natural) { -natural } else { natural }
+}
+
+/// What a push adds to the commanded acceleration `flat` must not fly into something: along it, the vehicle gets no
+/// faster than it can brake in the room that is left.
+fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
+    let (Some(room), Some(way)) = (room, (bent - flat).try_normalize(1e-6)) else { return bent };
+    let left = (toward(room, way) - SHORT.0).max(0.0);
+    let most = KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(&way));
+    bent - way * (bent.dot(&way) - most.max(flat.dot(&way))).max(0.0)
+}
+
+/// Room in a direction, m.
+fn toward(room: &Room, way: Flat) -> f64 {
+    let turn = way.y.atan2(way.x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
+    f64::from(room[(turn * HEADINGS as f64).round() as usize % HEADINGS])
+}
