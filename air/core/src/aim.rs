@@ -1,7 +1,7 @@
 //! Where the trajectories should end: navigation's goal, or where the target will be by then (beyond the paper). The
 //! network gets it as the last vector of its state and is trained to end there.
 
-use crate::error::{ConfigError, not_negative, positive};
+use crate::error::{ConfigError, within};
 use crate::quintic::Quintic;
 use crate::target::{Expected, LONGEST_CARRY};
 use crate::types::{Time, Vec3};
@@ -32,11 +32,12 @@ impl ChaseConfig {
     /// # Errors
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        not_negative("chase.standoff", self.standoff)?;
-        not_negative("chase.headway", self.headway)?;
-        not_negative("chase.height", self.height)?;
-        not_negative("chase.pursue_until", self.pursue_until)?;
-        positive("chase.keep_off", self.keep_off)
+        within("planner.standoff_m", self.standoff, 0.0..=20.0, "from farther off the target is not seen well")?;
+        within("planner.headway_s", self.headway, 0.0..=5.0, "from farther off the target is not seen well")?;
+        within("planner.above_target_m", self.height, 0.0..=20.0, "the camera does not look down")?;
+        let gone = "by then it may be anywhere";
+        within("planner.pursue_until_s", self.pursue_until, 0.0..=30.0, gone)?;
+        within("planner.keep_off_m", self.keep_off, 0.1..=20.0, "a person is that wide, and no way leads around more")
     }
 
     /// The target is worth going after.

@@ -1,11 +1,11 @@
 //! What the controller must be told about the vehicle and its limits. SI and radians; nothing here has a default,
 //! because every value is a safety limit or a property of one airframe. Typical values are those of the paper's vehicle.
 
-use crate::error::{ConfigError, check, not_negative, positive};
+use crate::error::{ConfigError, within};
 use crate::lag::LagConfig;
 use crate::limits::LimitsConfig;
-use crate::separation::SeparationConfig;
 use crate::mission::StopAction;
+use crate::separation::SeparationConfig;
 use crate::thrust::ThrustConfig;
 use crate::types::{GRAVITY, Newtons, NormalisedThrust};
 use crate::view::ViewConfig;
@@ -191,68 +191,81 @@ impl ControllerConfig {
 
     fn validate_vehicle(&self) -> Result<(), ConfigError> {
         let v = &self.vehicle;
-        positive("vehicle.mass", v.mass)?;
-        check("vehicle.hover_thrust", v.hover_thrust, "above 0 and below 1", |x| x > 0.0 && x < 1.0)?;
-        check("vehicle.min_thrust", v.min_thrust, "above 0 and below hover_thrust", |x| x > 0.0 && x < v.hover_thrust)?;
-        check("vehicle.max_thrust", v.max_thrust, "above hover_thrust and at most 1", |x| {
-            x > v.hover_thrust && x <= 1.0
-        })?;
-        check("vehicle.max_tilt", v.max_tilt, "above 0 and below 80 degrees", |x| x > 0.0 && x < 80_f64.to_radians())
+        within("airframe.mass_kg", v.mass, 0.05..=25.0, "the loops are made for small quadrotors")?;
+        within("airframe.hover_thrust", v.hover_thrust, 0.05..=0.9, "with more, too little is left to climb and turn")?;
+        let flies = "less loses attitude authority, more than hover_thrust cannot descend";
+        within("airframe.min_thrust", v.min_thrust, 0.005..=v.hover_thrust, flies)?;
+        let climbs = "it must climb, and 1 is all that there is";
+        within("airframe.max_thrust", v.max_thrust, v.hover_thrust + 0.05..=1.0, climbs)?;
+        let tilt = "with less it cannot brake, near 90 no thrust holds the height";
+        within("airframe.max_tilt_deg", v.max_tilt.to_degrees(), 5.0..=79.9, tilt)
     }
 
     fn validate_loops(&self) -> Result<(), ConfigError> {
         let o = &self.observer;
-        positive("observer.alpha1", o.alpha1)?;
-        check("observer.alpha2", o.alpha2, "above 0 and at most alpha1^2 / 2, or the observer overshoots", |x| {
-            x > 0.0 && x <= 0.5 * o.alpha1 * o.alpha1
-        })?;
-        positive("observer.zeta", o.zeta)?;
-        not_negative("observer.limit", o.limit)?;
-        not_negative("lead.limit", self.lead.limit)?;
+        within("observer.alpha1", o.alpha1, 0.1..=20.0, "a higher gain only follows noise")?;
+        let damped = "with more than alpha1^2 / 2 the observer overshoots";
+        within("observer.alpha2", o.alpha2, 0.01..=0.5 * o.alpha1 * o.alpha1, damped)?;
+        within("observer.zeta_s", o.zeta, 0.02..=2.0, "a slower observer is no answer to a gust")?;
+        within("observer.limit_mps2", o.limit, 0.0..=20.0, "no wind pushes with more than two g")?;
+        within("lead.limit_mps2", self.lead.limit, 0.0..=20.0, "more than two g of lead is noise")?;
         let y = &self.yaw;
-        positive("yaw.max_rate", y.max_rate)?;
-        positive("yaw.max_acc", y.max_acc)?;
-        check("yaw.lag", y.lag, "0 to 1 s", |x| (0.0..=1.0).contains(&x))?;
-        check("yaw.search_rate", y.search_rate, "above 0 and at most max_rate", |x| x > 0.0 && x <= y.max_rate)?;
-        not_negative("yaw.search_delay", y.search_delay)?;
-        positive("yaw.along_velocity_speed", y.along_velocity_speed)?;
+        within("yaw.max_rate_radps", y.max_rate, 0.1..=10.0, "odometry and camera are blurred beyond")?;
+        within("yaw.max_acc_radps2", y.max_acc, 0.1..=100.0, "no quadrotor's yaw answers quicker")?;
+        within("yaw.lag_s", y.lag, 0.0..=1.0, "a slower loop cannot be led")?;
+        within("yaw.search_rate_radps", y.search_rate, 0.05..=y.max_rate, "it is a yaw rate as well")?;
+        within("yaw.search_delay_s", y.search_delay, 0.0..=10.0, "by then the target is elsewhere")?;
+        let slow = "navigation looks where it flies";
+        within("yaw.along_velocity_speed_mps", y.along_velocity_speed, 0.1..=10.0, slow)?;
         let h = &self.hold;
-        positive("hold.kp", h.kp)?;
-        positive("hold.kv", h.kv)?;
-        positive("hold.max_acc_horizontal", h.max_acc_horizontal)?;
-        check("hold.max_acc_vertical", h.max_acc_vertical, "above 0 and below gravity", |x| x > 0.0 && x < GRAVITY)?;
-        positive("hold.stopped_speed", h.stopped_speed)
+        within("hold.kp", h.kp, 0.1..=20.0, "less does not hold, more oscillates with the attitude's lag")?;
+        within("hold.kv", h.kv, 0.1..=20.0, "less does not brake, more oscillates with the attitude's lag")?;
+        let horizontal = "less does not stop before the fence, two g is all that tilt gives";
+        within("hold.max_acc_horizontal_mps2", h.max_acc_horizontal, 0.5..=20.0, horizontal)?;
+        let vertical = "less does not hold the height, more than gravity cannot be had downward";
+        within("hold.max_acc_vertical_mps2", h.max_acc_vertical, 0.5..=9.5, vertical)?;
+        within("hold.stopped_speed_mps", h.stopped_speed, 0.05..=3.0, "a place is held only where braking has ended")
     }
 
     fn validate_ladder(&self) -> Result<(), ConfigError> {
         let l = &self.ladder;
-        positive("ladder.missed_detection", l.missed_detection)?;
-        positive("ladder.plan_stale", l.plan_stale)?;
-        positive("ladder.no_plan_land", l.no_plan_land)?;
-        positive("ladder.odometry_stale", l.odometry_stale)?;
-        check("ladder.descend_acc", l.descend_acc, "above 0 and at most 2 m/s2", |x| x > 0.0 && x <= 2.0)?;
-        positive("ladder.hand_back", l.hand_back)
+        let old = "an older trajectory leads through what was not seen";
+        within("ladder.missed_detection_s", l.missed_detection, 0.05..=2.0, old)?;
+        within("ladder.plan_stale_s", l.plan_stale, 0.05..=1.0, "without a frame for longer it flies blind")?;
+        within("ladder.no_plan_land_s", l.no_plan_land, 1.0..=120.0, "the battery is for more than waiting")?;
+        let dead = "less than a few periods is none, and half a second of dead reckoning is metres";
+        within("ladder.odometry_stale_s", l.odometry_stale, 0.02..=0.5, dead)?;
+        within("ladder.descend_acc_mps2", l.descend_acc, 0.05..=2.0, "it is to be a gentle descent")?;
+        let blind = "without odometry nothing bounds the speed: the autopilot must have it soon";
+        within("ladder.hand_back_s", l.hand_back, 0.1..=10.0, blind)
     }
 
     fn validate_mission(&self) -> Result<(), ConfigError> {
         let m = &self.mission;
-        check("mission.stream_before_offboard", m.stream_before_offboard, "at least 1 s", |x| x >= 1.0)?;
-        positive("mission.request_period", m.request_period)?;
-        positive("mission.request_timeout", m.request_timeout)?;
-        positive("mission.takeoff_ramp", m.takeoff_ramp)?;
-        positive("mission.climb_speed", m.climb_speed)?;
-        check("mission.hold_distance", m.hold_distance, "above limits.min_target_distance", |x| {
-            x > self.separation.min_distance
-        })?;
-        check("mission.resume_distance", m.resume_distance, "above hold_distance", |x| x > m.hold_distance)?;
-        positive("mission.goal_radius", m.goal_radius)?;
-        positive("mission.search_timeout", m.search_timeout)?;
-        positive("mission.descent_speed", m.descent_speed)?;
-        check("mission.touchdown_speed", m.touchdown_speed, "at least 0.2 m/s and at most descent_speed", |x| {
-            x >= 0.2 && x <= m.descent_speed
-        })?;
-        not_negative("mission.slow_height", m.slow_height)?;
-        positive("mission.touchdown_time", m.touchdown_time)
+        let stream = "PX4 wants a second of setpoints first, and a start that waits long looks refused";
+        within("mission.stream_before_offboard_s", m.stream_before_offboard, 1.0..=10.0, stream)?;
+        within("mission.request_period_s", m.request_period, 0.1..=5.0, "a lost request must be repeated soon")?;
+        let armed = "an autopilot that does not answer for longer is lost";
+        within("mission.request_timeout_s", m.request_timeout, m.request_period..=30.0, armed)?;
+        within("mission.takeoff_ramp_s", m.takeoff_ramp, 0.2..=10.0, "who does not lift by then is held down")?;
+        within("mission.climb_speed_mps", m.climb_speed, 0.1..=5.0, "the camera does not look up")?;
+        let seen = "it must be above min_target_distance_m, and farther off the target is not seen well";
+        within("mission.hold_distance_m", m.hold_distance, self.separation.min_distance + 0.01..=20.0, seen)?;
+        let apart = "it must be above hold_distance_m, and within sight";
+        within("mission.resume_distance_m", m.resume_distance, m.hold_distance + 0.1..=50.0, apart)?;
+        within("mission.goal_radius_m", m.goal_radius, 0.1..=20.0, "a goal is a place")?;
+        within("mission.search_timeout_s", m.search_timeout, 1.0..=600.0, "the battery is for more than searching")?;
+        within(
+            "mission.descent_speed_mps",
+            m.descent_speed,
+            0.2..=3.0,
+            "faster meets its own downwash and the ground",
+        )?;
+        let down = "slower hangs in the ground effect, faster than descent_speed_mps is no touch-down";
+        within("mission.touchdown_speed_mps", m.touchdown_speed, 0.2..=m.descent_speed, down)?;
+        within("mission.slow_height_m", m.slow_height, 0.0..=10.0, "a longer slow descent empties the battery")?;
+        let sure = "shorter is a bump, longer pushes into the ground";
+        within("mission.touchdown_time_s", m.touchdown_time, 0.05..=5.0, sure)
     }
 }
 
@@ -324,23 +337,23 @@ pub(crate) mod tests {
         assert_eq!(config().validate(), Ok(()));
         type Spoil = fn(&mut ControllerConfig);
         let spoiled: [(&str, Spoil); 17] = [
-            ("vehicle.mass", |c| c.vehicle.mass = 0.0),
-            ("vehicle.hover_thrust", |c| c.vehicle.hover_thrust = 1.0),
-            ("vehicle.min_thrust", |c| c.vehicle.min_thrust = 0.0),
-            ("vehicle.max_tilt", |c| c.vehicle.max_tilt = 1.6),
-            ("observer.zeta", |c| c.observer.zeta = f64::NAN),
+            ("airframe.mass_kg", |c| c.vehicle.mass = 0.0),
+            ("airframe.hover_thrust", |c| c.vehicle.hover_thrust = 1.0),
+            ("airframe.min_thrust", |c| c.vehicle.min_thrust = 0.0),
+            ("airframe.max_tilt_deg", |c| c.vehicle.max_tilt = 1.6),
+            ("observer.zeta_s", |c| c.observer.zeta = f64::NAN),
             ("observer.alpha2", |c| c.observer.alpha2 = 4.6),
-            ("thrust.least", |c| c.thrust.least = 0.26),
-            ("thrust.most", |c| c.thrust.most = 0.24),
-            ("lag.least", |c| c.lag.least = 0.11),
-            ("lag.most", |c| c.lag.most = 0.09),
+            ("airframe.hover_thrust_range", |c| c.thrust.least = 0.26),
+            ("airframe.hover_thrust_range", |c| c.thrust.most = 0.24),
+            ("lead.attitude_lag_range_s", |c| c.lag.least = 0.11),
+            ("lead.attitude_lag_range_s", |c| c.lag.most = 0.09),
             ("limits.battery_start", |c| c.limits.battery_start = 0.1),
-            ("view.top", |c| c.view.top = f64::NAN),
-            ("yaw.search_rate", |c| c.yaw.search_rate = 9.0),
-            ("ladder.odometry_stale", |c| c.ladder.odometry_stale = f64::INFINITY),
-            ("mission.resume_distance", |c| c.mission.resume_distance = 2.9),
-            ("mission.stream_before_offboard", |c| c.mission.stream_before_offboard = 0.5),
-            ("mission.touchdown_speed", |c| c.mission.touchdown_speed = 0.8),
+            ("camera.tilt_deg", |c| c.view.top = f64::NAN),
+            ("yaw.search_rate_radps", |c| c.yaw.search_rate = 9.0),
+            ("ladder.odometry_stale_s", |c| c.ladder.odometry_stale = f64::INFINITY),
+            ("mission.resume_distance_m", |c| c.mission.resume_distance = 2.9),
+            ("mission.stream_before_offboard_s", |c| c.mission.stream_before_offboard = 0.5),
+            ("mission.touchdown_speed_mps", |c| c.mission.touchdown_speed = 0.8),
         ];
         for (name, spoil) in spoiled {
             let mut config = config();

@@ -1,7 +1,9 @@
 //! Network tensor → end states and detections, world frame (eq. 4-9).
 
+use std::f64::consts::FRAC_PI_2;
+
 use crate::activation::{LANES, Lanes, sigmoid, sin_cos, softplus, tanh};
-use crate::error::{ConfigError, check, positive};
+use crate::error::{ConfigError, within};
 use crate::lattice::{Anchor, COLUMNS, Lattice, ROWS};
 use crate::planner::{CameraModel, PolicyModel};
 use crate::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Rejection, Rot, Task, Vec3};
@@ -192,18 +194,22 @@ fn activated(output: &NetworkOutput, channels: usize) -> ([Lanes; CHANNELS], [bo
 }
 
 fn validate(policy: &PolicyModel, camera: &CameraModel) -> Result<(), ConfigError> {
-    positive("policy.radius", policy.radius)?;
-    let acute = |x: f64| x > 0.0 && x < std::f64::consts::FRAC_PI_2;
-    check("policy.azimuth_offset", policy.azimuth_offset, "above 0 and below pi/2", acute)?;
-    check("policy.elevation_offset", policy.elevation_offset, "above 0 and below pi/2", acute)?;
-    positive("policy.v_max", policy.v_max)?;
-    positive("policy.a_max", policy.a_max)?;
-    positive("policy.target_depth_scale", policy.target_depth_scale)?;
-    let view = |x: f64| x > 0.0 && x < std::f64::consts::PI;
-    check("policy.hfov", policy.hfov, "above 0 and below pi", view)?;
-    check("policy.vfov", policy.vfov, "above 0 and below pi", view)?;
-    positive("policy.width", f64::from(policy.width))?;
-    positive("policy.height", f64::from(policy.height))?;
+    within("policy.radius", policy.radius, 0.1..=100.0, "the depth camera sees no farther")?;
+    let acute = "rad: the lattice lies before the camera";
+    within("policy.azimuth_offset", policy.azimuth_offset, 1e-3..=FRAC_PI_2, acute)?;
+    within("policy.elevation_offset", policy.elevation_offset, 1e-3..=FRAC_PI_2, acute)?;
+    within("policy.v_max", policy.v_max, 0.1..=100.0, "m/s: no quadrotor trains for more")?;
+    within("policy.a_max", policy.a_max, 0.1..=1000.0, "m/s2: no quadrotor trains for more")?;
+    within(
+        "policy.target_depth_scale",
+        policy.target_depth_scale,
+        1e-3..=1000.0,
+        "m: the depth camera sees no farther",
+    )?;
+    within("policy.hfov", policy.hfov, 0.01..=3.0, "rad: a pinhole camera sees less than half the world")?;
+    within("policy.vfov", policy.vfov, 0.01..=3.0, "rad: a pinhole camera sees less than half the world")?;
+    within("policy.width", f64::from(policy.width), 1.0..=65_536.0, "px: no onboard network takes more")?;
+    within("policy.height", f64::from(policy.height), 1.0..=65_536.0, "px: no onboard network takes more")?;
     // Half a degree: the lattice's cells are 18 degrees wide.
     let near = |a: f64, b: f64| (a - b).abs() <= 0.009;
     if !near(camera.hfov, policy.hfov) || !near(camera.vfov, policy.vfov) {

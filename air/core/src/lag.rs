@@ -5,7 +5,7 @@
 //! output error is not biased by the measurement's noise, and wind, weight and drag do not enter: they move the vehicle,
 //! not its axis. The models are compared only while they differ, so that a hover neither teaches nor forgets.
 
-use crate::error::{ConfigError, check};
+use crate::error::{ConfigError, within};
 use crate::types::{Time, Vec3};
 
 /// What the estimate may come to; the vehicle file's bounds.
@@ -20,10 +20,10 @@ pub struct LagConfig {
 impl LagConfig {
     /// The bounds are apart and hold the vehicle file's own value `tau`.
     pub(crate) fn validate(&self, tau: f64) -> Result<(), ConfigError> {
-        check("lag.least", self.least, "0.01 s or more, and at most the lead's lag", |x| x >= 0.01 && x <= tau)?;
-        check("lag.most", self.most, "above lag.least, at least the lead's lag and at most 1 s", |x| {
-            x > self.least && x >= tau && x <= 1.0
-        })
+        within("lead.attitude_lag_s", tau, 0.01..=1.0, "a slower attitude loop cannot be led")?;
+        let holds = "the range must hold attitude_lag_s, and a slower loop cannot be led";
+        within("lead.attitude_lag_range_s", self.least, 0.01..=tau, holds)?;
+        within("lead.attitude_lag_range_s", self.most, tau.max(1.0001 * self.least)..=1.0, holds)
     }
 }
 

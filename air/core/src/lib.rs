@@ -44,7 +44,7 @@ pub use config::{
     ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig, ObserverConfig, VehicleModel, YawConfig,
 };
 pub use controller::Controller;
-pub use error::ConfigError;
+pub use error::{ConfigError, within};
 pub use history::History;
 pub use interface::{
     AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request, Transition,

@@ -1,7 +1,7 @@
 //! What a flight must not exceed: place, height, speed, time, charge. Tilt and thrust are limited in `flatness.rs`.
 
 use crate::config::HoldConfig;
-use crate::error::{ConfigError, check, positive};
+use crate::error::{ConfigError, within};
 use crate::interface::Profile;
 use crate::types::Vec3;
 
@@ -27,14 +27,15 @@ const REACTION: f64 = 0.3;
 
 impl LimitsConfig {
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        positive("limits.fence_radius", self.fence_radius)?;
-        positive("limits.ceiling", self.ceiling)?;
-        positive("limits.max_speed", self.max_speed)?;
-        positive("limits.max_time", self.max_time)?;
-        check("limits.battery_land", self.battery_land, "0 to 1", |x| (0.0..=1.0).contains(&x))?;
-        check("limits.battery_start", self.battery_start, "at least battery_land and at most 1", |x| {
-            x >= self.battery_land && x <= 1.0
-        })
+        let radius = "no small quadrotor comes back from farther on one battery";
+        within("limits.fence_radius_m", self.fence_radius, 1.0..=10_000.0, radius)?;
+        within("limits.ceiling_m", self.ceiling, 1.0..=500.0, "above fly others")?;
+        within("limits.max_speed_mps", self.max_speed, 0.5..=30.0, "no policy is trained beyond, nor sees far enough")?;
+        within("limits.max_time_s", self.max_time, 10.0..=7200.0, "no small quadrotor's battery lasts longer")?;
+        let charge = "it is a share of a full battery";
+        within("limits.battery_land", self.battery_land, 0.0..=1.0, charge)?;
+        let first = "below battery_land a flight would end as it begins";
+        within("limits.battery_start", self.battery_start, self.battery_land..=1.0, first)
     }
 
     /// Which limit the profile goes beyond; none: it can be flown.

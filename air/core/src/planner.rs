@@ -2,7 +2,7 @@
 
 use crate::aim::{Chase, ChaseConfig, climbing, within_reach};
 use crate::decode::{Decoder, FramePose};
-use crate::error::{ConfigError, check, not_negative, positive};
+use crate::error::{ConfigError, within};
 use crate::obstacles::{Ignored, Nearest, Obstacles};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
@@ -124,9 +124,10 @@ impl Planner {
         config.target.validate()?;
         config.select.validate()?;
         config.chase.validate()?;
-        positive("planner.max_acc", config.max_acc)?;
-        check("planner.max_agility", config.max_agility, "above 0 and at most 1", |x| x > 0.0 && x <= 1.0)?;
-        not_negative("planner.remember", config.remember)?;
+        within("planner.max_acc_mps2", config.max_acc, 1.0..=30.0, "less turns nowhere, more no airframe gives")?;
+        within("planner.max_agility", config.max_agility, 0.05..=1.0, "1 is all that the training asks for")?;
+        let grid = "the grid of what was seen reaches no farther";
+        within("planner.remember_within_m", config.remember, 0.0..=6.4, grid)?;
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.target);
         let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.remember);

@@ -1,7 +1,7 @@
 //! Which detections are the target's: objectness filter → consistency gate (§III-C.2). Which candidate is flown: the one
 //! of lowest predicted cost, in whatever cell, since every trajectory is trained to lead to the aim (beyond the paper).
 
-use crate::error::{ConfigError, check};
+use crate::error::{ConfigError, within};
 use crate::target::{Detection, TargetFilter};
 use crate::types::{ANCHORS, Candidate, Rejection, Time, Vec3};
 
@@ -21,10 +21,9 @@ impl SelectConfig {
     /// # Errors
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        check("select.min_objectness", self.min_objectness, "above 0 and below 1", |x| x > 0.0 && x < 1.0)?;
-        check("select.keep_objectness", self.keep_objectness, "above 0 and at most min_objectness", |x| {
-            x > 0.0 && x <= self.min_objectness
-        })
+        within("planner.min_objectness", self.min_objectness, 0.01..=0.99, "at 0 all is a target, at 1 nothing")?;
+        let weak = "what keeps a target is no stronger than what finds one";
+        within("planner.keep_objectness", self.keep_objectness, 0.01..=self.min_objectness, weak)
     }
 }
 

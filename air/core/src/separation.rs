@@ -6,7 +6,7 @@
 //! pass too close: to the side on which it would pass anyway, or to the other if there is more room. Both take the
 //! target where the filter's covariance puts it at its worst.
 
-use crate::error::{ConfigError, positive};
+use crate::error::{ConfigError, within};
 use crate::obstacles::{HEADINGS, Room};
 use crate::target::LONGEST_CARRY;
 use crate::types::{TargetEstimate, Time, Vec3};
@@ -102,9 +102,14 @@ pub struct Separation {
 
 impl SeparationConfig {
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        positive("limits.min_target_distance", self.min_distance)?;
-        positive("separation.target_acc", self.target_acc)?;
-        positive("separation.max_acc", self.max_acc)
+        within(
+            "limits.min_target_distance_m",
+            self.min_distance,
+            0.1..=20.0,
+            "farther off the target is not seen well",
+        )?;
+        within("planner.target_max_acc_mps2", self.target_acc, 0.5..=50.0, "nobody turns harder")?;
+        within("separation: the braking, m/s2,", self.max_acc, 0.1..=100.0, "no airframe brakes harder")
     }
 
     /// The greatest speed at which to close in on the least distance, m/s, which is `gap` m away: `gap` is what reaction

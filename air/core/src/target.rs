@@ -3,7 +3,7 @@
 //! The network knows better where in the image a target is than how far away, and both the better the surer it is that
 //! there is one. So a detection's covariance is long along its line of sight, and large where the objectness is low.
 
-use crate::error::{ConfigError, check, not_negative, positive};
+use crate::error::{ConfigError, within};
 use crate::separation::pos_doubt;
 use crate::types::{TargetEstimate, Time, Vec3};
 use nalgebra::{Matrix3, Matrix6};
@@ -154,26 +154,27 @@ impl TargetConfig {
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         for variance in self.acc_variance {
-            positive("target.acc_variance", variance)?;
+            let astray = "the filter follows noise with more, and nobody who turns with less";
+            within("planner.acc_variance_mps2", variance, 0.01..=1000.0, astray)?;
         }
-        positive("target.lateral_variance", self.lateral_variance)?;
-        positive("target.range_variance", self.range_variance)?;
-        not_negative("target.doubt", self.doubt)?;
-        positive("target.variance_distance", self.variance_distance)?;
-        positive("target.gate", self.gate)?;
-        check("target.confirm_of", f64::from(self.confirm_of), "1 to 32", |n| (1.0..=32.0).contains(&n))?;
-        check("target.confirm_hits", f64::from(self.confirm_hits), "1 to confirm_of", |n| {
-            n >= 1.0 && n <= f64::from(self.confirm_of)
-        })?;
-        check("target.confirm_objectness", self.confirm_objectness, "0 to 1", |x| (0.0..=1.0).contains(&x))?;
-        check("target.sure_objectness", self.sure_objectness, "confirm_objectness to 1", |x| {
-            x >= self.confirm_objectness && x <= 1.0
-        })?;
-        positive("target.blind_time", self.blind_time)?;
-        positive("target.max_speed", self.max_speed)?;
-        positive("target.max_acc", self.max_acc)?;
-        positive("target.max_distance", self.max_distance)?;
-        not_negative("target.reacquire_margin", self.reacquire_margin)
+        let (sharp, blurred) = (1e-4, "a detection is worth something, and exact never");
+        within("planner.lateral_variance_m2", self.lateral_variance, sharp..=10.0, blurred)?;
+        within("planner.range_variance_m2", self.range_variance, sharp..=10.0, blurred)?;
+        within("planner.doubt", self.doubt, 0.0..=1000.0, "beyond, a doubtful detection says nothing")?;
+        within("planner.variance_distance_m", self.variance_distance, 0.5..=100.0, "depth is worse farther off")?;
+        within("planner.gate_sigmas", self.gate, 1.0..=20.0, "a wider gate takes all for the target")?;
+        within("planner.confirm_of", f64::from(self.confirm_of), 1.0..=32.0, "so many frames are remembered")?;
+        let hits = "more than confirm_of never come";
+        within("planner.confirm_hits", f64::from(self.confirm_hits), 1.0..=f64::from(self.confirm_of), hits)?;
+        within("planner.confirm_objectness", self.confirm_objectness, 0.0..=1.0, "objectness is a probability")?;
+        let sure = "at least confirm_objectness, and a probability";
+        within("planner.sure_objectness", self.sure_objectness, self.confirm_objectness..=1.0, sure)?;
+        within("planner.blind_time_s", self.blind_time, 0.05..=10.0, "by then it may be anywhere")?;
+        within("planner.target_max_speed_mps", self.max_speed, 0.5..=30.0, "nothing that is chased runs faster")?;
+        within("planner.target_max_acc_mps2", self.max_acc, 0.5..=50.0, "nobody turns harder")?;
+        within("planner.target_max_distance_m", self.max_distance, 1.0..=100.0, "the camera's depth ends before")?;
+        let wide = "a wider one takes all for the lost target";
+        within("planner.reacquire_margin_m", self.reacquire_margin, 0.0..=20.0, wide)
     }
 
     /// Covariance of a detection at the end of the line of sight `sight_world`, m².

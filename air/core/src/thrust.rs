@@ -6,7 +6,7 @@
 //! present h does not explain; the mean uses command and motion alone, so that the two cannot wind each other up.
 
 use crate::config::VehicleModel;
-use crate::error::{ConfigError, check};
+use crate::error::{ConfigError, within};
 use crate::types::{GRAVITY, NormalisedThrust};
 
 /// What the estimate may come to; the vehicle file's bounds.
@@ -21,12 +21,10 @@ pub struct ThrustConfig {
 impl ThrustConfig {
     /// The bounds hold the vehicle file's own value, between its least and its most thrust.
     pub(crate) fn validate(&self, vehicle: &VehicleModel) -> Result<(), ConfigError> {
-        check("thrust.least", self.least, "above min_thrust and at most hover_thrust", |x| {
-            x > vehicle.min_thrust && x <= vehicle.hover_thrust
-        })?;
-        check("thrust.most", self.most, "at least hover_thrust and below max_thrust", |x| {
-            x >= vehicle.hover_thrust && x < vehicle.max_thrust
-        })
+        const KEY: &str = "airframe.hover_thrust_range";
+        let holds = "the range must hold hover_thrust and leave room to min_thrust and max_thrust";
+        within(KEY, self.least, vehicle.min_thrust + 0.005..=vehicle.hover_thrust, holds)?;
+        within(KEY, self.most, vehicle.hover_thrust..=vehicle.max_thrust - 0.01, holds)
     }
 }
 

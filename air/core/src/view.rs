@@ -1,9 +1,8 @@
 //! What keeps a chased target in the image (beyond the paper). To speed up, the vehicle pitches its camera down; a
 //! target that so leaves the image at its upper edge is hidden, and chased all the harder.
 
-use crate::error::{ConfigError, check};
+use crate::error::{ConfigError, within};
 use crate::types::{GRAVITY, Vec3};
-use std::f64::consts::PI;
 
 /// The camera's image as the controller must know it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +18,8 @@ const TILT: (f64, f64) = (0.1, 1.3);
 
 impl ViewConfig {
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        check("view.top", self.top, "between -pi and pi", |x| x.abs() < PI)
+        let behind = "beyond, it looks backward";
+        within("camera.tilt_deg + vfov_deg / 2", self.top.to_degrees(), -90.0..=175.0, behind)
     }
 
     /// `acc_world` (m/s²) with as much less of it toward the target, which lies along `line_world` (m), as keeps it in

@@ -4,8 +4,13 @@ use std::path::{Path, PathBuf};
 
 use goshawk_core::{
     CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
+<<<<<<< HEAD
     LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, SeparationConfig, StopAction,
     TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig,
+=======
+    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, StopAction,
+    TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig, within,
+>>>>>>> dd76fb3 (Bound every number of the vehicle file from both sides, with a reason)
 };
 use goshawk_policy::Provider;
 use serde::Deserialize;
@@ -220,34 +225,48 @@ impl Vehicle {
     /// Checks what the core does not.
     fn validate(&self) -> Result<(), String> {
         self.name.parse::<goshawk_proto::keys::VehicleName>().map_err(|e| e.to_string())?;
-        let range = |name: &str, value: f64, low: f64, high: f64| {
-            if value.is_finite() && (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err(format!("{name} is {value}; it must be {low} to {high}"))
-            }
-        };
-        range("controller.rate_hz", self.controller.rate_hz, 50.0, 1000.0)?;
+        self.validate_board().map_err(|e| e.to_string())?;
         self.autopilot.validate(self.controller.rate_hz)?;
-        range("camera.hfov_deg", self.camera.hfov_deg, 30.0, 150.0)?;
-        range("camera.vfov_deg", self.camera.vfov_deg, 20.0, 130.0)?;
-        range("camera.tilt_deg", self.camera.tilt_deg, -60.0, 60.0)?;
-        for p in self.camera.position_m {
-            range("camera.position_m", p, -2.0, 2.0)?;
-        }
-        range("recorder.keep_mb", self.recorder.keep_mb, 0.0, 1e9)?;
-        range("realtime.planner_priority", self.realtime.planner_priority.into(), 1.0, 98.0)?;
-        let above = f64::from(self.realtime.planner_priority) + 1.0;
-        range("realtime.controller_priority", self.realtime.controller_priority.into(), above, 99.0)?;
-        if self.policy.threads == 0 {
-            return Err("policy.threads is 0; it must be at least 1".to_owned());
-        }
         if self.network.listen.is_empty() {
             return Err("network.listen is empty; name at least one endpoint, such as \"tcp/0.0.0.0:7447\"".to_owned());
         }
+        let config = self.controller_config();
+        config.validate().map_err(|e| e.to_string())?;
+        self.validate_profiles(&config.limits)
+    }
+
+    fn validate_board(&self) -> Result<(), ConfigError> {
+        let rate = "slower does not hold an attitude, faster floods the autopilot's line";
+        within("controller.rate_hz", self.controller.rate_hz, 50.0..=1000.0, rate)?;
+        let lens = "the network's pinhole camera sees neither less nor more";
+        within("camera.hfov_deg", self.camera.hfov_deg, 30.0..=150.0, lens)?;
+        within("camera.vfov_deg", self.camera.vfov_deg, 20.0..=130.0, lens)?;
+        within("camera.tilt_deg", self.camera.tilt_deg, -60.0..=60.0, "it must see where it flies")?;
+        for p in self.camera.position_m {
+            within("camera.position_m", p, -2.0..=2.0, "it is on the airframe")?;
+        }
+        within("recorder.keep_mb", self.recorder.keep_mb, 0.0..=1e7, "no disk on board holds ten terabytes")?;
+        let r = &self.realtime;
+        let planner = f64::from(r.planner_priority);
+        within("realtime.planner_priority", planner, 1.0..=98.0, "the controller's goes above it")?;
+        let urgent = "it must be above planner_priority, and 99 is the most urgent";
+        within("realtime.controller_priority", r.controller_priority.into(), planner + 1.0..=99.0, urgent)?;
+        let core = r.controller_core.unwrap_or(0) as f64;
+        within("realtime.controller_core", core, 0.0..=1023.0, "the kernel counts no more cores")?;
+        within("policy.threads", self.policy.threads as f64, 1.0..=64.0, "more threads than cores only wait")
+    }
+
+    fn validate_profiles(&self, limits: &LimitsConfig) -> Result<(), String> {
         for row in &self.profile {
-            range(&format!("profile {}: speed_mps", row.name), row.speed_mps, 0.5, 20.0)?;
-            range(&format!("profile {}: height_m", row.name), row.height_m, 0.3, 50.0)?;
+            let check = |key: &str, value, range, why| {
+                within(&format!("profile {}: {key}", row.name), value, range, why).map_err(|e| e.to_string())
+            };
+            check("speed_mps", row.speed_mps, 0.5..=20.0, "no policy is trained for more, nor does less get anywhere")?;
+            check("height_m", row.height_m, 0.3..=50.0, "the ground is near below, and nothing to chase is above")?;
+            for x in row.goal_m.iter().flatten() {
+                let inside = "it must be inside the fence, from the start";
+                check("goal_m", *x, -limits.fence_radius..=limits.fence_radius, inside)?;
+            }
             if matches!(row.task, TaskName::Navigate) && row.goal_m.is_none() {
                 return Err(format!("profile {}: navigate needs goal_m", row.name));
             }
@@ -255,10 +274,8 @@ impl Vehicle {
         if self.profile(None).is_none() {
             return Err(format!("default_profile {:?} is none of the profiles", self.default_profile));
         }
-        let config = self.controller_config();
-        config.validate().map_err(|e: ConfigError| e.to_string())?;
         for row in &self.profile {
-            let beyond = self.profile(Some(&row.name)).and_then(|profile| config.limits.exceeded_by(&profile));
+            let beyond = self.profile(Some(&row.name)).and_then(|profile| limits.exceeded_by(&profile));
             if let Some(why) = beyond {
                 return Err(format!("profile {}: {why}", row.name));
             }
@@ -424,11 +441,14 @@ impl Vehicle {
     }
 }
 
-// The toml crate's message spans several lines; an operator gets one, with the line number.
+// The toml crate's message spans several lines; an operator gets one, with the line's number and text.
 fn parse_cause(text: &str, error: &toml::de::Error) -> String {
     let line = error.span().map(|span| text[..span.start.min(text.len())].matches('\n').count() + 1);
     let message = error.message().replace('\n', " ");
-    line.map_or_else(|| message.clone(), |line| format!("line {line}: {message}"))
+    let Some(number) = line else { return message };
+    let line = text.lines().nth(number - 1).map(|line| line.split('#').next().unwrap_or(line).trim());
+    let quoted = line.filter(|line| !line.is_empty()).map(|line| format!(", in `{line}`")).unwrap_or_default();
+    format!("line {number}: {message}{quoted}")
 }
 
 #[cfg(test)]

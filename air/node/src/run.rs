@@ -66,7 +66,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let (model, log_dir) = overrides.apply(&mut vehicle);
     let policy = load_policy(&vehicle, &model)?;
     let planner = Planner::new(vehicle.planner_config(policy.contract().model()))
-        .wrap_err_with(|| format!("the policy {} does not fit the vehicle file", model.display()))?;
+        .wrap_err_with(|| format!("the vehicle file and the policy {} do not make a planner", model.display()))?;
     let controller = FlightController::new(vehicle.controller_config())?;
     let idle_demand = idle_demand(&vehicle, &policy)?;
     let link = Arc::new(AutopilotLink::open(link_config(&vehicle)?, clock::now)?);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use goshawk_autopilot::{Address, Firmware, Guided};
+use goshawk_core::within;
 use serde::{Deserialize, Deserializer};
 
 /// Where the autopilot is, which one it is, and who we are.
@@ -59,6 +60,10 @@ impl Autopilot {
             return Err(
                 "autopilot.guided is a mode of ArduPilot: set firmware = \"ardupilot\" or leave it out".to_owned()
             );
+        }
+        for (name, id) in [("system_id", self.system_id), ("component_id", self.component_id)] {
+            let own = "in MAVLink 0 is everybody, and a number has one byte";
+            within(&format!("autopilot.{name}"), id.into(), 1.0..=255.0, own).map_err(|e| e.to_string())?;
         }
         if let Address::Serial { baud, .. } = self.link {
             let needed = rate_hz * SETPOINT_BYTES * SERIAL_BITS / SERIAL_SHARE;

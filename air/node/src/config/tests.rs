@@ -46,15 +46,15 @@ fn a_missing_safety_limit_is_refused() {
 #[test]
 fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
     for (from, to, name) in [
-        ("mass_kg = 0.85", "mass_kg = -1.0", "mass"),
+        ("mass_kg = 0.85", "mass_kg = -1.0", "airframe.mass_kg"),
         ("hover_thrust = 0.35", "hover_thrust = nan", "hover_thrust"),
-        ("rate_hz = 200.0", "rate_hz = 2.0", "rate_hz"),
+        ("rate_hz = 200.0", "rate_hz = 2.0", "controller.rate_hz"),
         ("name = \"goshawk\"", "name = \"**\"", "vehicle name"),
         ("default_profile = \"chase\"", "default_profile = \"nap\"", "nap"),
         ("listen = [\"tcp/0.0.0.0:7447\"]", "listen = []", "network.listen"),
         ("task = \"track\"", "task = \"navigate\"", "goal_m"),
-        ("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.40, 0.55]", "thrust.least"),
-        ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "lag.most"),
+        ("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.40, 0.55]", "airframe.hover_thrust_range"),
+        ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "lead.attitude_lag_range_s"),
         ("on_stop = \"land\"", "on_stop = \"loiter\"", "loiter"),
         ("max_speed_mps = 20.0", "max_speed_mps = 5.0", "profile chase: its speed"),
         ("provider = \"cpu\"", "provider = \"npu\"", "npu"),

@@ -1,0 +1,117 @@
+//! Every number of the vehicle file has bounds: the test walks the shipped file, so that a new key without them fails.
+
+#![allow(clippy::unwrap_used)]
+
+use std::ops::Range;
+use std::path::Path;
+
+use goshawk_air::config::Vehicle;
+use goshawk_core::{Planner, PolicyModel, Task};
+
+/// One number in the file's text.
+struct Number {
+    key: String,
+    at: Range<usize>,
+}
+
+/// The shipped file with every key that it leaves out or commented.
+fn text() -> String {
+    let shipped = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml")).unwrap();
+    let whole = shipped.replace("# controller_core", "controller_core");
+    assert_ne!(whole, shipped);
+    let profile = "name = \"goal\"\ntask = \"navigate\"\nspeed_mps = 4.0\nheight_m = 2.0\ngoal_m = [9.0, -1.0, 1.5]\n";
+    format!("{whole}\n[[profile]]\n{profile}")
+}
+
+/// Every number of `text`, also those in lists, with its key.
+fn numbers(text: &str) -> Vec<Number> {
+    let mut found = Vec::new();
+    let mut start = 0;
+    for line in text.split_inclusive('\n') {
+        let code = line.split('#').next().unwrap();
+        if let Some((key, value)) = code.split_once('=').filter(|(_, value)| !value.contains('"')) {
+            let mut at = start + key.len() + 1;
+            for part in value.split_inclusive(['[', ',', ']', ' ', '\n']) {
+                let word = part.trim_end_matches(['[', ',', ']', ' ', '\n']);
+                if word.parse::<f64>().is_ok() {
+                    found.push(Number { key: key.trim().to_owned(), at: at..at + word.len() });
+                }
+                at += part.len();
+            }
+        }
+        start += line.len();
+    }
+    found
+}
+
+fn with(text: &str, number: &Number, value: &str) -> String {
+    [&text[..number.at.start], value, &text[number.at.end..]].concat()
+}
+
+/// Why the file is refused, by whoever reads it at the start; none: it is flown with.
+fn refusal(text: String) -> Option<String> {
+    let vehicle = match Vehicle::parse(text, Path::new("vehicle.toml")) {
+        Ok(vehicle) => vehicle,
+        Err(error) => return Some(error.to_string()),
+    };
+    let policy = PolicyModel {
+        task: Task::Track,
+        radius: 5.0,
+        azimuth_offset: 15_f64.to_radians(),
+        elevation_offset: 15_f64.to_radians(),
+        v_max: 6.0,
+        a_max: 6.0,
+        target_depth_scale: 5.0,
+        hfov: vehicle.camera.hfov_deg.to_radians(),
+        vfov: vehicle.camera.vfov_deg.to_radians(),
+        width: 160,
+        height: 96,
+    };
+    Planner::new(vehicle.planner_config(policy)).err().map(|error| error.to_string())
+}
+
+#[test]
+fn every_number_of_the_vehicle_file_has_an_upper_and_a_lower_bound() {
+    let text = text();
+    assert_eq!(refusal(text.clone()), None);
+    let numbers = numbers(&text);
+    assert!(numbers.len() > 80, "{}", numbers.len());
+    for number in &numbers {
+        let whole = text[number.at.clone()].parse::<u64>().is_ok();
+        let wrong: &[&str] =
+            if whole { &["1000000000", "-1000000000"] } else { &["1e9", "1e300", "-1e9", "nan", "inf"] };
+        for value in wrong {
+            let why = refusal(with(&text, number, value)).unwrap_or_else(|| panic!("{} = {value} flies", number.key));
+            assert!(why.contains(&number.key), "{} = {value}: {why}", number.key);
+        }
+    }
+}
+
+#[test]
+fn milliseconds_typed_for_seconds_are_refused_and_asked_about() {
+    let text = text();
+    let times: Vec<Number> = numbers(&text).into_iter().filter(|number| number.key.ends_with("_s")).collect();
+    assert!(times.len() > 20, "{}", times.len());
+    for number in times {
+        let seconds: f64 = text[number.at.clone()].parse().unwrap();
+        let why = refusal(with(&text, &number, &format!("{:?}", 1000.0 * seconds)));
+        let why = why.unwrap_or_else(|| panic!("{} ms for {} flies", 1000.0 * seconds, number.key));
+        assert!(why.contains(&number.key) && why.contains("not milliseconds?"), "{why}");
+    }
+}
+
+#[test]
+fn a_limit_so_wide_that_it_limits_nothing_is_refused_with_its_range_and_reason() {
+    let text = text();
+    for (key, value, range, reason) in [
+        ("odometry_stale_s", "1e9", "0.02 to 0.5", "dead reckoning"),
+        ("plan_stale_s", "60.0", "0.05 to 1", "flies blind"),
+        ("fence_radius_m", "1e300", "1 to 10000", "battery"),
+        ("threads", "1000000", "1 to 64", "only wait"),
+    ] {
+        let number = numbers(&text).into_iter().find(|number| number.key == key).unwrap();
+        let why = refusal(with(&text, &number, value)).unwrap();
+        assert!(why.contains(&format!("{key} is ")) && why.contains(range) && why.contains(reason), "{why}");
+        assert_eq!(why.lines().count(), 1);
+    }
+}
