@@ -123,6 +123,20 @@ impl FlightLog {
         }
     }
 
+    /// Between flights: whether the next one can be recorded. Waits for the disk.
+    ///
+    /// # Errors
+    /// Why it cannot.
+    pub fn has_room(&self) -> Result<(), String> {
+        goshawk_recorder::has_room(&self.directory)
+    }
+
+    /// A file is open.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.recorder.is_some()
+    }
+
     /// The file being written; empty between flights.
     #[must_use]
     pub fn path(&self) -> String {

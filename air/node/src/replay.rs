@@ -47,6 +47,8 @@ pub struct Outcome {
     pub network: Option<Count>,
     /// The first difference in the flight's time.
     pub first_difference: Option<Difference>,
+    /// What of the log is damaged and was left out, in the flight's time; what follows may differ for want of it.
+    pub damaged: Vec<String>,
     /// What should be in the log and is not, so that what follows it may differ for want of it.
     pub missing: Vec<String>,
     /// What another policy would have chosen.
@@ -57,7 +59,7 @@ impl Outcome {
     /// The log is whole and nothing differs.
     #[must_use]
     pub fn same(&self) -> bool {
-        self.first_difference.is_none() && self.missing.is_empty()
+        self.first_difference.is_none() && self.missing.is_empty() && self.damaged.is_empty()
     }
 }
 
@@ -77,6 +79,7 @@ pub fn replay(log: &Path, options: &Options) -> Result<Outcome> {
         controls: Count::default(),
         network: None,
         first_difference: None,
+        damaged: recording.damage(),
         missing: Vec::new(),
         other: None,
     };

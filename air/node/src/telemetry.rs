@@ -24,6 +24,8 @@ const POLL: Duration = Duration::from_millis(10);
 const CONTROL_PERIOD_S: f64 = 0.02;
 const CHECK_PERIOD_S: f64 = 0.1;
 const HEALTH_PERIOD_S: f64 = 0.5;
+/// After a recording failed, the disk is tried again so often.
+const ROOM_PERIOD_S: f64 = 2.0;
 const PREVIEW_PERIOD_S: f64 = 0.1;
 const PREVIEW_QUALITY: u8 = 60;
 
@@ -72,6 +74,7 @@ pub struct Telemetry {
     last_control: Time,
     last_check: Time,
     last_health: Time,
+    last_room: Time,
     last_preview: Time,
 }
 
@@ -101,6 +104,7 @@ impl Telemetry {
             last_control: Time(0),
             last_check: Time(0),
             last_health: Time(0),
+            last_room: Time(0),
             last_preview: Time(0),
         })
     }
@@ -272,6 +276,7 @@ impl Telemetry {
             self.event(v1::Severity::Error, "recorder", format!("recording stopped: {why}; the flight goes on"));
             self.facts.recorder_failed = Some(why);
         }
+        self.try_the_disk_again(now);
         for ack in self.link.take_acks() {
             let good = ack.outcome == Outcome::Accepted;
             let severity = if good { v1::Severity::Info } else { v1::Severity::Warning };
@@ -296,6 +301,16 @@ impl Telemetry {
         }
         shared.ready.store(checks.iter().all(|check| check.ok), Ordering::Relaxed);
         self.checks = checks;
+    }
+
+    /// A failed recording keeps the vehicle from starting only as long as the disk is full.
+    fn try_the_disk_again(&mut self, now: Time) {
+        let due = now.since(self.last_room) >= ROOM_PERIOD_S;
+        if self.facts.recorder_failed.is_none() || self.log.is_open() || !due {
+            return;
+        }
+        self.last_room = now;
+        self.facts.recorder_failed = self.log.has_room().err();
     }
 
     fn publish_health(&mut self, shared: &Shared, now: Time) {

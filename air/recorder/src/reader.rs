@@ -1,17 +1,17 @@
-//! Reads a flight log back, also one whose writer was killed: everything up to the first damaged chunk.
+//! Reads a flight log back, also one whose writer was killed or whose file was damaged: everything that is whole, around
+//! the damage.
 
 use std::path::{Path, PathBuf};
 
-use mcap::read::Options;
-use mcap::{Message, MessageStream};
-
 use crate::channel::Channel;
 use crate::error::RecorderError;
+use crate::scan::{self, Contents, Damage};
 
 /// A log in memory.
 pub struct LogReader {
     path: PathBuf,
     bytes: Vec<u8>,
+    contents: Contents,
 }
 
 /// One record.
@@ -44,7 +44,8 @@ impl LogReader {
             let cause = "it does not begin with MCAP's magic bytes".to_owned();
             return Err(RecorderError::NotMcap { path: path.to_owned(), cause });
         }
-        Ok(LogReader { path: path.to_owned(), bytes })
+        let contents = scan::scan(&bytes);
+        Ok(LogReader { path: path.to_owned(), bytes, contents })
     }
 
     /// The file.
@@ -53,22 +54,27 @@ impl LogReader {
         &self.path
     }
 
-    /// The file was closed: its last chunk and its summary are there. False after a crash or a full disk.
+    /// The file was closed: its end is there. False after a crash or a full disk.
     #[must_use]
     pub fn is_closed(&self) -> bool {
-        matches!(mcap::Summary::read(&self.bytes), Ok(Some(_)))
+        self.contents.closed
     }
 
-    /// The records in the order of writing, ending at the first damage.
+    /// What cannot be read, in the order of the file; empty: the file is whole, or was only cut off.
+    #[must_use]
+    pub fn damage(&self) -> &[Damage] {
+        &self.contents.damage
+    }
+
+    /// The records in the order of writing, around what is damaged.
     pub fn entries(&self) -> impl Iterator<Item = Entry> + '_ {
-        MessageStream::new_with_options(&self.bytes, Options::IgnoreEndMagic | Options::ValidateChunkCrcs)
-            .into_iter()
-            .flatten()
-            .map_while(Result::ok)
-            .map(|message: Message<'_>| Entry {
-                topic: message.channel.topic.clone(),
-                time_ns: message.log_time,
-                payload: message.data.into_owned(),
-            })
+        let chunks = self.contents.chunks.iter().filter_map(|chunk| scan::unpack(&self.bytes, chunk));
+        chunks.flat_map(|data| {
+            let entry = |(channel, time_ns, payload): (u16, u64, &[u8])| {
+                let topic = self.contents.channels.get(&channel)?.clone();
+                Some(Entry { topic, time_ns, payload: payload.to_vec() })
+            };
+            scan::messages(&data).filter_map(entry).collect::<Vec<_>>()
+        })
     }
 }

@@ -251,3 +251,13 @@ fn the_oldest_logs_make_room_and_nothing_else_does() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     assert!(goshawk_recorder::rotate(&folder.path().join("none"), "kite-", 0).is_empty());
 }
+
+#[test]
+fn a_disk_has_room_again_once_it_takes_what_a_log_needs() {
+    let folder = tempfile::tempdir().unwrap();
+    let logs = folder.path().join("new/logs");
+    assert_eq!(goshawk_recorder::has_room(&logs), Ok(()));
+    assert_eq!(std::fs::read_dir(&logs).unwrap().count(), 0);
+    let why = goshawk_recorder::has_room(Path::new("/dev/null/logs")).unwrap_err();
+    assert!(why.contains("/dev/null/logs") && why.contains("free some space"), "{why}");
+}

@@ -5,7 +5,7 @@ use std::path::Path;
 use color_eyre::eyre::{Result, WrapErr, bail, eyre};
 use goshawk_policy::Contract;
 use goshawk_proto::v1;
-use goshawk_recorder::{Channel, LogReader};
+use goshawk_recorder::{Channel, Damage, LogReader};
 
 use crate::config::Vehicle;
 
@@ -34,7 +34,7 @@ impl Recording {
         let header: v1::LogHeader = log
             .entries()
             .find_map(|entry| entry.decode(Channel::HEADER))
-            .ok_or_else(|| eyre!("{name} holds no header: it was cut off within its first half second"))?;
+            .ok_or_else(|| eyre!("{name} holds no header: it was cut off or damaged within its first half second"))?;
         if header.policy_contract_json.is_empty() {
             bail!("{name} holds nothing to replay: no policy flew");
         }
@@ -50,6 +50,18 @@ impl Recording {
         })?;
         let last = stamps.last().unwrap_or(first);
         Ok(Recording { log, header, vehicle, contract, span_ns: (first, last) })
+    }
+
+    /// What of the log cannot be read, a line each.
+    #[must_use]
+    pub fn damage(&self) -> Vec<String> {
+        let at = |ns: u64| format!("{:.2} s", self.since_begin(ns));
+        let line = |damage: &Damage| {
+            let from = damage.after_ns.map_or_else(|| "the begin".to_owned(), at);
+            let to = damage.before_ns.map_or_else(|| "the end".to_owned(), at);
+            format!("{from} to {to}: damaged at byte {}", damage.bytes.start)
+        };
+        self.log.damage().iter().map(line).collect()
     }
 
     /// Length of the flight, s.

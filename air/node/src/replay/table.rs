@@ -16,6 +16,9 @@ pub fn print(outcome: &Outcome) {
     if let Some(network) = outcome.network {
         row("network", network);
     }
+    for damage in &outcome.damaged {
+        println!("the log is damaged, not cut off; left out: {damage}");
+    }
     if let Some(first) = &outcome.missing.first() {
         println!("missing from the log: {first}, and {} more", outcome.missing.len() - 1);
     }
