@@ -26,7 +26,7 @@ from goshawk_dashboards import decode
 from goshawk_dashboards import snapshot as view
 from goshawk_dashboards.columns import Columns, read_columns
 from goshawk_dashboards.frame import FrameView
-from goshawk_dashboards.mcap_log import LogError, McapLog
+from goshawk_dashboards.mcap_log import Damage, LogError, McapLog
 from goshawk_dashboards.phases import Phase, phases_of
 
 __all__ = ["CHANNELS", "Columns", "Flight", "LogError"]
@@ -62,7 +62,7 @@ TARGET_FIELDS = ("pos_world", "vel_world", "confirmed", "since_seen_s")
 
 
 class Flight:
-    """One flight log, complete or cut off. For one thread at a time."""
+    """One flight log, complete, cut off or damaged. For one thread at a time."""
 
     def __init__(self, log: McapLog, *, start_ns: int | None = None) -> None:
         """Raises LogError if it is MCAP but not of ours."""
@@ -93,6 +93,17 @@ class Flight:
     def closed(self) -> bool:
         """Whether its writer finished it; False after a kill or a power cut, and what is there ends earlier."""
         return self.log.closed
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Which seconds a damaged log lacks, a phrase each; empty: it is whole, or was only cut off."""
+        return tuple(self._missing(damage) for damage in self.log.damage)
+
+    @property
+    def completeness(self) -> str:
+        """ "complete", "cut off", or "damaged" with the seconds that are missing."""
+        whole = "complete" if self.closed else "cut off"
+        return f"damaged: {', '.join(self.missing)} missing" if self.missing else whole
 
     @property
     def duration_s(self) -> float:
@@ -205,6 +216,12 @@ class Flight:
                 kind, fields, self.times_s(channel), lambda index: self.log.payload(topic, index), max_hz
             )
         return self._columns[key]
+
+    def _missing(self, damage: Damage) -> str:
+        def second(time_ns: int | None, else_say: str) -> str:
+            return else_say if time_ns is None else f"{(time_ns - self.start_ns) * 1e-9:.2f} s"
+
+        return f"{second(damage.after_ns, 'begin')} to {second(damage.before_ns, 'end')}"
 
     def _message(self, channel: str, index: int) -> Message | None:
         # The newest one of each channel is kept: a scene asks for the same record many times while it is current.

@@ -1,8 +1,10 @@
 """Opens a flight's MCAP file and finds its records again: by channel, by time, without decoding them.
 
-One walk over the file at opening; it ends quietly where the file was cut off (``kill -9``, a power cut, a full disk) or
-is damaged, so what is whole can be read. Small records are kept in memory; images stay in the file, and their chunk is
-unpacked again when one is asked for, with a few of the last chunks kept.
+One walk over the file at opening; it ends quietly where the file was cut off (``kill -9``, a power cut, a full disk).
+What is damaged is left out and named: after it the walk goes on at the next chunk whose lengths fit and whose
+checksum is right. A wrong length leads nowhere, and no more is allocated than the file and CHUNK_LIMIT. Small records
+are kept in memory; images stay in the file, and their chunk is unpacked again when one is asked for, with a few of the
+last chunks kept.
 """
 
 from __future__ import annotations
@@ -11,11 +13,14 @@ import mmap
 import struct
 import zlib
 from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -29,12 +34,23 @@ KEPT_BYTES = 4096
 CHUNKS_KEPT = 8
 """Unpacked chunks that are kept, about 1 MB each."""
 
+CHUNK_LIMIT = 64 << 20
+"""A chunk holds at most so much unpacked; the vehicle's end at 1 MB and the record that exceeds it."""
+
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<H4xQ")
+_SEQUENCE = struct.Struct("<HIQ")
 _MESSAGE_HEADER = 22
 """Channel, sequence, and the times of logging and publishing."""
 _CHUNK = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
+_TIMES = struct.Struct("<QQ")
+_LAST_OPCODE = Opcode.DATA_END
+_ZSTD = b"\x04\0\0\0zstd"
+"""The compression's name as it stands in a chunk's header,"""
+_TO_ZSTD = _RECORD.size + 28
+"""and where, from the begin of the record."""
+_FOOTER = _RECORD.pack(Opcode.FOOTER, 20)
 
 Place: TypeAlias = tuple[int, int, int]
 """Chunk number, offset in it unpacked, length."""
@@ -42,6 +58,19 @@ Place: TypeAlias = tuple[int, int, int]
 
 class LogError(ValueError):
     """The file cannot be read as a flight log; one line that names it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Damage:
+    """A part of a file that cannot be read."""
+
+    begin: int
+    """The first byte that is in doubt: what is before it is whole."""
+    end: int
+    after_ns: int | None
+    """The last record's time before it; None: it is at the log's begin."""
+    before_ns: int | None
+    """The first record's time after it; None: nothing whole follows."""
 
 
 class McapLog:
@@ -52,12 +81,16 @@ class McapLog:
         self.path = path
         self.closed = False
         """Whether the writer finished the file; False: what follows the last whole chunk is lost."""
+        self.damage: tuple[Damage, ...] = ()
+        """What cannot be read, in the order of the file; empty: the file is whole, or was only cut off."""
         self.schemas: dict[str, str] = {}
         """Topic → full name of its messages."""
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._summary: dict[int, Channel] = {}
         self._chunks: list[tuple[int, int]] = []
         self._unpacked: OrderedDict[int, bytes] = OrderedDict()
         self._zstd = ZstdDecompressor()
-        self._schema_names: dict[int, str] = {}
         self._times: dict[str, list[int]] = {}
         self._records: dict[str, list[bytes | Place]] = {}
         self._sinks: dict[int, tuple[list[int], list[bytes | Place]]] = {}
@@ -95,39 +128,110 @@ class McapLog:
         chunk, offset, length = record
         return self._chunk(chunk)[offset : offset + length]
 
+    def records(self) -> Iterator[tuple[Channel, int, int, bytes]]:
+        """Every readable record in the order of writing: its channel, sequence, time and message."""
+        for number in range(len(self._chunks)):
+            data = self._chunk(number)
+            for opcode, begin, length in _records(data, 0, len(data)):
+                if opcode != Opcode.MESSAGE or length < _MESSAGE_HEADER:
+                    continue
+                channel_id, sequence, time_ns = _SEQUENCE.unpack_from(data, begin)
+                if channel_id in self._channels:
+                    payload = data[begin + _MESSAGE_HEADER : begin + length]
+                    yield self._channels[channel_id], sequence, time_ns, payload
+
+    def schema_of(self, channel: Channel) -> Schema | None:
+        """The schema of a channel's messages; None if it was lost."""
+        return self._schemas.get(channel.schema_id)
+
     def _walk(self) -> None:
-        at, size = len(MAGIC), len(self._file)
-        while at + _RECORD.size <= size:
-            opcode, length = _RECORD.unpack_from(self._file, at)
-            begin, at = at + _RECORD.size, at + _RECORD.size + length
-            if at > size or opcode == 0:
-                return
-            if opcode == Opcode.CHUNK:
-                try:
-                    data = self._unpack(begin, length)
-                    self._index_chunk(data, len(self._chunks))
-                except (ZstdError, McapError, ValueError, KeyError, struct.error):
-                    return
-                self._chunks.append((begin, length))
-            elif opcode == Opcode.FOOTER:
-                self.closed = True
-                return
+        """Takes every whole chunk; what lies between two must be records from begin to end, or it is damage."""
+        footer_at = len(self._file) - len(_FOOTER) - 20 - len(MAGIC)
+        footer = self._file[max(0, footer_at) : footer_at + len(_FOOTER)]
+        self.closed = self._file[-len(MAGIC) :] == MAGIC and footer == _FOOTER
+        if self.closed:
+            self._read_summary(_LENGTH.unpack_from(self._file, footer_at + len(_FOOTER))[0], footer_at)
+        end = footer_at if self.closed else len(self._file)
+        damage: list[Damage] = []
+        whole_to, after_ns = len(MAGIC), None
+        while (found := self._next_chunk(whole_to, end)) is not None:
+            at, length, data = found
+            first_ns, last_ns = _TIMES.unpack_from(self._file, at + _RECORD.size)
+            if self._chain(self._file, whole_to, at) != at:
+                damage.append(Damage(begin=whole_to, end=at, after_ns=after_ns, before_ns=first_ns))
+            self._index_chunk(data, len(self._chunks))
+            self._chunks.append((at + _RECORD.size, length))
+            whole_to, after_ns = at + _RECORD.size + length, last_ns
+        # What was cut off ends within a record; a damaged file has its end, or a chunk that is all there but not whole.
+        spoiled = any(self._chunk_length(at, end) for at in self._candidates(whole_to, end))
+        if spoiled or (self.closed and self._chain(self._file, whole_to, end) != end):
+            damage.append(Damage(begin=whole_to, end=end, after_ns=after_ns, before_ns=None))
+        self.damage = tuple(damage)
+
+    def _next_chunk(self, begin: int, end: int) -> tuple[int, int, bytes] | None:
+        """The next whole chunk: where it begins, its record's length, its records; None: there is no more."""
+        for at in self._candidates(begin, end):
+            length = self._chunk_length(at, end)
+            if length is None:
+                continue
+            try:
+                data = self._unpack(at + _RECORD.size, length)
+            except (ZstdError, MemoryError, ValueError, struct.error):
+                continue
+            if self._chain(data, 0, len(data)) == len(data):
+                return at, length, data
+        return None
+
+    def _candidates(self, begin: int, end: int) -> Iterator[int]:
+        """Where a chunk may begin: where the records before it end, then wherever zstd's name stands as in a header."""
+        chained = self._chain(self._file, begin, end)
+        yield chained
+        at = begin + _TO_ZSTD
+        while (at := self._file.find(_ZSTD, at, end)) >= 0:
+            if at - _TO_ZSTD != chained:
+                yield at - _TO_ZSTD
+            at += 1
+
+    def _chunk_length(self, at: int, end: int) -> int | None:
+        """The length of the chunk record at a place; None: there is none, or its lengths contradict each other."""
+        if at + _TO_ZSTD + 4 > end:
+            return None
+        opcode, length = _RECORD.unpack_from(self._file, at)
+        _, _, size, _, name_length = _CHUNK.unpack_from(self._file, at + _RECORD.size)
+        fits = opcode == Opcode.CHUNK and at + _RECORD.size + length <= end and size <= CHUNK_LIMIT
+        if not fits or _CHUNK.size + name_length + _LENGTH.size > length:
+            return None
+        (packed,) = _LENGTH.unpack_from(self._file, at + _RECORD.size + _CHUNK.size + name_length)
+        return length if _CHUNK.size + name_length + _LENGTH.size + packed == length else None
+
+    @staticmethod
+    def _chain(data: bytes | mmap.mmap, at: int, end: int) -> int:
+        """Where the records that begin at a place end: at a chunk, or at what is no record."""
+        while at + _RECORD.size <= end:
+            opcode, length = _RECORD.unpack_from(data, at)
+            if not 0 < opcode <= _LAST_OPCODE or opcode == Opcode.CHUNK or at + _RECORD.size + length > end:
+                break
+            at += _RECORD.size + length
+        return at
 
     def _unpack(self, begin: int, length: int) -> bytes:
         """A chunk's records. Raises ValueError, ZstdError or struct.error if it is damaged."""
         _, _, size, crc, name_length = _CHUNK.unpack_from(self._file, begin)
         at = begin + _CHUNK.size
-        compression = self._file[at : at + name_length].decode()
+        compression = self._file[at : at + name_length]
         (packed_length,) = _LENGTH.unpack_from(self._file, at + name_length)
         at += name_length + _LENGTH.size
         if at + packed_length > begin + length:
             raise ValueError("a chunk is longer than its record")
         packed = memoryview(self._file)[at : at + packed_length]
         try:
+            # The frame's own size is what would be allocated.
+            if compression and zstandard.frame_content_size(packed) not in (-1, size):
+                raise ValueError("a chunk is not of the size that it says")
             data = bytes(packed) if not compression else self._zstd.decompress(packed, max_output_size=size)
         finally:
             packed.release()
-        if compression not in ("", "zstd") or len(data) != size or (crc and zlib.crc32(data) != crc):
+        if compression not in (b"", b"zstd") or len(data) != size or (crc and zlib.crc32(data) != crc):
             raise ValueError("a chunk is not what its checksum says")
         return data
 
@@ -140,28 +244,46 @@ class McapLog:
             self._unpacked.popitem(last=False)
         return data
 
+    def _read_summary(self, begin: int, end: int) -> None:
+        """The summary repeats the channels: for those whose first chunk is lost."""
+        for opcode, at, length in _records(self._file, begin, end):
+            content = self._file[at : at + length]
+            try:
+                if opcode == Opcode.SCHEMA:
+                    self._take_schema(content)
+                elif opcode == Opcode.CHANNEL:
+                    channel = Channel.read(ReadDataStream(BytesIO(content)))
+                    self._summary[channel.id] = channel
+            except (McapError, ValueError, struct.error):
+                continue
+
     def _index_chunk(self, data: bytes, number: int) -> None:
-        at, size = 0, len(data)
-        while at < size:
-            opcode, length = _RECORD.unpack_from(data, at)
-            begin = at + _RECORD.size
-            at = begin + length
-            if opcode == Opcode.MESSAGE:
+        for opcode, begin, length in _records(data, 0, len(data)):
+            if opcode == Opcode.MESSAGE and length >= _MESSAGE_HEADER:
                 channel_id, time_ns = _MESSAGE.unpack_from(data, begin)
-                begin += _MESSAGE_HEADER
-                times, records = self._sinks[channel_id]
-                times.append(time_ns)
-                records.append(data[begin:at] if at - begin <= KEPT_BYTES else (number, begin, at - begin))
+                sink = self._sinks.get(channel_id) or self._declare(self._summary.get(channel_id))
+                if sink is None:
+                    continue  # its channel was lost with what was damaged or cut off before
+                end, begin = begin + length, begin + _MESSAGE_HEADER
+                sink[0].append(time_ns)
+                sink[1].append(data[begin:end] if end - begin <= KEPT_BYTES else (number, begin, end - begin))
             elif opcode == Opcode.SCHEMA:
-                schema = Schema.read(ReadDataStream(BytesIO(data[begin:at])))
-                self._schema_names[schema.id] = schema.name
+                self._take_schema(data[begin : begin + length])
             elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
-                self.schemas[channel.topic] = self._schema_names.get(channel.schema_id, "")
-                self._sinks[channel.id] = (
-                    self._times.setdefault(channel.topic, []),
-                    self._records.setdefault(channel.topic, []),
-                )
+                self._declare(Channel.read(ReadDataStream(BytesIO(data[begin : begin + length]))))
+
+    def _take_schema(self, content: bytes) -> None:
+        schema = Schema.read(ReadDataStream(BytesIO(content)))
+        self._schemas[schema.id] = schema
+
+    def _declare(self, channel: Channel | None) -> tuple[list[int], list[bytes | Place]] | None:
+        if channel is None:
+            return None
+        schema = self.schema_of(channel)
+        self.schemas[channel.topic] = "" if schema is None else schema.name
+        topic, self._channels[channel.id] = channel.topic, channel
+        self._sinks[channel.id] = (self._times.setdefault(topic, []), self._records.setdefault(topic, []))
+        return self._sinks[channel.id]
 
     def _sort(self) -> None:
         """By time: the vehicle's threads hand over their records nearly, not exactly, in order."""
@@ -176,3 +298,14 @@ class McapLog:
             times_ns.setflags(write=False)
             self._sorted_times[topic] = times_ns
         self._times.clear()
+
+
+def _records(data: bytes | mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """Opcode, place and length of each record's content; ends at the first that does not fit."""
+    while at >= 0 and at + _RECORD.size <= end:
+        opcode, length = _RECORD.unpack_from(data, at)
+        at += _RECORD.size
+        if at + length > end:
+            return
+        yield opcode, at, length
+        at += length

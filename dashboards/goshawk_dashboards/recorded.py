@@ -127,7 +127,7 @@ def lattice_columns(flight: Flight, candidates: int) -> int:
 
 
 def marks_of(flight: Flight) -> tuple[Mark, ...]:
-    """What happened, by time: events, phases without one, fallbacks, the closest approach, the end of a cut-off log."""
+    """What happened, by time: events, phases without one, fallbacks, the closest approach, damage, a cut-off end."""
     marks = [
         Mark(time_s=(e.stamp_ns - flight.start_ns) * 1e-9, severity=e.severity, text=e.text) for e in flight.events
     ]
@@ -145,7 +145,10 @@ def marks_of(flight: Flight) -> tuple[Mark, ...]:
     closest = _closest(flight)
     if closest is not None:
         marks.append(closest)
-    if not flight.closed:
+    for damage, missing in zip(flight.log.damage, flight.missing, strict=True):
+        at_s = 0.0 if damage.after_ns is None else (damage.after_ns - flight.start_ns) * 1e-9
+        marks.append(Mark(time_s=at_s, severity="error", text=f"the log is damaged: {missing} missing"))
+    if not flight.closed and not flight.missing:
         marks.append(Mark(time_s=flight.duration_s, severity="error", text="the log was cut off here"))
     return tuple(sorted(marks, key=lambda m: m.time_s))
 

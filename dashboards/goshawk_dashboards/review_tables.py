@@ -77,6 +77,7 @@ def marks_html(marks: Sequence[Mark], time_s: float, shown: int = 9) -> str:
 def flight_html(flight: Flight) -> str:
     """What the log says of itself."""
     header = flight.header
+    flaw = "" if flight.completeness == "complete" else f", {flight.completeness}"
     facts = (
         ("log", flight.path.name),
         ("recorded", header.wall_time),
@@ -84,7 +85,7 @@ def flight_html(flight: Flight) -> str:
         ("profile", header.profile),
         ("policy", header.policy_sha256[:12]),
         ("version", " ".join(filter(None, (header.version, header.git_revision[:12])))),
-        ("length", f"{flight.duration_s:.1f} s" + ("" if flight.closed else ", cut off")),
+        ("length", f"{flight.duration_s:.1f} s{flaw}"),
     )
     rows = "".join(
         f'<tr><td style="color:{DIM};padding-right:10px">{name}</td><td style="overflow-wrap:anywhere">'

@@ -7,9 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
-from goshawk_dashboards.flight import Flight, LogError
+from goshawk_dashboards.flight import CHANNELS, Flight, LogError
+from goshawk_dashboards.mcap_log import McapLog
 from goshawk_dashboards.phases import phases_of
+from goshawk_dashboards.recorded import marks_of
+from goshawk_dashboards.recover import recover
 from goshawk_proto import goshawk_pb2 as pb
+from mcap.reader import make_reader
 
 DURATION_S = 8.0
 
@@ -133,15 +137,87 @@ def test_a_cut_off_log_holds_what_is_whole(path: Path, tmp_path: Path, flight: F
     assert last.seq == part.count("rgbd") - 1
 
 
-def test_a_damaged_log_ends_at_the_damage(path: Path, tmp_path: Path, flight: Flight) -> None:
+def spoiled(path: Path, tmp_path: Path, at: int, over: bytes) -> Flight:
+    """The log with some bytes written over."""
     damaged = tmp_path / "damaged.mcap"
     data = bytearray(path.read_bytes())
-    middle = len(data) // 2
-    data[middle : middle + 64] = bytes(64)
+    data[at : at + len(over)] = over
     damaged.write_bytes(data)
-    part = Flight.open(damaged)
-    assert not part.closed
-    assert 0.3 < part.count("control") / flight.count("control") < 0.7
+    return Flight.open(damaged)
+
+
+def test_a_damaged_log_is_read_around_a_hole_and_says_what_is_missing(
+    path: Path, tmp_path: Path, flight: Flight
+) -> None:
+    part = spoiled(path, tmp_path, path.stat().st_size // 2, bytes(4096))
+    assert part.closed
+    (damage,) = part.log.damage
+    assert damage.after_ns is not None and damage.before_ns is not None
+    assert part.completeness.startswith("damaged: ") and "cut off" not in part.completeness
+    whole, left = flight.times_s("control"), part.times_s("control")
+    lost = np.setdiff1d(whole, left)
+    assert 0 < len(lost) < 0.2 * len(whole)
+    first_s, last_s = ((ns - part.start_ns) * 1e-9 for ns in (damage.after_ns, damage.before_ns))
+    assert lost[0] >= first_s - 0.01 and lost[-1] <= last_s + 0.01
+    assert part.duration_s == flight.duration_s
+    assert any("damaged" in mark.text for mark in marks_of(part))
+
+
+def test_a_log_without_its_first_chunk_takes_its_channels_from_the_summary(
+    path: Path, tmp_path: Path, flight: Flight
+) -> None:
+    part = spoiled(path, tmp_path, 100, b"\xff" * 4096)
+    assert 0.5 < part.count("control") / flight.count("control") < 1.0
+    assert part.log.damage[0].after_ns is None
+    assert set(part.log.schemas.values()) <= set(flight.log.schemas.values())
+
+
+@pytest.mark.parametrize("offset", [1, 25, 45])
+def test_a_length_of_2_to_the_48_is_damage_and_no_allocation(
+    path: Path, tmp_path: Path, flight: Flight, offset: int
+) -> None:
+    """In a chunk's header: the record's length, the size unpacked, the size packed."""
+    data = path.read_bytes()
+    chunk = data.index(b"\x04\0\0\0zstd", len(data) // 2) - 37
+    part = spoiled(path, tmp_path, chunk + offset, (1 << 48).to_bytes(8, "little"))
+    assert len(part.missing) == 1
+    assert part.count("control") > 0.8 * flight.count("control")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_whatever_bits_flip_what_is_read_is_what_was_written(
+    path: Path, tmp_path: Path, flight: Flight, seed: int
+) -> None:
+    data = bytearray(path.read_bytes())
+    random = np.random.default_rng(seed)
+    for at, bit in zip(random.integers(8, len(data), 50), random.integers(0, 8, 50), strict=True):
+        data[at] ^= 1 << int(bit)
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    try:
+        log = McapLog(damaged)
+    except LogError:
+        return
+    assert log.damage
+    for topic in log.topics:
+        times = log.times_ns(topic)
+        assert np.isin(times, flight.log.times_ns(topic)).all()
+        if len(times):
+            log.payload(topic, len(times) - 1)
+
+
+def test_a_recovered_log_is_clean_and_holds_what_was_readable(path: Path, tmp_path: Path) -> None:
+    part = spoiled(path, tmp_path, path.stat().st_size // 2, bytes(4096))
+    done = recover(part.path, tmp_path / "clean.mcap")
+    clean = Flight.open(done.path)
+    assert (clean.completeness, done.missing) == ("complete", part.missing)
+    assert done.records == sum(len(part.log.times_ns(topic)) for topic in part.log.topics)
+    for channel in CHANNELS:
+        assert np.array_equal(clean.log.times_ns(CHANNELS[channel][0]), part.log.times_ns(CHANNELS[channel][0]))
+    with done.path.open("rb") as stream:
+        assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) == done.records
+    with pytest.raises(FileExistsError):
+        recover(part.path, done.path)
 
 
 def test_a_malformed_record_is_absent_and_counted(tmp_path: Path) -> None:

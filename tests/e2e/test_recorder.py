@@ -10,6 +10,9 @@ import subprocess
 import time
 from pathlib import Path
 
+from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.recover import recover
+from goshawk_dashboards.snapshot import Snapshot
 from goshawk_proto import goshawk_pb2
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
@@ -26,7 +29,7 @@ def fly(rig: Rig, *, disk_bytes: int | None = None) -> None:
     def small_disk() -> None:
         if disk_bytes is not None:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # the write fails instead, as on a full disk
-            resource.setrlimit(resource.RLIMIT_FSIZE, (disk_bytes, disk_bytes))
+            resource.setrlimit(resource.RLIMIT_FSIZE, (disk_bytes, resource.RLIM_INFINITY))
 
     command = [BIN / "goshawk-air", "run", "--config", VEHICLE, "--listen", rig.endpoint, "--mavlink-bind",
                f"127.0.0.1:{rig.mavlink_port}", "--log-dir", rig.logs]  # fmt: skip
@@ -89,3 +92,49 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(rig: Rig) -> None:
     assert DISK_BYTES - 2_000_000 < log.stat().st_size <= DISK_BYTES
     assert len(controls(log)) > 200
     assert "no difference" in replays(log)
+
+
+def test_once_a_full_disk_is_freed_the_next_flight_starts_and_is_recorded(rig: Rig) -> None:
+    fly(rig, disk_bytes=DISK_BYTES)
+    pid = rig.processes["air"].pid
+
+    def told(s: Snapshot, ready: bool) -> bool:
+        faults = () if s.health is None else s.health.faults
+        recorder = any("recorder" in fault for fault in faults)
+        return s.health is not None and recorder != ready and s.health.ready == ready
+
+    with rig.link() as link:
+        assert link.wait_for(lambda s: told(s, False), 40.0), rig.output("air")
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (1_000_000, resource.RLIM_INFINITY))  # full to the last block
+        assert link.stop().accepted
+        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        time.sleep(4.0)  # the disk was tried again, and is full
+        refused = link.start()
+        assert not refused.accepted and "ready" in refused.text, refused
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))  # freed
+        assert link.wait_for(lambda s: told(s, True), 20.0), rig.output("air")
+        assert link.start().accepted
+        assert link.wait_for(lambda s: s.mode in FLYING, 30.0), rig.output("air")
+        assert link.stop().accepted
+        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+    rig.close()
+    _, second = sorted(rig.logs.glob("*.mcap"))
+    assert "no difference" in replays(second)
+
+
+def test_a_log_with_a_hole_is_replayed_around_it_and_called_damaged(rig: Rig) -> None:
+    fly(rig)
+    time.sleep(6.0)
+    rig.close()
+    (log,) = rig.logs.glob("*.mcap")
+    data = bytearray(log.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 4096] = bytes(4096)
+    log.write_bytes(data)
+    replay = [str(BIN / "goshawk-air"), "replay", str(log)]
+    done = subprocess.run(replay, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert "the log is damaged, not cut off; left out: " in done.stdout, done.stdout + done.stderr
+    clean = rig.folder / "clean.mcap"
+    assert recover(log, clean).missing
+    assert Flight.open(clean).completeness == "complete"

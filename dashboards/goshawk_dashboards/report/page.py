@@ -156,7 +156,7 @@ def _facts(flight: Flight, card: Card) -> str:
     facts = {
         "policy": f"{card.task or 'unknown task'}, SHA-256 {card.policy_sha256 or 'unknown'}",
         "version": f"{card.version or 'unknown'}, revision {card.git_revision or 'unknown'}",
-        "log": f"{card.size_bytes / 1e6:.1f} MB, " + ("complete" if flight.closed else "cut off"),
+        "log": f"{card.size_bytes / 1e6:.1f} MB, " + flight.completeness,
         "records": ", ".join(f"{len(flight.log.times_ns(topic))} {topic}" for topic in flight.log.topics),
     }
     if flight.malformed:

@@ -41,7 +41,7 @@ class Card:
     git_revision: str | None
     duration_s: float
     outcome: str
-    """"landed", "collided", "handed back", "cut off", or the phase in which the log ended."""
+    """"landed", "collided", "handed back", "cut off", "damaged", or the phase in which the log ended."""
     phases_s: dict[str, float]
     """Phase → seconds in it."""
     faults: tuple[str, ...]
@@ -131,7 +131,7 @@ def _outcome(flight: Flight) -> str:
     if "fault" in names:
         return "handed back"
     if not flight.closed:
-        return "cut off"
+        return "damaged" if flight.missing else "cut off"
     if not names:
         return "no controller step"
     flown = any(name not in LANDED for name in names)

@@ -38,6 +38,7 @@ def client_config(connect: str) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/shared_memory/enabled": False,  # a session's 17 MB stay in /dev/shm after a kill
         "transport/unicast/open_timeout": HANDSHAKE_MS,
     }
     config = zenoh.Config()

@@ -1,4 +1,4 @@
-"""The commands about flight logs: `report`, `logs`, `export`."""
+"""The commands about flight logs: `report`, `logs`, `export`, `recover`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from goshawk_dashboards.exports import ExportError, Format, export_log
 from goshawk_dashboards.flight import Flight, LogError
+from goshawk_dashboards.recover import recover as recover_log
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, card
 from rich.console import Console
 from rich.progress import track
@@ -123,6 +124,29 @@ def export(
     typer.echo(f"{done.path}: {_HINTS[format].format(path=done.path)}")
 
 
+def recover(
+    log: LogFile,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="A new file; default: beside the log.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write all that can be read of a damaged or cut-off log as a clean one, and say which seconds are missing."""
+    target = output or log.with_name(f"{log.stem}.recovered.mcap")
+    try:
+        done = recover_log(log, target)
+    except LogError as error:
+        fail(str(error), NO_REPLY)
+    except OSError as error:
+        fail(f"cannot write {target}: {error.strerror}", NO_REPLY)
+    if as_json:
+        print_json(dataclasses.asdict(done))
+        return
+    for missing in done.missing:
+        typer.echo(f"damaged: {missing} missing")
+    if not done.missing:
+        typer.echo("nothing is damaged" if done.closed else "it was cut off; what was written is whole")
+    typer.echo(f"{done.path}: {done.records} records of {done.duration_s:.1f} s")
+
+
 def register(app: typer.Typer) -> None:
     """Adds the commands to the `goshawk` command."""
     app.command(
@@ -132,3 +156,4 @@ def register(app: typer.Typer) -> None:
     app.command(
         epilog="Examples: goshawk export flight.mcap --format foxglove | goshawk export flight.mcap --format csv -o out"
     )(export)
+    app.command(epilog="Examples: goshawk recover flight.mcap | goshawk recover flight.mcap -o clean.mcap")(recover)

@@ -18,7 +18,7 @@ Timeout = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for an an
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of words.")]
 Port = Annotated[int, typer.Option(min=1, max=65535, help="The dashboard's port.")]
 BinDir = Annotated[Path, typer.Option(help="Where goshawk-air and goshawk-sim are.")]
-LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A flight log (.mcap), complete or cut off.")]
+LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A flight log (.mcap), complete, cut off or damaged.")]
 
 
 def fail(text: str, code: int) -> NoReturn:

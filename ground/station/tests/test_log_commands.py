@@ -1,4 +1,4 @@
-"""`goshawk report`, `logs` and `export` as an operator meets them."""
+"""`goshawk report`, `logs`, `export` and `recover` as an operator meets them."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def one_line(text: str) -> str:
     return lines[0]
 
 
-@pytest.mark.parametrize("command", ["report", "logs", "export", "doctor"])
+@pytest.mark.parametrize("command", ["report", "logs", "export", "recover", "doctor"])
 def test_help_has_examples(command: str) -> None:
     done = goshawk(command, "--help")
     assert done.exit_code == 0
     assert f"Examples: goshawk {command}" in done.stdout
 
 
-@pytest.mark.parametrize("command", [["report"], ["export", "--format", "csv"]])
+@pytest.mark.parametrize("command", [["report"], ["export", "--format", "csv"], ["recover"]])
 def test_a_file_that_is_no_log_is_one_clear_line_and_status_2(command: list[str], no_log: Path) -> None:
     for path, why in ((no_log, "is no flight log"), (no_log.with_name("absent.mcap"), "No such file")):
         done = goshawk(command[0], path, *command[1:])
@@ -127,3 +127,19 @@ def test_export_without_rerun_says_how_to_install_it(
     done = goshawk("export", log, "--format", "rerun", "-o", tmp_path / "x.rrd")
     assert done.exit_code == 2
     assert "make setup-rerun" in one_line(done.stderr)
+
+
+def test_recover_writes_a_clean_log_and_says_which_seconds_are_missing(log: Path, tmp_path: Path) -> None:
+    data = bytearray(log.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 4096] = bytes(4096)
+    damaged = tmp_path / "flight.mcap"
+    damaged.write_bytes(data)
+    words = goshawk("recover", damaged)
+    assert words.exit_code == 0, words.output
+    assert "damaged: " in words.stdout and " missing" in words.stdout
+    clean = tmp_path / "flight.recovered.mcap"
+    facts = json.loads(goshawk("recover", clean, "-o", tmp_path / "again.mcap", "--json").stdout)
+    assert (facts["closed"], facts["missing"]) == (True, [])
+    again = goshawk("recover", damaged)
+    assert again.exit_code == 2
+    assert "File exists" in one_line(again.stderr)
