@@ -1,11 +1,16 @@
 //! RGB-D compression for the log, without loss: what the network saw can be shown to it again. PNG, 8 bit colour and 16
 //! bit depth; a frame of 160 x 96 costs about as much time as a JPEG.
 
+use std::io::Cursor;
+
 use goshawk_proto::v1;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat};
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, Limits};
 
 use crate::error::RecorderError;
+
+/// What decoding may allocate: far more than a network's image, whatever a damaged one says of its size.
+const MOST_BYTES: u64 = 64 << 20;
 
 /// Compresses one image: `rgb` height × width × 3, `depth_mm` height × width, 0 where nothing was measured.
 ///
@@ -37,7 +42,11 @@ pub fn decompress(message: &v1::CompressedRgbd) -> Result<(Vec<u8>, Vec<u16>), R
     let v1::CompressedRgbd { width, height, .. } = *message;
     let error = |cause: String| RecorderError::Image { width, height, cause };
     let decode = |bytes: &[u8]| -> Result<DynamicImage, RecorderError> {
-        let image = image::load_from_memory_with_format(bytes, ImageFormat::Png).map_err(|e| error(e.to_string()))?;
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+        let mut limits = Limits::default();
+        limits.max_alloc = Some(MOST_BYTES);
+        reader.limits(limits);
+        let image = reader.decode().map_err(|e| error(e.to_string()))?;
         if (image.width(), image.height()) == (width, height) {
             Ok(image)
         } else {
