@@ -4,13 +4,8 @@ use std::path::{Path, PathBuf};
 
 use goshawk_core::{
     CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
-<<<<<<< HEAD
-    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, SeparationConfig, StopAction,
-    TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig,
-=======
-    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, StopAction,
-    TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig, within,
->>>>>>> dd76fb3 (Bound every number of the vehicle file from both sides, with a reason)
+    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig,
+    SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig, within,
 };
 use goshawk_policy::Provider;
 use serde::Deserialize;
