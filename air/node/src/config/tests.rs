@@ -36,7 +36,7 @@ fn a_missing_safety_limit_is_refused() {
     let text = std::fs::read_to_string(shipped()).unwrap();
     let limits = text.split("\n[limits]").nth(1).unwrap().lines().skip(1).take_while(|line| line.contains('='));
     let limits: Vec<&str> = limits.chain(["max_tilt_deg = 65.0", "max_thrust = 0.95"]).collect();
-    assert_eq!(limits.len(), 8, "{limits:?}");
+    assert_eq!(limits.len(), 9, "{limits:?}");
     for line in limits {
         let error = edited(&format!("{line}\n"), "\n").unwrap_err().to_string();
         assert!(error.contains(line.split(' ').next().unwrap()), "{error}");
