@@ -109,7 +109,7 @@ impl SeparationConfig {
             "farther off the target is not seen well",
         )?;
         within("planner.target_max_acc_mps2", self.target_acc, 0.5..=50.0, "nobody turns harder")?;
-        within("separation: the braking, m/s2,", self.max_acc, 0.1..=100.0, "no airframe brakes harder")
+        within("planner.max_acc_mps2", self.max_acc, 0.1..=100.0, "no airframe brakes harder")
     }
 
     /// The greatest speed at which to close in on the least distance, m/s, which is `gap` m away: `gap` is what reaction
