@@ -11,6 +11,7 @@ pub mod library;
 pub mod policy;
 pub mod preprocess;
 pub mod provider;
+pub mod stream;
 
 pub use contract::{Contract, ContractError};
 pub use library::LibraryError;

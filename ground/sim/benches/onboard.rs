@@ -85,6 +85,7 @@ fn fly(vehicle: &Vehicle, policy: &mut Policy) -> color_eyre::Result<Flight> {
         sensors: Sensors::default(),
         airframe: Difference::default(),
         moving: 0,
+        fault: None,
         seed: 3,
     };
     let camera = Mount::of(vehicle).camera;

@@ -2,6 +2,7 @@
 
 use crate::cloud;
 use crate::dataset::{DatasetConfig, generate};
+use crate::faults::FaultsArgs;
 use crate::fly::args::FlyArgs;
 use crate::moving::{MovingArgs, Site};
 use crate::serve::ServeArgs;
@@ -34,6 +35,8 @@ pub enum Command {
     Dataset(DatasetArgs),
     /// Fly campaigns in lockstep and report successes.
     Fly(FlyArgs),
+    /// Fly with broken senses, and say what the vehicle noticed.
+    Faults(FaultsArgs),
     /// Run one world in real time, for an onboard process.
     Serve(ServeArgs),
 }
@@ -92,6 +95,7 @@ impl Cli {
             Command::World(args) => args.run(),
             Command::Dataset(args) => args.run(),
             Command::Fly(args) => args.run(),
+            Command::Faults(args) => args.run(),
             Command::Serve(args) => args.run(),
         }
     }

@@ -17,9 +17,9 @@ use thiserror::Error;
 
 use crate::person::{CENTRE_M, Person, PersonLook, PersonPose};
 use crate::world::World;
+use course::Pass;
 pub use course::{Course, CourseError};
 use field::{Field, Point, column_clearance};
-use course::Pass;
 use pace::{Knot, Limits, Stand, place, timetable};
 use path::{Path, relax, resample};
 
@@ -259,7 +259,9 @@ impl Runner<'_> {
                 let angle = self.heading_rad + turn;
                 let goal = at + Point::new(angle.cos(), angle.sin()) * left;
                 let elsewhere = (goal - before.path.at(before.path.end()).0).norm() > 5.0;
-                if let Some(after) = elsewhere.then(|| self.leg(head, &[Pass { at: goal, stand_s: 0.0 }], switch)).flatten() {
+                if let Some(after) =
+                    elsewhere.then(|| self.leg(head, &[Pass { at: goal, stand_s: 0.0 }], switch)).flatten()
+                {
                     return Some((before, after, switch.time_s));
                 }
             }

@@ -8,6 +8,7 @@ pub mod cli;
 pub mod cloud;
 pub mod dataset;
 pub mod evader;
+pub mod faults;
 pub mod fly;
 pub mod forest;
 pub mod imu;

@@ -156,6 +156,7 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             sensors: Sensors::default(),
             airframe: Difference::default(),
             moving,
+            fault: None,
             threads,
             only: None,
             traced: false,

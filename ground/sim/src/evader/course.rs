@@ -47,7 +47,9 @@ pub(super) struct Pass {
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum CourseError {
     /// It cannot be read.
-    #[error("--course {file}: {cause} (goal, eight, zigzag, u-turn, square, stop-and-go, or a CSV file with the columns x,y in metres ahead and left)")]
+    #[error(
+        "--course {file}: {cause} (goal, eight, zigzag, u-turn, square, stop-and-go, or a CSV file with the columns x,y in metres ahead and left)"
+    )]
     Read {
         /// The file.
         file: String,
@@ -166,7 +168,9 @@ mod tests {
     fn a_bad_file_is_one_line_that_says_what_is_meant() {
         assert_eq!(waypoints("x, y\n1,2\n\n3.5,-4\n"), Ok(vec![[1.0, 2.0, 0.0], [3.5, -4.0, 0.0]]));
         assert_eq!(waypoints("x,y,stand_s\n1,2,0\n3,4,1.5\n"), Ok(vec![[1.0, 2.0, 0.0], [3.0, 4.0, 1.5]]));
-        for bad in ["", "1,2\n3,4\n", "x,y\n1,2\n", "x,y\n1,2\n3,way\n", "x,y\n1,2\n3,nan\n", "x,y,stand_s\n1,2,0\n3,4,-1\n"] {
+        for bad in
+            ["", "1,2\n3,4\n", "x,y\n1,2\n", "x,y\n1,2\n3,way\n", "x,y\n1,2\n3,nan\n", "x,y,stand_s\n1,2,0\n3,4,-1\n"]
+        {
             assert!(waypoints(bad).is_err(), "{bad:?}");
         }
         let message = Course::parse("no/such.csv").unwrap_err().to_string();

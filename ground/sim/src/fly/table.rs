@@ -84,8 +84,12 @@ fn row(cell: &Cell) -> String {
         format!("{}/{}/{}", number(c.min), number(c.p5), number(c.p50)),
         cell.in_view_fraction.map_or("-".to_owned(), |f| format!("{:.0} %", 100.0 * f)),
         cell.target_distance_m.map_or("-".to_owned(), |d| format!("{:.1}/{:.1}", d.mean, d.max)),
-        cell.min_distance_to_target_m
-            .map_or("-".to_owned(), |d| format!("{}/{}/{}", two(d.min), two(d.p1), two(d.p50))),
+        cell.min_distance_to_target_m.map_or("-".to_owned(), |d| format!(
+            "{}/{}/{}",
+            two(d.min),
+            two(d.p1),
+            two(d.p50)
+        )),
         range(cell.target_error_m.map(|e| e.lateral)),
         range(cell.target_error_m.map(|e| e.longitudinal)),
         format!(

@@ -6,6 +6,7 @@ use goshawk_core::{
     AutopilotStatus, Command, ControllerInput, ControllerOutput, History, NetworkOutput, Odometry, Plan, Planner,
     PlanningDemand, Time, Vec3,
 };
+use goshawk_policy::stream::Arrival;
 use goshawk_policy::{Contract, Policy, PolicyError, Preprocessor, Source};
 
 use super::airframe::Mount;
@@ -144,7 +145,8 @@ impl Pilot for Onboard<'_> {
         self.odometry = Some(odometry);
     }
 
-    fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
+    fn plan(&mut self, arrival: &Arrival, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
+        let stamp = arrival.stamp;
         self.frames += 1;
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);
