@@ -7,7 +7,7 @@ use goshawk_core::{
     LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, SeparationConfig, StopAction,
     TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig,
 };
-use goshawk_policy::Provider;
+use goshawk_policy::{Provider, RateLimits};
 use serde::Deserialize;
 
 mod autopilot;
@@ -89,7 +89,9 @@ macro_rules! section {
 section! { /** The airframe. */ Airframe {
     mass_kg: f64, hover_thrust: f64, hover_thrust_range: [f64; 2], min_thrust: f64, max_thrust: f64, max_tilt_deg: f64,
 } }
-section! { /** The camera as mounted. */ Camera { hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3] } }
+section! { /** The camera as mounted. */ Camera {
+    hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3], rate_hz: [f64; 2],
+} }
 section! { /** Where odometry comes from. */ Sensors { odometry: OdometrySource } }
 section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } }
 section! { /** Where logs go. */ Recorder { directory: PathBuf, keep_mb: f64 } }
@@ -192,6 +194,15 @@ enum TaskName {
     Navigate,
 }
 
+impl Camera {
+    /// How often its pictures may come.
+    #[must_use]
+    pub fn rates(&self) -> RateLimits {
+        let [least_hz, most_hz] = self.rate_hz;
+        RateLimits { least_hz, most_hz }
+    }
+}
+
 impl Vehicle {
     /// Reads and checks a vehicle file.
     ///
@@ -235,6 +246,10 @@ impl Vehicle {
         for p in self.camera.position_m {
             range("camera.position_m", p, -2.0, 2.0)?;
         }
+        let [least_hz, most_hz] = self.camera.rate_hz;
+        // At 8 Hz a plan is 0.3 s old when the next one comes, and 240 Hz is more than any RGB-D camera gives.
+        range("camera.rate_hz, the least", least_hz, 8.0, 120.0)?;
+        range("camera.rate_hz, the most", most_hz, least_hz * 1.2, 240.0)?;
         range("recorder.keep_mb", self.recorder.keep_mb, 0.0, 1e9)?;
         range("realtime.planner_priority", self.realtime.planner_priority.into(), 1.0, 98.0)?;
         let above = f64::from(self.realtime.planner_priority) + 1.0;

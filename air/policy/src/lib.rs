@@ -6,6 +6,7 @@
 //! ```
 //! Knows nothing of transports, autopilots or logs.
 
+pub mod answers;
 pub mod contract;
 pub mod library;
 pub mod policy;
@@ -13,8 +14,10 @@ pub mod preprocess;
 pub mod provider;
 pub mod stream;
 
+pub use answers::{AnswerFault, AnswerMonitor};
 pub use contract::{Contract, ContractError};
 pub use library::LibraryError;
 pub use policy::{Policy, PolicyError};
 pub use preprocess::{PreprocessError, Preprocessor, Source};
 pub use provider::Provider;
+pub use stream::{Arrival, Moving, RateLimits, StreamFault, StreamMonitor};

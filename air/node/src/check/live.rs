@@ -235,7 +235,18 @@ mod tests {
 
     fn frame(rgb: u8, depth: u16) -> Frame {
         let rgb = (0..4 * 2 * 3).map(|k| if k % 2 == 0 { rgb } else { 100 }).collect();
-        Frame { seq: 0, stamp: Time(0), width: 4, height: 2, hfov: 1.57, vfov: 1.08, rgb, depth_mm: vec![depth; 8] }
+        Frame {
+            seq: 0,
+            stamp: Time(0),
+            width: 4,
+            height: 2,
+            hfov: 1.57,
+            vfov: 1.08,
+            rgb,
+            depth_mm: vec![depth; 8],
+            print: 0,
+            fault: None,
+        }
     }
 
     fn stream(frames: impl Fn(u64) -> Frame, hz: f64) -> Stream<Frame> {

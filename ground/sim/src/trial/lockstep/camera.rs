@@ -11,9 +11,8 @@ use super::{FRAMES_PER_S, Lockstep, STEPS_PER_S};
 use crate::render::Frame;
 use crate::sensor::{RgbdImage, mix};
 
-/// Where pictures come from, as an [`Arrival`] names it.
-const FIRST: u64 = 1;
-const SECOND: u64 = 2;
+/// Where pictures come from, as an [`Arrival`] names it: not said, as by most drivers.
+const SOURCE: u64 = 0;
 /// Between the pictures of a second camera, in steps of 1 ms: 77 Hz.
 const SECOND_STEPS: u64 = 13;
 /// The second camera has counted its pictures for longer.
@@ -89,7 +88,7 @@ impl Lockstep<'_> {
         };
         if delivered {
             witness.frame(self.frames, now, &image);
-            let arrival = Arrival { seq: self.frames, stamp: now, source: FIRST };
+            let arrival = Arrival { seq: self.frames, stamp: now, source: SOURCE };
             self.pending.push_back(InFlight { arrival, image, exposure, planned: false, plan: None });
         }
     }
@@ -104,7 +103,7 @@ impl Lockstep<'_> {
         let mut image = RgbdImage::default();
         let motion = self.mount.motion(self.quad.state());
         self.sensor.capture(&frame, &motion, mix(mix(self.config.seed, 24), self.second_frames), &mut image);
-        let arrival = Arrival { seq: SECOND_SEQ + self.second_frames, stamp: now, source: SECOND };
+        let arrival = Arrival { seq: SECOND_SEQ + self.second_frames, stamp: now, source: SOURCE };
         let exposure = self.exposure(now);
         self.pending.push_back(InFlight { arrival, image, exposure, planned: false, plan: None });
     }
