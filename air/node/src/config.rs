@@ -159,6 +159,8 @@ pub struct Realtime {
 #[allow(missing_docs)]
 pub struct Policy {
     pub model: PathBuf,
+    /// Of that file, lower-case hexadecimal; another file is not flown.
+    pub sha256: String,
     pub threads: usize,
     /// What runs it; one that cannot is replaced by the processor.
     pub provider: Provider,
@@ -254,6 +256,13 @@ impl Vehicle {
         range("realtime.planner_priority", self.realtime.planner_priority.into(), 1.0, 98.0)?;
         let above = f64::from(self.realtime.planner_priority) + 1.0;
         range("realtime.controller_priority", self.realtime.controller_priority.into(), above, 99.0)?;
+        let hex = |c: char| c.is_ascii_digit() || ('a'..='f').contains(&c);
+        if self.policy.sha256.len() != 64 || !self.policy.sha256.chars().all(hex) {
+            return Err(format!(
+                "policy.sha256 is {:?}; it must be the model's SHA-256, 64 digits of 0-9 and a-f, as its card has it",
+                self.policy.sha256
+            ));
+        }
         if self.policy.threads == 0 {
             return Err("policy.threads is 0; it must be at least 1".to_owned());
         }

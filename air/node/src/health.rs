@@ -2,6 +2,7 @@
 
 use goshawk_autopilot::Status;
 use goshawk_core::Time;
+use goshawk_policy::{AnswerFault, StreamFault};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 
@@ -22,6 +23,12 @@ pub struct Facts {
     pub plan: Option<Time>,
     /// Why the last frame got no plan; none after a plan.
     pub plan_failed: Option<String>,
+    /// What is wrong with the camera's stream, as of the last image.
+    pub camera_fault: Option<StreamFault>,
+    /// What is wrong with the network, as of its last answer.
+    pub answer_fault: Option<AnswerFault>,
+    /// Why the policy did not answer its golden images as it should.
+    pub warm_up_failed: Option<String>,
     /// Why the line to the autopilot is not open; none: it is.
     pub line: Option<String>,
     /// The log cannot be written, and why.
@@ -54,7 +61,11 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
         reason: problem.unwrap_or_default(),
     };
     vec![
-        check("camera", stale("image", Key::Rgbd.row().suffix, age(facts.frame), FRAME_STALE_S, refused.0)),
+        check(
+            "camera",
+            stale("image", Key::Rgbd.row().suffix, age(facts.frame), FRAME_STALE_S, refused.0)
+                .or_else(|| facts.camera_fault.map(|fault| fault.text().to_owned())),
+        ),
         check(
             "odometry",
             stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1),
@@ -83,6 +94,10 @@ pub fn battery_problem(status: &Status, least: f64) -> Option<String> {
 }
 
 fn policy_problem(facts: &Facts, plan_age_s: Option<f64>) -> Option<String> {
+    let dead = facts.answer_fault.map(|fault| fault.text().to_owned());
+    if let Some(why) = facts.warm_up_failed.clone().or(dead) {
+        return Some(why);
+    }
     match (&facts.plan_failed, plan_age_s) {
         (Some(why), _) => Some(format!("the last frame got no plan: {why}")),
         (None, None) => Some("no frame has been planned from yet".to_owned()),
@@ -159,6 +174,9 @@ mod tests {
         only(&Facts { odometry: None, ..good().0 }, &status, now, "odometry");
         only(&Facts { plan_failed: Some("NaN".to_owned()), ..good().0 }, &status, now, "policy");
         only(&Facts { recorder_failed: Some("disk full".to_owned()), ..good().0 }, &status, now, "recorder");
+        only(&Facts { camera_fault: Some(StreamFault::Frozen), ..good().0 }, &status, now, "camera");
+        only(&Facts { answer_fault: Some(AnswerFault::Constant), ..good().0 }, &status, now, "policy");
+        only(&Facts { warm_up_failed: Some("it answers NaN".to_owned()), ..good().0 }, &status, now, "policy");
         only(&facts, &Status { connected: false, heartbeat_age_s: None, ..status }, now, "autopilot");
         let line = Some("serial:/dev/ttyACM0:921600 broke".to_owned());
         only(&Facts { line, ..good().0 }, &status, now, "autopilot");

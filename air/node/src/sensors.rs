@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use goshawk_core::{Mode, Odometry, Rot, Time, Vec3};
+use goshawk_core::{Odometry, Rot, Time, Vec3};
 use goshawk_policy::{Moving, Source, StreamFault};
 use goshawk_proto::v1;
 use prost::Message;
@@ -159,8 +159,7 @@ pub fn plausible(o: Odometry) -> Result<Odometry, SampleError> {
 
 /// How the vehicle moves, for the camera's monitor.
 #[must_use]
-pub fn moving(mode: Mode, odometry: &Odometry) -> Moving {
-    let flying = !matches!(mode, Mode::Idle | Mode::Ready | Mode::Landed | Mode::Fault);
+pub fn moving(flying: bool, odometry: &Odometry) -> Moving {
     Moving { flying, speed_mps: odometry.vel_world.norm(), rate_radps: odometry.ang_vel_body.norm() }
 }
 

@@ -35,6 +35,8 @@ pub struct Identity {
     pub profiles: Vec<String>,
     /// Of the policy file.
     pub policy_sha256: String,
+    /// Why the policy did not answer its golden images as it should; none: it did.
+    pub warm_up_failed: Option<String>,
     /// The vehicle file's `limits.battery_start`.
     pub battery_start: f64,
 }
@@ -93,8 +95,8 @@ impl Telemetry {
             link,
             log,
             profile: identity.profiles.first().cloned().unwrap_or_default(),
+            facts: Facts { warm_up_failed: identity.warm_up_failed.clone(), ..Facts::default() },
             identity,
-            facts: Facts::default(),
             sequences: Sequences::default(),
             flight: 0,
             checks: Vec::new(),
@@ -163,7 +165,8 @@ impl Telemetry {
     }
 
     fn take_plan(&mut self, planned: &Planned) {
-        let Planned { flight, plan, input, ready, inference_s } = planned;
+        let Planned { flight, plan, input, ready, inference_s, fault } = planned;
+        self.facts.answer_fault = *fault;
         self.facts.plan = Some(*ready);
         self.facts.plan_failed = None;
         self.facts.planner_rate.tick();
@@ -191,6 +194,7 @@ impl Telemetry {
 
     fn take_frame(&mut self, frame: &Arc<Frame>) {
         self.facts.frame = Some(frame.stamp);
+        self.facts.camera_fault = frame.fault;
         self.facts.camera_rate.tick();
         self.log.record_frame(frame);
         let now = clock::now();

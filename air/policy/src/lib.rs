@@ -8,6 +8,7 @@
 
 pub mod answers;
 pub mod contract;
+pub mod golden;
 pub mod library;
 pub mod policy;
 pub mod preprocess;
@@ -16,6 +17,7 @@ pub mod stream;
 
 pub use answers::{AnswerFault, AnswerMonitor};
 pub use contract::{Contract, ContractError};
+pub use golden::{Golden, GoldenError};
 pub use library::LibraryError;
 pub use policy::{Policy, PolicyError};
 pub use preprocess::{PreprocessError, Preprocessor, Source};

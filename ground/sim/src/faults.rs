@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, ensure};
 use goshawk_air::config::Vehicle;
+use goshawk_air::run::check_pin;
 use goshawk_core::types::Task;
 use goshawk_policy::Policy;
 
@@ -110,6 +111,8 @@ impl FaultsArgs {
         let flying = Flying::load(&self.vehicle_file)?;
         let faults = if self.flights == 0 { Vec::new() } else { self.only.clone().unwrap_or_else(Fault::all) };
         let ordinary = self.ordinary_campaigns(&flying)?;
+        let named = Policy::load(&flying.track, flying.vehicle.library().as_deref(), 1)?;
+        check_pin(&flying.vehicle, &flying.track, &named)?;
         let progress = Progress::new(faults.len() * self.flights + ordinary.len() * self.ordinary)?;
         let files = Files::default();
         progress.end_on_signals(&files)?;

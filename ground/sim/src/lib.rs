@@ -11,6 +11,7 @@ pub mod evader;
 pub mod faults;
 pub mod fly;
 pub mod forest;
+pub mod golden;
 pub mod imu;
 mod lanes;
 pub mod moving;

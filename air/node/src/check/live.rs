@@ -124,7 +124,7 @@ fn network(
         let name = vehicle.name.parse().map_err(|e| format!("{e}"))?;
         let bus = Bus::listen(name, &vehicle.network.listen).map_err(|e| e.to_string())?;
         let stream = Arc::clone(frames);
-        let receive = move |payload: &[u8]| {
+        let receive = move |payload: &[u8], _| {
             let now = clock::now();
             match sensors::frame(payload, now) {
                 Ok(frame) => lock(&stream).take(now, frame, |a, b| a.rgb == b.rgb && a.depth_mm == b.depth_mm),
@@ -134,7 +134,7 @@ fn network(
         bus.subscribe(Key::Rgbd, receive).map_err(|e| e.to_string())?;
         if vehicle.sensors.odometry == OdometrySource::Zenoh {
             let stream = Arc::clone(odometry);
-            let receive = move |payload: &[u8]| {
+            let receive = move |payload: &[u8], _| {
                 let now = clock::now();
                 match sensors::odometry(payload, now) {
                     Ok(sample) => take_odometry(&stream, now, sample),

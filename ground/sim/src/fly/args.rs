@@ -77,7 +77,8 @@ pub struct FlyArgs {
     /// m ahead and left, and stand_s); cells for each.
     #[arg(long, value_name = "COURSE[,…]", value_delimiter = ',', default_value = "goal")]
     course: Vec<String>,
-    /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it. Not needed by --pilot classical to
+    /// The policy; absent: the vehicle file's (track), which its SHA-256 must fit, or navigate.onnx beside it.
+    /// One that is named here needs no SHA-256. Not needed by --pilot classical to
     /// navigate.
     #[arg(long, value_name = "FILE")]
     policy: Option<PathBuf>,
@@ -162,6 +163,9 @@ impl FlyArgs {
         ensure!(needed || self.policy.is_none(), "--pilot classical navigates without a policy: leave out --policy");
         let load = || needed.then(|| Policy::load(&model, library.as_deref(), 1)).transpose();
         let first = load()?;
+        if let Some(policy) = first.as_ref().filter(|_| self.policy.is_none()) {
+            goshawk_air::run::check_pin(&vehicle, &model, policy)?;
+        }
         ensure!(
             first.as_ref().is_none_or(|policy| policy.contract().model().task == task),
             "policy {} was trained for another task than --task {}: give --policy",

@@ -160,7 +160,8 @@ impl Pilot for Onboard<'_> {
     fn plan(&mut self, arrival: &Arrival, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
         let stamp = arrival.stamp;
         self.frames += 1;
-        let moving = self.odometry.as_ref().map_or(Moving::default(), |odometry| sensors::moving(self.mode, odometry));
+        let flying = !matches!(self.mode, Mode::Idle | Mode::Ready | Mode::Landed | Mode::Fault);
+        let moving = self.odometry.as_ref().map_or(Moving::default(), |odometry| sensors::moving(flying, odometry));
         if self.stream.judge(arrival, &image.rgb, &image.depth_mm, &moving).is_some() {
             return Ok(None);
         }
