@@ -28,7 +28,8 @@ use crate::sensor::mix;
 use crate::sensors::{SensorArgs, Sensors};
 use crate::trial::airframe::airframe;
 use crate::trial::estimator::Estimator;
-use crate::trial::{Scene, SceneConfig, WorldSource};
+use crate::trial::fault::CameraFault;
+use crate::trial::{Fault, Scene, SceneConfig, WorldSource};
 use camera::{Camera, Exposure};
 use session::Session;
 use watch::{Surroundings, Watch};
@@ -92,6 +93,10 @@ pub struct ServeArgs {
     moving: MovingArgs,
     #[command(flatten)]
     sensors: SensorArgs,
+    /// What goes wrong with the camera, 1 to 4 s after the runner's start, such as camera-frozen. For a second camera
+    /// start a second one.
+    #[arg(long, value_name = "NAME")]
+    fault: Option<Fault>,
     /// End by itself after so long, s.
     #[arg(long, value_name = "S")]
     exit_after: Option<f64>,
@@ -114,6 +119,13 @@ impl ServeArgs {
                 "{name} is {value}: it must be {least} to {most}"
             );
         }
+        let fault = match self.fault {
+            None => None,
+            Some(Fault::Camera(fault)) if fault != CameraFault::Two => Some(fault),
+            Some(other) => {
+                bail!("--fault {other}: here only one camera's own faults can be shown, such as camera-frozen")
+            }
+        };
         let vehicle = Vehicle::load(&self.vehicle_file)?;
         let sensors = self.sensors.load()?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -128,7 +140,7 @@ impl ServeArgs {
             moving: self.moving.moving,
         })?);
         let mut session = Session::dial(&vehicle.name, &self.connect, &scene)?;
-        let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, Arc::clone(&stop))?;
+        let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, fault, Arc::clone(&stop))?;
         let mut simulation = Simulation::new(&self, &vehicle, &sensors, &scene)?;
         println!(
             "seed {}, {} ({} obstacles): the target runs {} m at up to {} m/s; vehicle at {}, autopilot to UDP {}",
