@@ -147,7 +147,7 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             task: Task::Navigate,
             speeds_mps: vec![3.0, 5.0],
             worlds: vec![WorldSource::Forest { spacing_m: 7.0 }],
-            course: Course::Goal,
+            courses: vec![Course::Goal],
             trials: 2,
             seed: 5,
             wind_mps: 3.0,
