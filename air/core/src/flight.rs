@@ -65,7 +65,7 @@ impl Controller {
         let yaw = self.yaw.step(dt, goal);
         self.hold_apart(now);
         let mut intent = self.intent(now, &odometry);
-        intent.acc_world = self.keep_apart(now, &odometry, intent.acc_world);
+        intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
         let disturbance = self.motion.observer().disturbance();
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
@@ -190,10 +190,10 @@ impl Controller {
     }
 
     /// `acc_world` such that the least distance to the target is kept.
-    fn keep_apart(&mut self, now: Time, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
+    fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
         let Some(threat) = self.threat(now) else { return acc_world };
         let state = [odometry.pos_world, odometry.vel_world];
-        self.separation.keep(&self.config.separation, acc_world, state, &threat, self.plans.room())
+        self.separation.keep(&self.config.separation, dt, acc_world, state, &threat, self.plans.room())
     }
 
     /// The target, where it may have to be kept away from.
