@@ -75,6 +75,8 @@ fn control() -> Control {
         plan_age_s: Some(17.5),
         hover_thrust: 40.5,
         attitude_lag_s: 41.5,
+        odometry_fault: OdometryFault::Frozen.into(),
+        odometry_doubt: 43.5,
     }
 }
 

@@ -1,6 +1,7 @@
 //! What goes into a controller step and what comes out of it.
 
 use crate::mission::{Cause, Fallback, Mode};
+use crate::trust::OdometryFault;
 use crate::types::{AttitudeThrust, FlatState, Newtons, Odometry, Plan, Task, Vec3};
 
 /// What a flight is to be.
@@ -159,6 +160,10 @@ pub struct ControllerOutput {
     pub hover_thrust: f64,
     /// The attitude loop's lag, as learnt, s.
     pub attitude_lag: f64,
+    /// What is false about the odometry; none: it is believed, and nothing new showed in this step's.
+    pub odometry_fault: Option<OdometryFault>,
+    /// The largest check of the odometry over its gate; from 1 on it fails.
+    pub odometry_doubt: f64,
     /// Desired yaw, rad, -pi..=pi.
     pub yaw_des: f64,
     /// The plan flown; none: no plan is flown.

@@ -71,6 +71,7 @@ impl Controller {
             .with(Cause::Disarmed, disarmed)
             .with(Cause::ModeTakenAway, flight.was_offboard && !autopilot.offboard)
             .with(Cause::OdometryLost, self.odometry_lost(now))
+            .with(Cause::OdometryFalse, self.odometry_false(now))
             .with(Cause::AutopilotLost, !autopilot.connected)
             .with(Cause::BatteryLow, flight.battery_low.is_some_and(|since| now.since(since) > BATTERY_LOW_FOR))
             .with(Cause::FenceReached, beyond.is_some_and(|b| b.0))
@@ -127,5 +128,10 @@ impl Controller {
             if self.mode == Mode::Takeoff && flight.takeoff.stage() != Stage::Climb { 0.0 } else { ladder.hand_back };
         let on_ground = self.mode == Mode::Stopping && flight.landing.phase() == Phase::Cut;
         !on_ground && self.motion.age(now).is_none_or(|age| age > ladder.odometry_stale + grace)
+    }
+
+    /// What is not believed for as long as a descent without odometry may take is handed back.
+    fn odometry_false(&self, now: Time) -> bool {
+        self.motion.distrust().is_some_and(|distrust| now.since(distrust.since) > self.config.ladder.hand_back)
     }
 }

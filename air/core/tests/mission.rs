@@ -364,6 +364,8 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
         for _ in 0..400 {
             let way = left - off;
             sim.vel = Vec3::new(4.0 * way.cos(), 4.0 * way.sin(), 0.0);
+            // No vehicle does that by itself: unannounced it would not be believed.
+            sim.reset_counter += 1;
             sim.tick(None);
         }
         let line = sim.out().planning.unwrap().goal_world.unwrap() - sim.pos;

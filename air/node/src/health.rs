@@ -1,7 +1,7 @@
 //! Readiness and health: what is known of every part, and what to do where one is not right.
 
 use goshawk_autopilot::Status;
-use goshawk_core::Time;
+use goshawk_core::{OdometryFault, Time};
 use goshawk_policy::{AnswerFault, StreamFault};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
@@ -19,6 +19,8 @@ pub struct Facts {
     pub frame: Option<Time>,
     /// Last odometry's own stamp.
     pub odometry: Option<Time>,
+    /// What is false about the odometry, as the controller found.
+    pub odometry_fault: Option<OdometryFault>,
     /// Last plan.
     pub plan: Option<Time>,
     /// Why the last frame got no plan; none after a plan.
@@ -66,10 +68,7 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
             stale("image", Key::Rgbd.row().suffix, age(facts.frame), FRAME_STALE_S, refused.0)
                 .or_else(|| facts.camera_fault.map(|fault| fault.text().to_owned())),
         ),
-        check(
-            "odometry",
-            stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1),
-        ),
+        check("odometry", odometry_problem(facts, age(facts.odometry), refused.1)),
         check("autopilot", facts.line.clone().or_else(|| autopilot.problem())),
         check("policy", policy_problem(facts, age(facts.plan))),
         check("battery", battery_problem(autopilot, battery_start)),
@@ -84,6 +83,11 @@ fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u6
         Some(age) if age > limit_s => Some(format!("the last {what} is {age:.1} s old: is {source} running?{refused}")),
         Some(_) => None,
     }
+}
+
+fn odometry_problem(facts: &Facts, age_s: Option<f64>, refused: u64) -> Option<String> {
+    let stale = stale("odometry sample", "the odometry source", age_s, ODOMETRY_STALE_S, refused);
+    stale.or_else(|| facts.odometry_fault.filter(|fault| !fault.is_passing()).map(|fault| fault.to_string()))
 }
 
 /// Too little charge for a flight.
@@ -172,6 +176,8 @@ mod tests {
         only(&Facts { frame: None, ..good().0 }, &status, now, "camera");
         only(&Facts { frame: Some(Time::from_secs(9.0)), ..good().0 }, &status, now, "camera");
         only(&Facts { odometry: None, ..good().0 }, &status, now, "odometry");
+        let fault = Some(OdometryFault::PositionDisagrees);
+        only(&Facts { odometry_fault: fault, ..good().0 }, &status, now, "odometry");
         only(&Facts { plan_failed: Some("NaN".to_owned()), ..good().0 }, &status, now, "policy");
         only(&Facts { recorder_failed: Some("disk full".to_owned()), ..good().0 }, &status, now, "recorder");
         only(&Facts { camera_fault: Some(StreamFault::Frozen), ..good().0 }, &status, now, "camera");

@@ -7,7 +7,7 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
-use goshawk_core::{ControllerOutput, Mode, Odometry, Time};
+use goshawk_core::{ControllerOutput, Mode, Odometry, OdometryFault, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
@@ -236,11 +236,26 @@ impl Telemetry {
             self.sequences.control += 1;
         }
         self.log.record(Key::Control, stamp, message);
+        self.take_odometry_fault(output.odometry_fault);
         if let Some(t) = output.transition {
             self.event(v1::Severity::Info, "mode", format!("{:?} → {:?}: {}", t.from, t.to, t.cause));
         }
         if output.transition.is_some() && matches!(output.mode, Mode::Landed | Mode::Idle | Mode::Ready) {
             self.log.finish_soon(stamp);
+        }
+    }
+
+    /// Says what is false about the odometry when it shows, and when it is over.
+    fn take_odometry_fault(&mut self, fault: Option<OdometryFault>) {
+        let before = std::mem::replace(&mut self.facts.odometry_fault, fault);
+        match (before, fault) {
+            (before, Some(fault)) if before != Some(fault) => {
+                self.event(v1::Severity::Warning, "odometry", fault.to_string());
+            }
+            (Some(before), None) if !before.is_passing() => {
+                self.event(v1::Severity::Info, "odometry", "no contradiction any more".to_owned());
+            }
+            _ => {}
         }
     }
 

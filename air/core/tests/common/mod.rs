@@ -184,6 +184,7 @@ pub struct Loop {
     plan: Option<Plan>,
     ticks: u64,
     thrust: f64,
+    rates: Vec3,
     still: f64,
 }
 
@@ -228,6 +229,7 @@ impl Loop {
             plan: None,
             ticks: 0,
             thrust: 0.0,
+            rates: Vec3::zeros(),
             still: 0.0,
         }
     }
@@ -258,7 +260,7 @@ impl Loop {
                 pos_world: self.turn() * self.pos + self.odometry_offset,
                 vel_world: self.turn() * self.vel,
                 world_from_body: self.turn() * self.attitude,
-                ang_vel_body: Vec3::zeros(),
+                ang_vel_body: self.rates,
                 reset_counter: self.reset_counter,
             });
         }
@@ -330,7 +332,9 @@ impl Loop {
         let running = self.autopilot.armed && setpoint.is_some();
         if let (Some(setpoint), true) = (setpoint, running) {
             let wanted = self.turn().inverse() * setpoint.world_from_body;
-            self.attitude = self.attitude.slerp(&wanted, DT / self.lag);
+            let before = self.attitude;
+            self.attitude = before.slerp(&wanted, DT / self.lag);
+            self.rates = (before.inverse() * self.attitude).scaled_axis() / DT;
             self.thrust = setpoint.thrust.0 / 0.25 * GRAVITY / self.heaviness;
         } else {
             self.thrust = 0.0;
