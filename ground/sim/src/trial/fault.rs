@@ -3,6 +3,7 @@
 
 mod camera;
 mod network;
+mod odometry;
 
 use std::cell::Cell;
 use std::fmt;
@@ -16,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::sensor::mix;
 pub use camera::{CameraFault, Tampered};
 pub use network::{FaultyNetwork, NetworkFault};
+pub use odometry::{Falsified, OdometryError, followed};
 
 /// A fault begins so long after the task's beginning, s: drawn evenly.
 const ONSET_S: [f64; 2] = [1.0, 4.0];
@@ -27,6 +29,8 @@ pub enum Fault {
     Camera(CameraFault),
     /// In the network's answers.
     Network(NetworkFault),
+    /// In the estimate of the motion.
+    Odometry(OdometryError),
 }
 
 impl Fault {
@@ -35,7 +39,8 @@ impl Fault {
     pub fn all() -> Vec<Fault> {
         let camera = CameraFault::ALL.map(Fault::Camera);
         let network = NetworkFault::ALL.map(Fault::Network);
-        camera.into_iter().chain(network).collect()
+        let odometry = OdometryError::ALL.map(Fault::Odometry);
+        camera.into_iter().chain(network).chain(odometry).collect()
     }
 
     /// Its name on the command line and in tables.
@@ -44,6 +49,7 @@ impl Fault {
         match self {
             Fault::Camera(fault) => fault.name(),
             Fault::Network(fault) => fault.name(),
+            Fault::Odometry(error) => error.name(),
         }
     }
 
@@ -53,12 +59,16 @@ impl Fault {
         match self {
             Fault::Camera(fault) => fault.noticed_as(),
             Fault::Network(fault) => fault.noticed_as(),
+            Fault::Odometry(error) => error.noticed_as(),
         }
     }
 
-    /// When it begins in the flight of this seed, s after the task's beginning.
+    /// When it begins in the flight of this seed, s after the task's beginning; 0: it is there from the first.
     #[must_use]
     pub fn onset_s(self, seed: u64) -> f64 {
+        if self == Fault::Odometry(OdometryError::HeadingFromStart) {
+            return 0.0;
+        }
         ChaCha8Rng::seed_from_u64(mix(seed, 21)).random_range(ONSET_S[0]..ONSET_S[1])
     }
 }
@@ -116,6 +126,15 @@ impl Injection {
     #[must_use]
     pub fn acting(&self) -> Option<Fault> {
         self.fault.filter(|_| self.begun.is_some())
+    }
+
+    /// What is wrong with the estimate of the motion, and since when.
+    #[must_use]
+    pub fn odometry(&self) -> Option<(OdometryError, Time)> {
+        match self.fault {
+            Some(Fault::Odometry(error)) => self.begun.map(|begun| (error, begun)),
+            _ => None,
+        }
     }
 
     /// True from the onset on, for whom the time is not told.

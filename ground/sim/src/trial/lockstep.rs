@@ -13,7 +13,7 @@ use goshawk_core::{Cause, Command, Mode, Profile};
 use super::airframe::{Mount, airframe};
 use super::autopilot::Obliging;
 use super::estimator::Estimator;
-use super::fault::{Injection, Tampered};
+use super::fault::{Falsified, Injection, Tampered, followed};
 use super::judge::{Contact, Follower, Judge, clearance, in_view};
 use super::scene::Scene;
 use super::{Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
@@ -57,6 +57,7 @@ pub(super) struct Lockstep<'a> {
     pending: VecDeque<InFlight>,
     injection: Injection,
     tampered: Tampered,
+    falsified: Falsified,
     /// Faults that the vehicle has named: s since the Start command, and the name.
     named: Vec<(f64, &'static str)>,
     /// Those that it names now.
@@ -107,6 +108,7 @@ impl<'a> Lockstep<'a> {
             pending: VecDeque::new(),
             injection,
             tampered: Tampered::new(config.seed),
+            falsified: Falsified::new(config.seed),
             named: Vec::new(),
             naming: Vec::new(),
             judge: Judge::default(),
@@ -176,6 +178,7 @@ impl<'a> Lockstep<'a> {
             self.estimator.observe(now, self.quad.state());
         }
         while let Some(odometry) = self.estimator.known(now) {
+            let odometry = self.falsified.apply(self.injection.odometry(), &odometry);
             self.onboard.take_odometry(&odometry);
         }
     }
@@ -233,7 +236,8 @@ impl<'a> Lockstep<'a> {
         if self.step.is_multiple_of(WIND_STEPS) {
             self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
-        let demand = self.autopilot.demand(now);
+        let error = self.injection.odometry().map(|(error, _)| error);
+        let demand = self.autopilot.demand(now).map(|demand| followed(error, demand));
         let world = &self.scene.world;
         self.quad.step(STEP_S, demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
         if self.in_task(now) {

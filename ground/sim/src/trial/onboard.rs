@@ -4,8 +4,8 @@ use goshawk_air::config::Vehicle;
 use goshawk_air::inputs::{FlightController, FrameInput, StepInput, plain_odometry};
 use goshawk_air::sensors;
 use goshawk_core::{
-    AutopilotStatus, Command, ControllerInput, ControllerOutput, History, Mode, NetworkOutput, Odometry, Plan, Planner,
-    PlanningDemand, Time, Vec3,
+    AutopilotStatus, Command, ControllerInput, ControllerOutput, History, Mode, NetworkOutput, Odometry, OdometryFault,
+    Plan, Planner, PlanningDemand, Time, Vec3,
 };
 use goshawk_policy::{
     AnswerMonitor, Arrival, Contract, Moving, Policy, PolicyError, Preprocessor, Source, StreamMonitor,
@@ -119,6 +119,7 @@ pub struct Onboard<'a> {
     mode: Mode,
     /// The plan that a dead network made: it is not flown.
     withheld: Option<u64>,
+    odometry_fault: Option<OdometryFault>,
 }
 
 impl<'a> Onboard<'a> {
@@ -142,6 +143,7 @@ impl<'a> Onboard<'a> {
             answers,
             mode: Mode::Idle,
             withheld: None,
+            odometry_fault: None,
         })
     }
 }
@@ -193,12 +195,14 @@ impl Pilot for Onboard<'_> {
         self.history.push_acceleration(now, output.acc_des_world);
         self.demand = output.planning;
         self.mode = output.mode;
+        self.odometry_fault = output.odometry_fault;
         output
     }
 
     fn faults(&self) -> Vec<&'static str> {
         let stream = self.stream.fault().map(|fault| fault.name());
-        stream.into_iter().chain(self.answers.fault().map(|fault| fault.name())).collect()
+        let answers = self.answers.fault().map(|fault| fault.name());
+        stream.into_iter().chain(answers).chain(self.odometry_fault.map(OdometryFault::name)).collect()
     }
 
     fn frame_input(&self) -> Option<&FrameInput> {
