@@ -16,8 +16,10 @@
 //! itself moves the frame and no more: velocity and attitude are good, and nothing that is flown needs the place itself.
 //! All else is distrust: from the sample on in which a check fails, until all of them have held for [`AGAIN`].
 
+mod heading;
+
 use crate::types::{Odometry, Rot, Time, Vec3};
-use std::f64::consts::PI;
+use heading::Heading;
 
 /// What is false about the odometry; displays as a sentence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -86,6 +88,8 @@ impl std::fmt::Display for OdometryFault {
     }
 }
 
+/// The same numbers in position, velocity and attitude for so long: nothing of it is alive, s.
+const COPIED: f64 = 0.1;
 /// Time constant of the position's check, s.
 const POSITION_TIME: f64 = 1.0;
 /// Its gate, m: half a metre a second for long, 3 m/s for 0.2 s.
@@ -142,8 +146,9 @@ pub struct Trust {
     position: Vec3,
     velocity: Vec3,
     heading: Heading,
-    /// How long the estimate has repeated itself, s.
+    /// How long the position or the velocity has repeated itself, and how long all of the estimate, s.
     repeated: f64,
+    copied: f64,
     jumps: f64,
     /// By how much the attitude turned without its rates, all in all.
     turned: Rot,
@@ -174,7 +179,8 @@ impl Trust {
     #[must_use]
     pub fn doubt(&self) -> f64 {
         let position = self.position.norm() / POSITION_GATE;
-        position.max(self.velocity.norm() / VELOCITY_GATE).max(self.jumps / JUMPS.1).max(self.repeated / FROZEN)
+        let sums = position.max(self.velocity.norm() / VELOCITY_GATE).max(self.jumps / JUMPS.1);
+        sums.max(self.repeated / FROZEN).max(self.copied / COPIED)
     }
 
     /// Takes a step in flight. Returns a fault that was not known before it.
@@ -185,7 +191,7 @@ impl Trust {
             self.distrust = failed.filter(|fault| !fault.is_passing()).map(|fault| Distrust::new(fault, step));
             return failed;
         };
-        distrust.go_on(step, failed, holds);
+        distrust.go_on(step, failed, holds, self.copied > COPIED);
         if distrust.is_over(step.new.stamp) {
             self.distrust = None;
         }
@@ -201,6 +207,8 @@ impl Trust {
         if turned.angle() > TURN_GATE.0 + TURN_GATE.1 * dt {
             self.turned = turned * self.turned;
             Some(OdometryFault::AttitudeTurned)
+        } else if self.copied > COPIED {
+            Some(OdometryFault::Frozen)
         } else if self.velocity.norm() > VELOCITY_GATE {
             Some(OdometryFault::VelocityStepped)
         } else if away {
@@ -228,6 +236,8 @@ impl Trust {
         }
         let same = new.pos_world == last.pos_world || new.vel_world == last.vel_world;
         self.repeated = if same { self.repeated + dt } else { 0.0 };
+        let copy = Odometry { stamp: new.stamp, ..*last } == *new;
+        self.copied = if copy { self.copied + dt } else { 0.0 };
         let changed = new.vel_world - last.vel_world;
         self.velocity += changed - (step.acc_model + step.disturbance) * dt;
         self.heading.step(dt, step.acc_model, changed)
@@ -250,8 +260,8 @@ impl Distrust {
         }
     }
 
-    fn go_on(&mut self, step: &Step, failed: Option<OdometryFault>, holds: bool) {
-        let attitude = !failed.is_some_and(OdometryFault::is_of_attitude);
+    fn go_on(&mut self, step: &Step, failed: Option<OdometryFault>, holds: bool, copied: bool) {
+        let attitude = !copied && !failed.is_some_and(OdometryFault::is_of_attitude);
         self.vel_world = self.vel_world.filter(|_| attitude).map(|vel| reckoned(vel, step, self.disturbance));
         // A heading that is wrong shows only while the vehicle tilts, which it does not any more.
         let may_hold = self.fault != OdometryFault::HeadingDisagrees && failed != Some(OdometryFault::HeadingDisagrees);
@@ -268,66 +278,5 @@ fn reckoned(vel_world: Vec3, step: &Step, disturbance: Vec3) -> Vec3 {
     vel_world + (step.acc_model + disturbance) * step.dt
 }
 
-/// Length of a block, s: single velocities are too noisy to tell an acceleration.
-const BLOCK: f64 = 0.1;
-/// What is steady is taken out with this time constant, s: wind, drag, a tilt that is a little off.
-const STEADY: f64 = 2.0;
-/// Time constant of the sums, s.
-const SUMS: f64 = 1.0;
-/// The modelled acceleration must vary by so much, ∫ |u|² dt in m²/s³, before it tells anything.
-const EXCITED: f64 = 1.5;
-/// And the motion must be it, turned: amplitude over the model's, and the share that it explains.
-const GAIN: f64 = 0.5;
-const COHERENCE: f64 = 0.6;
-/// By more than this, rad: less still flies, and is the attitude loop's own business.
-const AWAY: f64 = PI / 3.0;
-
-/// Yaw against motion: the regression of the acceleration on the modelled one, as complex numbers of the plane.
-#[derive(Clone, Copy, Debug, Default)]
-struct Heading {
-    time: f64,
-    model: [f64; 2],
-    motion: [f64; 2],
-    steady: Option<[[f64; 2]; 2]>,
-    /// ∫ |u|², |v̇|², u · v̇, u × v̇.
-    sums: [f64; 4],
-}
-
-impl Heading {
-    /// Takes `dt` s. Returns whether the motion is turned away from the model at the end of a block.
-    fn step(&mut self, dt: f64, acc_model: Vec3, changed: Vec3) -> bool {
-        self.time += dt;
-        for axis in 0..2 {
-            self.model[axis] += acc_model[axis] * dt;
-            self.motion[axis] += changed[axis];
-        }
-        if self.time < BLOCK {
-            return false;
-        }
-        let time = std::mem::take(&mut self.time);
-        let block = [std::mem::take(&mut self.model), std::mem::take(&mut self.motion)].map(|v| v.map(|x| x / time));
-        let share = 1.0 - (-time / STEADY).exp();
-        let steady = self.steady.get_or_insert(block);
-        for (steady, block) in steady.iter_mut().flatten().zip(block.iter().flatten()) {
-            *steady += (block - *steady) * share;
-        }
-        let [u, w] = [0, 1].map(|i| [0, 1].map(|axis| block[i][axis] - steady[i][axis]));
-        let products = [
-            u[0] * u[0] + u[1] * u[1],
-            w[0] * w[0] + w[1] * w[1],
-            u[0] * w[0] + u[1] * w[1],
-            u[0] * w[1] - u[1] * w[0],
-        ];
-        let keep = (-time / SUMS).exp();
-        for (sum, product) in self.sums.iter_mut().zip(products) {
-            *sum = *sum * keep + product * time;
-        }
-        self.is_away()
-    }
-
-    fn is_away(&self) -> bool {
-        let [uu, ww, along, across] = self.sums;
-        let common = along.hypot(across);
-        uu > EXCITED && common > GAIN * uu && common * common > COHERENCE * uu * ww && across.atan2(along).abs() > AWAY
-    }
-}
+#[cfg(test)]
+mod tests;
