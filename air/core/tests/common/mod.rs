@@ -174,6 +174,10 @@ pub struct Loop {
     pub odometry_offset: Vec3,
     /// Turns the odometry's frame about the vertical.
     pub odometry_turn: f64,
+    /// Added to the odometry's velocity.
+    pub velocity_offset: Vec3,
+    /// Turns the odometry's attitude alone about the vertical; the autopilot flies by the same.
+    pub heading_error: f64,
     pub reset_counter: u32,
     pub ready: bool,
     pub ground: f64,
@@ -219,6 +223,8 @@ impl Loop {
             odometry_works: true,
             odometry_offset: Vec3::zeros(),
             odometry_turn: 0.0,
+            velocity_offset: Vec3::zeros(),
+            heading_error: 0.0,
             reset_counter: 0,
             ready: true,
             ground: 0.0,
@@ -258,8 +264,8 @@ impl Loop {
             self.odometry = Some(Odometry {
                 stamp: self.now,
                 pos_world: self.turn() * self.pos + self.odometry_offset,
-                vel_world: self.turn() * self.vel,
-                world_from_body: self.turn() * self.attitude,
+                vel_world: self.turn() * self.vel + self.velocity_offset,
+                world_from_body: self.heading() * self.turn() * self.attitude,
                 ang_vel_body: self.rates,
                 reset_counter: self.reset_counter,
             });
@@ -314,6 +320,10 @@ impl Loop {
         Rot::from_axis_angle(&Vec3::z_axis(), self.odometry_turn)
     }
 
+    fn heading(&self) -> Rot {
+        Rot::from_axis_angle(&Vec3::z_axis(), self.heading_error)
+    }
+
     fn autopilot_takes(&mut self, output: &ControllerOutput) {
         if let Some(request) = output.request {
             self.requests.push((self.seconds(), request));
@@ -331,7 +341,7 @@ impl Loop {
         let setpoint = output.setpoint.filter(|_| self.autopilot.offboard);
         let running = self.autopilot.armed && setpoint.is_some();
         if let (Some(setpoint), true) = (setpoint, running) {
-            let wanted = self.turn().inverse() * setpoint.world_from_body;
+            let wanted = (self.heading() * self.turn()).inverse() * setpoint.world_from_body;
             let before = self.attitude;
             self.attitude = before.slerp(&wanted, DT / self.lag);
             self.rates = (before.inverse() * self.attitude).scaled_axis() / DT;
