@@ -189,6 +189,9 @@ impl Trust {
         let holds = failed.is_none() && self.turned.angle() < TURN_GATE.0 && self.doubt() < HYSTERESIS;
         let Some(distrust) = &mut self.distrust else {
             self.distrust = failed.filter(|fault| !fault.is_passing()).map(|fault| Distrust::new(fault, step));
+            if self.distrust.is_some() {
+                self.heading = Heading::default();
+            }
             return failed;
         };
         distrust.go_on(step, failed, holds, self.copied > COPIED);
@@ -200,6 +203,8 @@ impl Trust {
 
     /// The most telling check that fails.
     fn check(&mut self, step: &Step) -> Option<OdometryFault> {
+        // Before the step: a velocity that steps is no motion that the heading could explain.
+        let suspected = self.heading.is_suspected();
         let away = self.sum(step);
         let Step { last, new, dt, .. } = *step;
         let rates = (last.ang_vel_body + new.ang_vel_body) * (0.5 * dt);
@@ -209,10 +214,10 @@ impl Trust {
             Some(OdometryFault::AttitudeTurned)
         } else if self.copied > COPIED {
             Some(OdometryFault::Frozen)
+        } else if away || (suspected && self.velocity.norm() > VELOCITY_GATE) {
+            Some(OdometryFault::HeadingDisagrees)
         } else if self.velocity.norm() > VELOCITY_GATE {
             Some(OdometryFault::VelocityStepped)
-        } else if away {
-            Some(OdometryFault::HeadingDisagrees)
         } else if self.repeated > FROZEN {
             Some(OdometryFault::Frozen)
         } else if self.position.norm() > POSITION_GATE || self.jumps > JUMPS.1 {

@@ -12,8 +12,10 @@ const SUMS: f64 = 1.0;
 /// The modelled acceleration must vary by so much, ∫ |u|² dt in m²/s³, before it tells anything.
 const EXCITED: f64 = 0.5;
 /// And the motion must be it, turned: amplitude over the model's, and the share that it explains.
-const GAIN: f64 = 0.5;
-const COHERENCE: f64 = 0.6;
+const GAIN: f64 = 0.7;
+const COHERENCE: f64 = 0.7;
+/// For so many blocks in a row: a gust that is leaned against late looks like it for a moment.
+const BLOCKS: u32 = 3;
 /// By more than this, rad: less still flies, and is the attitude loop's own business.
 const AWAY: f64 = PI / 3.0;
 
@@ -26,6 +28,8 @@ pub(super) struct Heading {
     steady: Option<[[f64; 2]; 2]>,
     /// ∫ |u|², |v̇|², u · v̇, u × v̇.
     sums: [f64; 4],
+    /// Blocks in a row whose end found it turned away.
+    away: u32,
 }
 
 impl Heading {
@@ -57,7 +61,13 @@ impl Heading {
         for (sum, product) in self.sums.iter_mut().zip(products) {
             *sum = *sum * keep + product * time;
         }
-        self.is_away()
+        self.away = if self.is_away() { self.away + 1 } else { 0 };
+        self.away >= BLOCKS
+    }
+
+    /// The last block found it turned away, which is not enough by itself.
+    pub(super) fn is_suspected(&self) -> bool {
+        self.away > 0
     }
 
     fn is_away(&self) -> bool {
