@@ -4,8 +4,8 @@
 use crate::error::{ConfigError, check, not_negative, positive};
 use crate::lag::LagConfig;
 use crate::limits::LimitsConfig;
-use crate::separation::SeparationConfig;
 use crate::mission::StopAction;
+use crate::separation::SeparationConfig;
 use crate::thrust::ThrustConfig;
 use crate::types::{GRAVITY, Newtons, NormalisedThrust};
 use crate::view::ViewConfig;

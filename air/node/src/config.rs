@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use goshawk_core::{
     CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
-    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig, SeparationConfig, StopAction,
-    TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig,
+    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig,
+    SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig,
 };
 use goshawk_policy::{Provider, RateLimits};
 use serde::Deserialize;

@@ -61,6 +61,7 @@ pub fn config() -> ControllerConfig {
             battery_start: 0.3,
             battery_land: 0.15,
         },
+        separation: SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 },
     }
 }
 
