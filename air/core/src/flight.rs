@@ -48,8 +48,7 @@ impl Controller {
             self.rest();
             return self.on_ground(request);
         }
-        let stale = self.config.ladder.odometry_stale;
-        let Some(odometry) = self.motion.fresh(now, stale).copied() else {
+        let Some(odometry) = self.believed(now).copied() else {
             if self.flight.as_ref().is_some_and(|flight| !flight.lifted) {
                 self.rest();
                 return self.on_ground(request);
@@ -77,13 +76,13 @@ impl Controller {
         self.output(now, request, &intent, &command, yaw, free)
     }
 
-    /// Take-off's, landing's and the fault's requests.
+    /// Take-off's, landing's, the fault's and a given-up take-off's requests.
     fn sequence(&mut self, now: Time, input: &ControllerInput) -> Option<Request> {
         let mission = &self.config.mission;
         match self.mode {
             Mode::Takeoff => self.flight.as_mut()?.takeoff.step(mission, now, &input.autopilot),
             Mode::Stopping => {
-                let climb = self.motion.fresh(now, self.config.ladder.odometry_stale).map(|o| o.vel_world.z);
+                let climb = self.believed(now).map(|o| o.vel_world.z);
                 let stopped = self.hover.is_stopped();
                 let landing = &mut self.flight.as_mut()?.landing;
                 // Without odometry the landing waits, but for a cut that has begun.
@@ -95,7 +94,7 @@ impl Controller {
             Mode::Fault if self.handing_back && input.autopilot.offboard => {
                 repeat(&mut self.asked_back, now, mission.request_period).then_some(Request::HandBack)
             }
-            _ => None,
+            _ => self.abandoned.as_mut().and_then(|abandoned| abandoned.step(mission, now, &input.autopilot)),
         }
     }
 

@@ -48,6 +48,9 @@ pub enum Refusal {
     /// No fresh odometry.
     #[error("not ready: odometry is missing or stale; check the state estimator")]
     OdometryStale,
+    /// The autopilot says that its position or velocity is not valid.
+    #[error("not ready: the autopilot has no valid position; see what its estimator lacks (GPS, flow, VIO)")]
+    NoPosition,
     /// The battery is too low to begin.
     #[error("not ready: the battery is low; change or charge it")]
     BatteryLow,
@@ -81,6 +84,9 @@ pub struct AutopilotStatus {
     pub landed: Option<bool>,
     /// Charge left, 0..=1; none: not measured.
     pub battery: Option<f64>,
+    /// Its estimate of horizontal position and velocity, by which we fly, is valid; none: it does not say, or we fly by
+    /// an estimate that is not its own.
+    pub position: Option<bool>,
 }
 
 /// What one step sees.

@@ -79,6 +79,8 @@ pub enum Cause {
     OdometryLost,
     /// Odometry went on contradicting itself.
     OdometryFalse,
+    /// The autopilot's position stayed invalid.
+    PositionLost,
     /// The operator's Stop.
     StopCommand,
     /// The autopilot has fallen silent.
@@ -125,12 +127,13 @@ pub enum Cause {
 
 impl Cause {
     /// All causes.
-    pub const ALL: [Cause; 26] = [
+    pub const ALL: [Cause; 27] = [
         Cause::TouchedDown,
         Cause::Disarmed,
         Cause::ModeTakenAway,
         Cause::OdometryLost,
         Cause::OdometryFalse,
+        Cause::PositionLost,
         Cause::StopCommand,
         Cause::AutopilotLost,
         Cause::BatteryLow,
@@ -163,6 +166,7 @@ impl std::fmt::Display for Cause {
             Cause::ModeTakenAway => "offboard was taken away by the pilot or a failsafe",
             Cause::OdometryLost => "odometry stayed stale",
             Cause::OdometryFalse => "odometry contradicts itself",
+            Cause::PositionLost => "the autopilot has lost its position",
             Cause::StopCommand => "the operator's Stop",
             Cause::AutopilotLost => "the autopilot has fallen silent",
             Cause::BatteryLow => "the battery is low",

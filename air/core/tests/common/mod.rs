@@ -214,6 +214,7 @@ impl Loop {
                 offboard: false,
                 landed: Some(true),
                 battery: None,
+                position: None,
             },
             accepts_offboard: true,
             accepts_arming: true,
