@@ -1,26 +1,33 @@
 //! What is known of the autopilot: packets in, newest values out. Pure; time is an argument.
 
+use crate::arming::Arming;
 use crate::clock::ClockMap;
 use crate::commands::{Ack, Command, Outcome};
 use crate::estimate::Estimate;
 use crate::events::AutopilotEvent;
 use crate::firmware::{Firmware, GUIDED_OPTIONS, Identity};
 use crate::messages::{
-    CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage, MavModeFlag, MavState,
-    PARAM_VALUE_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
+    CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavAutopilot, MavLandedState, MavMessage, MavModeFlag,
+    MavState, PARAM_VALUE_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
 use crate::mode::FlightMode;
 use crate::parameters::{self, Parameter};
 use crate::pose::Unusable;
 use crate::status::{Counters, Imu, Status, StatusText};
+use crate::validity::Validity;
 use crate::wire::{Packet, Reject};
 use goshawk_core::types::{Odometry, Time};
+use mavlink::MavHeader;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Without a heartbeat for this long the autopilot counts as gone.
 pub const HEARTBEAT_TIMEOUT_S: f64 = 3.0;
 /// Texts and events kept for whoever takes them; older ones go first.
 const NOTES_KEPT: usize = 64;
+/// Nothing heard for this long, s: it may be starting again. Its fastest stream comes at 100 Hz, its slowest at 1 Hz.
+const HEARD_S: f64 = 1.5;
+/// Its time since boot going back by more than this, ms, means that it has started again.
+const RESTART_MS: u32 = 1_000;
 
 /// What taking a packet asks of the link.
 #[derive(Clone, Debug, Default)]
@@ -29,6 +36,8 @@ pub struct Accepted {
     pub reply: Option<MavMessage>,
     /// First heartbeat after silence, or after a restart: ask for the streams again.
     pub greet: bool,
+    /// It has started again: whatever it was asked before is void.
+    pub restarted: bool,
 }
 
 /// The newest of everything that the autopilot says.
@@ -49,9 +58,17 @@ pub struct View {
     intended_mode: Option<FlightMode>,
     battery_fraction: Option<f64>,
     estimate: Estimate,
+    validity: Validity,
+    arming: Arming,
     parameters: BTreeMap<String, Parameter>,
     texts: VecDeque<StatusText>,
     events: VecDeque<(Time, AutopilotEvent)>,
+    /// When anything of it last came.
+    heard: Option<Time>,
+    /// Its newest time since boot, ms.
+    boot_ms: u32,
+    /// An autopilot of other ids that is heard: system and component.
+    other: Option<(u8, u8)>,
     /// Traffic; the link adds what it alone sees.
     pub counters: Counters,
 }
@@ -76,9 +93,14 @@ impl View {
             intended_mode: None,
             battery_fraction: None,
             estimate: Estimate::default(),
+            validity: Validity::default(),
+            arming: Arming::default(),
             parameters: BTreeMap::new(),
             texts: VecDeque::with_capacity(NOTES_KEPT),
             events: VecDeque::with_capacity(NOTES_KEPT),
+            heard: None,
+            boot_ms: 0,
+            other: None,
             counters: Counters::default(),
         }
     }
@@ -86,11 +108,18 @@ impl View {
     /// Is this packet the autopilot's?
     #[must_use]
     pub fn is_target(&self, packet: &Packet) -> bool {
-        packet.header.system_id == u32::from(self.target_system) && packet.header.component_id == self.target_component
+        self.is_ours(&packet.header)
     }
 
-    /// Counts what was no packet.
-    pub fn reject(&mut self, reject: Reject) {
+    fn is_ours(&self, header: &MavHeader) -> bool {
+        header.system_id == u32::from(self.target_system) && header.component_id == self.target_component
+    }
+
+    /// Counts what was no packet. `from`: the header of one that only we cannot read, which is not lost.
+    pub fn reject(&mut self, reject: Reject, from: Option<MavHeader>) {
+        if let Some(header) = from.filter(|header| self.is_ours(header)) {
+            self.follow(header.sequence);
+        }
         let counter = match reject {
             Reject::Garbage => &mut self.counters.garbage,
             Reject::Truncated => &mut self.counters.truncated,
@@ -104,22 +133,28 @@ impl View {
     pub fn accept(&mut self, now: Time, packet: &Packet) -> Accepted {
         let mut accepted = Accepted::default();
         if !self.is_target(packet) {
-            self.counters.foreign += 1;
+            self.foreign(packet);
             return accepted;
         }
         self.counters.received += 1;
-        if let Some(last) = self.sequence.replace(packet.header.sequence) {
-            let gap = packet.header.sequence.wrapping_sub(last).wrapping_sub(1);
-            // More than half the circle is a packet that came late, not 128 that were lost.
-            self.counters.lost += if gap < 128 { u64::from(gap) } else { 0 };
-        }
+        self.heard = Some(now);
+        accepted.restarted = self.has_restarted(&packet.message);
+        self.follow(packet.header.sequence);
+        let flies = self.landed == Some(false);
+        self.validity.take(now, &packet.message, self.firmware, flies);
         match &packet.message {
             MavMessage::HEARTBEAT(heartbeat) => accepted.greet = self.heartbeat(now, heartbeat),
             MavMessage::CURRENT_MODE(mode) => self.current_mode(mode),
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = landed(state),
-            MavMessage::SYS_STATUS(status) => self.battery_fraction = percent(status.battery_remaining),
+            MavMessage::SYS_STATUS(status) => {
+                self.battery_fraction = percent(status.battery_remaining);
+                self.arming.sys_status(self.firmware, status);
+            }
             MavMessage::BATTERY_STATUS(battery) => self.battery_fraction = percent(battery.battery_remaining),
-            MavMessage::EVENT(event) => self.event(now, AutopilotEvent::of(event)),
+            MavMessage::EVENT(event) => {
+                self.arming.event(event);
+                self.event(now, AutopilotEvent::of(event));
+            }
             MavMessage::STATUSTEXT(text) => self.text(now, text),
             MavMessage::PARAM_VALUE(value) => self.parameter_told(value),
             MavMessage::TIMESYNC(sync) => accepted.reply = self.timesync(now, sync),
@@ -130,6 +165,66 @@ impl View {
             },
         }
         accepted
+    }
+
+    /// Counts a packet of another system or component, and remembers an autopilot among them.
+    pub fn foreign(&mut self, packet: &Packet) {
+        self.counters.foreign += 1;
+        let MavMessage::HEARTBEAT(heartbeat) = &packet.message else { return };
+        if heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID {
+            self.other = u8::try_from(packet.header.system_id).ok().map(|system| (system, packet.header.component_id));
+        }
+    }
+
+    /// Counts what is missing before `sequence`.
+    fn follow(&mut self, sequence: u8) {
+        if let Some(last) = self.sequence.replace(sequence) {
+            let gap = sequence.wrapping_sub(last).wrapping_sub(1);
+            // More than half the circle is a packet that came late, not 128 that were lost.
+            self.counters.lost += if gap < 128 { u64::from(gap) } else { 0 };
+        }
+    }
+
+    /// Its clock has gone back: forgets what the one before the restart said.
+    fn has_restarted(&mut self, message: &MavMessage) -> bool {
+        let boot_ms = match message {
+            MavMessage::ATTITUDE_QUATERNION(attitude) => attitude.time_boot_ms,
+            MavMessage::LOCAL_POSITION_NED(local) => local.time_boot_ms,
+            _ => return false,
+        };
+        let restarted = boot_ms.saturating_add(RESTART_MS) < self.boot_ms;
+        self.boot_ms = if restarted { boot_ms } else { self.boot_ms.max(boot_ms) };
+        if restarted {
+            let mut new = Self::new(self.target_system, self.target_component, self.firmware);
+            std::mem::swap(&mut new, self);
+            let before = new;
+            (self.boot_ms, self.heard, self.clock, self.estimate) =
+                (boot_ms, before.heard, before.clock, before.estimate);
+            (self.texts, self.events, self.counters) = (before.texts, before.events, before.counters);
+            self.counters.restarts += 1;
+        }
+        restarted
+    }
+
+    /// Something of it has come lately, so that it is still the one that was spoken to.
+    #[must_use]
+    pub fn is_heard(&self, now: Time) -> bool {
+        self.heard.is_some_and(|heard| now.since(heard) < HEARD_S)
+    }
+
+    /// On the ground it would refuse to arm, or SYS_STATUS says so: its reasons are worth asking for.
+    #[must_use]
+    pub fn refuses_to_arm(&self, now: Time) -> bool {
+        let status = self.status(now);
+        status.connected && !status.armed && (self.arming.bit_is_clear() || status.would_arm == Some(false))
+    }
+
+    /// Why it would refuse to arm, in one line; none: it would not, or does not say.
+    #[must_use]
+    pub fn refusal(&self, now: Time) -> Option<String> {
+        let status = self.status(now);
+        let refuses = status.connected && status.would_arm == Some(false);
+        refuses.then(|| format!("it refuses to arm: {}", self.arming.reasons(now)))
     }
 
     /// Notes how a command ended: an accepted arming is known before the next heartbeat says so.
@@ -168,6 +263,11 @@ impl View {
             mode: self.mode,
             intended_mode: self.intended_mode,
             battery_fraction: self.battery_fraction,
+            position: self.validity.position(now),
+            position_fault: self.validity.fault(now),
+            would_arm: if self.armed { None } else { self.arming.would_arm(self.mode) },
+            unanswered: false,
+            other: self.other,
             heartbeat_age_s,
             round_trip_s: self.clock.round_trip(now),
             counters: self.counters,
@@ -217,7 +317,9 @@ impl View {
     fn heartbeat(&mut self, now: Time, heartbeat: &HEARTBEAT_DATA) -> bool {
         let greet = !self.status(now).connected;
         if greet {
-            self.parameters.clear(); // after a restart they may be others
+            // After a restart they may be others.
+            self.parameters.clear();
+            (self.validity, self.arming) = (Validity::default(), Arming::default());
         }
         self.heartbeat = Some(now);
         self.identity = Some(Identity { autopilot: heartbeat.autopilot, vehicle: heartbeat.mavtype });
@@ -251,13 +353,14 @@ impl View {
                 self.failsafe = true;
                 self.offboard = false;
             }
-            AutopilotEvent::NoOffboardSignal | AutopilotEvent::Other(_) => {}
+            _ => {}
         }
         keep(&mut self.events, (now, event));
     }
 
     fn text(&mut self, now: Time, text: &STATUSTEXT_DATA) {
         let line = text.text.to_str().unwrap_or("(text that is not UTF-8)").trim_end_matches('\0').to_owned();
+        self.arming.text(now, &line);
         keep(&mut self.texts, StatusText { stamp: now, severity: text.severity as u8, text: line });
     }
 

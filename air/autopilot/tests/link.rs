@@ -188,3 +188,15 @@ proptest! {
         eventually(|| link.status(Time::from_secs(5.0)).connected);
     }
 }
+
+#[test]
+fn a_wrong_target_system_gets_the_advice_that_names_the_right_one() {
+    let link = open(LinkConfig { target_system: 9, ..LinkConfig::customary(anywhere()) }).unwrap();
+    let px4 = UdpSocket::bind(anywhere()).unwrap();
+    let autopilot = goshawk_autopilot::messages::MavAutopilot::MAV_AUTOPILOT_PX4;
+    let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA { autopilot, ..HEARTBEAT_DATA::default() });
+    px4.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), link.local_address().unwrap()).unwrap();
+    let advice = || link.status(Time::from_secs(5.0)).problem().unwrap();
+    eventually(|| advice().contains("target_system = 1"));
+    assert_eq!(link.peer(), None);
+}
