@@ -92,7 +92,7 @@ fn the_peer_is_learned_from_the_targets_heartbeat_only() {
     let other = UdpSocket::bind(anywhere()).unwrap();
     other.send_to(Encoder::new(9, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
     let counters = || link.status(Time::from_secs(5.0)).counters;
-    eventually(|| counters().strangers == 1);
+    eventually(|| counters().foreign == 1);
     assert_eq!(link.peer(), None);
     let autopilot = UdpSocket::bind(anywhere()).unwrap();
     autopilot.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
