@@ -187,6 +187,7 @@ fn controller_input() -> ControllerInput {
         stop: true,
         odometry_ns: Some(11_000),
         battery: Some(12.5),
+        position: Some(true),
     }
 }
 

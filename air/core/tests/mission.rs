@@ -103,7 +103,8 @@ fn asking_to_arm() -> Loop {
 
 #[test]
 fn whatever_ends_a_take_off_before_the_motors_start_stops_them_when_they_start_late() {
-    let ends: [(fn(&mut Loop), Cause); 4] = [
+    type End = (fn(&mut Loop), Cause);
+    let ends: [End; 4] = [
         (|s| s.odometry_works = false, Cause::OdometryLost),
         (|s| s.autopilot.offboard = false, Cause::ModeTakenAway),
         (|s| s.autopilot.battery = Some(0.01), Cause::BatteryLow),

@@ -169,10 +169,11 @@ pub struct Policy {
 }
 
 /// Where odometry comes from.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum OdometrySource {
     /// The autopilot's own estimate, by MAVLink.
+    #[default]
     Autopilot,
     /// `in/odometry`.
     Zenoh,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use goshawk_autopilot::{AutopilotLink, Glance};
-use goshawk_core::{Command, ControllerOutput, Odometry, Plan, PlanningDemand, Time};
+use goshawk_core::{AutopilotStatus, Command, ControllerOutput, Odometry, Plan, PlanningDemand, Time};
 
 use crate::config::OdometrySource;
 use crate::convert;
@@ -101,7 +101,7 @@ impl Control {
         let input = StepInput {
             odometry_stamp: held.odometry.map(|o| o.stamp),
             plan_seq: held.plan.as_ref().map(|plan| plan.seq),
-            autopilot: held.glance.map_or_else(Default::default, |glance| glance.status.core()),
+            autopilot: self.autopilot(held),
             command: pending.as_ref().map(|pending| pending.command),
             ready: shared.ready.load(Ordering::Relaxed),
         };
@@ -130,6 +130,14 @@ impl Control {
         {
             held.demand = Some(demand);
         }
+    }
+
+    /// The autopilot's state. Of its position only what concerns the odometry that is flown by: with one of our own, it
+    /// may well have none.
+    fn autopilot(&self, held: &Held) -> AutopilotStatus {
+        let status = held.glance.map_or_else(Default::default, |glance| glance.status.core());
+        let position = status.position.filter(|_| self.source == OdometrySource::Autopilot);
+        AutopilotStatus { position, ..status }
     }
 
     fn act(&self, held: &Held, output: &ControllerOutput) {

@@ -87,6 +87,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         policy_sha256: policy.sha256().to_owned(),
         warm_up_failed,
         battery_start: vehicle.limits.battery_start,
+        source: vehicle.sensors.odometry,
     };
     let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, identity)?;
     let _alive = bus.declare_alive()?;

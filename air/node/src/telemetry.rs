@@ -13,6 +13,7 @@ use goshawk_proto::v1;
 use goshawk_recorder::Channel;
 
 use crate::bus::{Bus, BusError, Publisher};
+use crate::config::OdometrySource;
 use crate::flightlog::FlightLog;
 use crate::health::{self, Facts};
 use crate::sensors::Frame;
@@ -39,6 +40,8 @@ pub struct Identity {
     pub warm_up_failed: Option<String>,
     /// The vehicle file's `limits.battery_start`.
     pub battery_start: f64,
+    /// Whose odometry is flown by.
+    pub source: OdometrySource,
 }
 
 struct Publishers {
@@ -71,6 +74,8 @@ pub struct Telemetry {
     flight: u64,
     profile: String,
     checks: Vec<v1::Check>,
+    /// Of the autopilot, as far as they have been told.
+    restarts: u64,
     last_control: Time,
     last_check: Time,
     last_health: Time,
@@ -95,11 +100,16 @@ impl Telemetry {
             link,
             log,
             profile: identity.profiles.first().cloned().unwrap_or_default(),
-            facts: Facts { warm_up_failed: identity.warm_up_failed.clone(), ..Facts::default() },
+            facts: Facts {
+                warm_up_failed: identity.warm_up_failed.clone(),
+                source: identity.source,
+                ..Facts::default()
+            },
             identity,
             sequences: Sequences::default(),
             flight: 0,
             checks: Vec::new(),
+            restarts: 0,
             last_control: Time(0),
             last_check: Time(0),
             last_health: Time(0),
@@ -296,12 +306,23 @@ impl Telemetry {
             let severity = if good { v1::Severity::Info } else { v1::Severity::Warning };
             self.event(severity, "autopilot", format!("{}: {}", ack.command, ack.outcome));
         }
+        for (_, event) in self.link.take_events() {
+            if let Some(words) = event.words() {
+                self.event(v1::Severity::Warning, "autopilot", words.to_owned());
+            }
+        }
         for text in self.link.take_texts() {
             self.event(v1::Severity::Info, "autopilot", text.text);
         }
         self.facts.line = self.link.line_problem();
+        self.facts.refusal = self.link.refusal(now);
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
         let (status, battery_start) = (self.link.status(now), self.identity.battery_start);
+        if status.counters.restarts > self.restarts {
+            self.restarts = status.counters.restarts;
+            let text = "it has started again: nothing that it was asked before is asked again";
+            self.event(v1::Severity::Error, "autopilot", text.to_owned());
+        }
         let checks = health::checks(&self.facts, &status, refused, battery_start, now);
         for check in &checks {
             let before = self.checks.iter().find(|c| c.name == check.name).map(|c| c.ok);

@@ -70,6 +70,7 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
     let link =
         link_config(vehicle).and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
     let parameters = vehicle.autopilot.firmware().parameters();
+    let sticks = vehicle.autopilot.firmware().stick_parameters();
     let begun = clock::now();
     let mut asked = begun;
     while clock::now().since(begun) < wait_s {
@@ -83,12 +84,16 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
             }
             if now.since(asked) > ASK_AGAIN_S {
                 asked = now;
-                for name in parameters {
+                for name in parameters.iter().chain(sticks) {
                     let _ = link.request_parameter(name); // without a peer there is nobody to ask; it is asked again
                 }
             }
         }
-        let known = link.as_ref().is_ok_and(|link| parameters.iter().all(|name| link.parameter(name).is_some()));
+        let told = |link: &AutopilotLink, name: &str| link.parameter(name).is_some();
+        let known = link.as_ref().is_ok_and(|link| {
+            let sticks = sticks.is_empty() || sticks.iter().any(|name| told(link, name));
+            parameters.iter().all(|name| told(link, name)) && sticks
+        });
         if known && lock(&frames).counted(now) && lock(&odometry).counted(now) {
             break;
         }
