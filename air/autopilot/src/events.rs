@@ -92,10 +92,18 @@ impl AutopilotEvent {
         }
     }
 
+    /// It is trouble.
+    #[must_use]
+    pub fn is_trouble(self) -> bool {
+        matches!(self, Self::FailsafeEntered | Self::GpsLost)
+    }
+
     /// What to tell the operator of it; none: other messages tell it, or it is not known.
     #[must_use]
     pub fn words(self) -> Option<&'static str> {
         match self {
+            Self::Armed => Some("the motors are armed"),
+            Self::Disarmed => Some("the motors are disarmed"),
             Self::FailsafeEntered => Some("a failsafe of the autopilot took the mode"),
             Self::GpsLost => Some("the autopilot has stopped using its GPS"),
             Self::GpsBack => Some("the autopilot uses its GPS again"),

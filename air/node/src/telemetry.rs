@@ -308,7 +308,8 @@ impl Telemetry {
         }
         for (_, event) in self.link.take_events() {
             if let Some(words) = event.words() {
-                self.event(v1::Severity::Warning, "autopilot", words.to_owned());
+                let severity = if event.is_trouble() { v1::Severity::Warning } else { v1::Severity::Info };
+                self.event(severity, "autopilot", words.to_owned());
             }
         }
         for text in self.link.take_texts() {
