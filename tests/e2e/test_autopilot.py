@@ -81,9 +81,7 @@ def test_a_position_lost_in_flight_is_told_and_comes_down_the_ladder(rig: Rig, f
     rig.sim("--seed", "5", "--spacing", "6", "--speed", "2", "--mishap", "no-position@6")
     with rig.link() as link:
         take_off(rig, link)
-        blind = link.wait_for(
-            lambda s: s.control is not None and s.control.fallback == "odometry_stale_descend", 40.0
-        )
+        blind = link.wait_for(lambda s: s.control is not None and s.control.fallback == "odometry_stale_descend", 40.0)
         assert blind is not None, rig.output("air")
         assert "NoPosition" in rig.output("sim")
         fault = link.wait_for(lambda s: s.mode == "fault", 10.0)
@@ -92,7 +90,9 @@ def test_a_position_lost_in_flight_is_told_and_comes_down_the_ladder(rig: Rig, f
         assert events is not None, [e.text for e in link.snapshot().events]
         noticed, handed_back = told(events, "no valid position"), told(events, "has lost its position")
         assert noticed is not None and handed_back is not None
-        figures.append(("no-position, in flight", f"handed back {(handed_back - noticed) * 1e-9:.1f} s after its event"))
+        figures.append(
+            ("no-position, in flight", f"handed back {(handed_back - noticed) * 1e-9:.1f} s after its event")
+        )
         assert link.wait_for(lambda s: s.health is not None and s.health.autopilot == "AUTO.LAND", 5.0) is not None
 
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, EVENT_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA, SYS_STATUS_DATA,
+    ATTITUDE_QUATERNION_DATA, EVENT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavFrame, ODOMETRY_DATA,
+    SYS_STATUS_DATA,
 };
 use crate::mode::Px4Mode;
 use mavlink::MavHeader;
