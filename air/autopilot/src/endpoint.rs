@@ -164,7 +164,7 @@ impl Endpoint {
                 if state.peer.is_none() {
                     return;
                 }
-                if !state.view.is_heard(now) {
+                if state.view.has_fallen_silent(now) {
                     state.commands.drop_orders(now);
                 }
                 state.commands.due(now, self.config.target_system, self.config.target_component)

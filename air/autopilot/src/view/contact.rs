@@ -50,10 +50,10 @@ impl View {
         restarted
     }
 
-    /// Something of it has come lately, so that it is still the one that was spoken to.
+    /// It was heard, and nothing has come lately: when it comes again, it may have started again.
     #[must_use]
-    pub fn is_heard(&self, now: Time) -> bool {
-        self.heard.is_some_and(|heard| now.since(heard) < HEARD_S)
+    pub fn has_fallen_silent(&self, now: Time) -> bool {
+        self.heard.is_some_and(|heard| now.since(heard) >= HEARD_S)
     }
 
     /// On the ground it would refuse to arm, or SYS_STATUS says so: its reasons are worth asking for.
