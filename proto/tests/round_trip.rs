@@ -75,6 +75,8 @@ fn control() -> Control {
         plan_age_s: Some(17.5),
         hover_thrust: 40.5,
         attitude_lag_s: 41.5,
+        odometry_fault: OdometryFault::Frozen.into(),
+        odometry_doubt: 43.5,
     }
 }
 
@@ -185,6 +187,7 @@ fn controller_input() -> ControllerInput {
         stop: true,
         odometry_ns: Some(11_000),
         battery: Some(12.5),
+        position: Some(true),
     }
 }
 

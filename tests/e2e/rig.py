@@ -46,9 +46,9 @@ class Rig:
         self.processes[name] = process
         return process
 
-    def air(self, *arguments: str | Path) -> subprocess.Popen[bytes]:
+    def air(self, *arguments: str | Path, vehicle: Path = VEHICLE) -> subprocess.Popen[bytes]:
         return self.spawn(
-            "air", BIN / "goshawk-air", "run", "--config", VEHICLE, "--listen", self.endpoint,
+            "air", BIN / "goshawk-air", "run", "--config", vehicle, "--listen", self.endpoint,
             "--mavlink-bind", f"127.0.0.1:{self.mavlink_port}", "--log-dir", self.logs, *arguments,
         )  # fmt: skip
 

@@ -140,13 +140,18 @@ def heartbeat(custom_mode: int, base_mode: int) -> Any:
 def test_contact_raises_the_streams_one_after_another(peer: Peer) -> None:
     peer.send(heartbeat(0x03040000, 29))
     asked: dict[int, float] = {}
-    for _ in range(5):
+    checks = peer.receive("COMMAND_LONG")
+    assert checks.command == mavlink.MAV_CMD_RUN_PREARM_CHECKS
+    peer.send(mavlink.MAVLink_command_ack_message(checks.command, mavlink.MAV_RESULT_ACCEPTED))
+    while len(asked) < 6:
         message = peer.receive("COMMAND_LONG")
+        if message.command == mavlink.MAV_CMD_RUN_PREARM_CHECKS:
+            continue
         assert message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         asked[int(message.param1)] = message.param2
         peer.send(mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_ACCEPTED))
     odometry, quaternion, imu = 331, 31, 105
-    assert asked == {odometry: 1e4, quaternion: 1e4, imu: 1e4, 436: 1e5, 245: 1e5}
+    assert asked == {odometry: 1e4, quaternion: 1e4, imu: 1e4, 436: 1e5, 245: 1e5, 230: 1e5}
 
 
 def test_timesync_is_asked_and_answered(peer: Peer) -> None:

@@ -35,6 +35,8 @@ pub enum Command {
         /// How often, Hz, above 0.
         hz: f64,
     },
+    /// MAV_CMD_RUN_PREARM_CHECKS: says again why it would not arm. Changes nothing.
+    TellChecks,
 }
 
 impl Command {
@@ -43,7 +45,13 @@ impl Command {
             Self::SetMode(_) => MavCmd::MAV_CMD_DO_SET_MODE,
             Self::Arm | Self::Disarm { .. } => MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
             Self::Stream { .. } => MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+            Self::TellChecks => MavCmd::MAV_CMD_RUN_PREARM_CHECKS,
         }
+    }
+
+    /// It changes what the autopilot does: void once it may have started again.
+    fn is_order(self) -> bool {
+        matches!(self, Self::SetMode(_) | Self::Arm | Self::Disarm { .. })
     }
 
     fn message(self, target_system: u8, target_component: u8, confirmation: u8) -> MavMessage {
@@ -55,6 +63,7 @@ impl Command {
             Self::Arm => (1.0, 0.0, 0.0),
             Self::Disarm { force } => (0.0, if force { FORCE_MAGIC } else { 0.0 }, 0.0),
             Self::Stream { message, hz } => (message as f32, (1e6 / hz).round() as f32, 0.0),
+            Self::TellChecks => (0.0, 0.0, 0.0),
         };
         MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             param1,
@@ -77,6 +86,7 @@ impl fmt::Display for Command {
             Self::Disarm { force: false } => f.write_str("disarm"),
             Self::Disarm { force: true } => f.write_str("disarm, forced"),
             Self::Stream { message, hz } => write!(f, "stream message {message} at {hz} Hz"),
+            Self::TellChecks => f.write_str("tell the pre-arm checks"),
         }
     }
 }
@@ -137,6 +147,7 @@ struct Pending {
 pub struct Commands {
     pending: VecDeque<Pending>,
     answers: VecDeque<Ack>,
+    unanswered: bool,
 }
 
 impl Commands {
@@ -161,6 +172,8 @@ impl Commands {
             if waits || (pending.attempts > 0 && now.since(pending.sent) < REPEAT_AFTER_S) {
                 index += 1;
             } else if pending.attempts == ATTEMPTS {
+                // Not every firmware answers that question; all answer the others.
+                self.unanswered |= pending.command != Command::TellChecks;
                 self.finish(index, Outcome::NoAnswer, now);
             } else {
                 self.pending[index].attempts += 1;
@@ -175,6 +188,7 @@ impl Commands {
     pub fn answered(&mut self, now: Time, ack: &COMMAND_ACK_DATA) -> Option<Ack> {
         let index =
             self.pending.iter().position(|pending| pending.attempts > 0 && pending.command.id() == ack.command)?;
+        self.unanswered = false;
         let outcome = match ack.result {
             MavResult::MAV_RESULT_IN_PROGRESS => {
                 self.pending[index].sent = now;
@@ -198,10 +212,33 @@ impl Commands {
     /// Forgets what is in flight, as for an autopilot that started again.
     pub fn clear(&mut self) {
         self.pending.clear();
+        self.unanswered = false;
+    }
+
+    /// Gives up the orders in flight: nobody is heard, and whoever is heard next may have started again.
+    pub fn drop_orders(&mut self, now: Time) {
+        while let Some(index) = self.pending.iter().position(|pending| pending.command.is_order()) {
+            self.finish(index, Outcome::NoAnswer, now);
+        }
+    }
+
+    /// The last command that was repeated to its end got no answer, and none has been answered since.
+    #[must_use]
+    pub fn unanswered(&self) -> bool {
+        self.unanswered
+    }
+
+    /// Nothing is in flight.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.pending.is_empty()
     }
 
     fn finish(&mut self, index: usize, outcome: Outcome, stamp: Time) -> Option<Ack> {
         let ack = Ack { command: self.pending.remove(index)?.command, outcome, stamp };
+        if ack.command == Command::TellChecks {
+            return Some(ack); // its answer is what comes beside the ack
+        }
         if self.answers.len() == ANSWERS_KEPT {
             self.answers.pop_front();
         }

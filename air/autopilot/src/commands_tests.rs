@@ -82,3 +82,37 @@ fn an_answer_to_nothing_is_ignored() {
     commands.submit(Command::Arm);
     assert!(commands.answered(Time(0), &stray).is_none(), "not sent yet");
 }
+
+#[test]
+fn what_is_never_answered_is_known_until_something_is() {
+    let mut commands = Commands::default();
+    commands.submit(Command::TellChecks);
+    let mut now = Time::from_secs(1.0);
+    while !commands.is_idle() {
+        commands.due(now, 1, 1);
+        now = now.plus(0.3);
+    }
+    assert!(!commands.unanswered(), "not every firmware answers that one");
+    commands.submit(Command::Arm);
+    while !commands.is_idle() {
+        commands.due(now, 1, 1);
+        now = now.plus(0.3);
+    }
+    assert!(commands.unanswered());
+    commands.submit(Command::Stream { message: 30, hz: 10.0 });
+    commands.due(now, 1, 1);
+    let ack = COMMAND_ACK_DATA { command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, ..COMMAND_ACK_DATA::default() };
+    commands.answered(now, &ack);
+    assert!(!commands.unanswered());
+}
+
+#[test]
+fn orders_are_given_up_in_a_silence_and_questions_are_not() {
+    let mut commands = Commands::default();
+    commands.submit(Command::Arm);
+    commands.submit(Command::Stream { message: 30, hz: 10.0 });
+    commands.drop_orders(Time::from_secs(1.0));
+    let sent = commands.due(Time::from_secs(1.0), 1, 1).unwrap();
+    assert!(matches!(sent, MavMessage::COMMAND_LONG(c) if c.command == MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL));
+    assert_eq!(commands.take_answers()[0].outcome, Outcome::NoAnswer);
+}

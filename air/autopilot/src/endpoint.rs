@@ -30,6 +30,8 @@ pub(crate) struct Sent {
     pub(crate) heartbeat: Option<Time>,
     pub(crate) timesync: Option<Time>,
     pub(crate) parameters: Option<Time>,
+    pub(crate) streams: Option<Time>,
+    pub(crate) checks: Option<Time>,
     pub(crate) stamp_saved: Option<Time>,
 }
 
@@ -78,7 +80,10 @@ impl Endpoint {
     }
 
     pub(crate) fn status(&self, now: Time) -> Status {
-        self.counted(self.lock().view.status(now))
+        let state = self.lock();
+        let status = Status { unanswered: state.commands.unanswered(), ..state.view.status(now) };
+        drop(state);
+        self.counted(status)
     }
 
     /// `status` with the counters that lie outside the lock.
@@ -158,6 +163,9 @@ impl Endpoint {
                 let mut state = self.lock();
                 if state.peer.is_none() {
                     return;
+                }
+                if state.view.has_fallen_silent(now) {
+                    state.commands.drop_orders(now);
                 }
                 state.commands.due(now, self.config.target_system, self.config.target_component)
             };

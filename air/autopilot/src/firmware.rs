@@ -4,8 +4,8 @@ use crate::commands::Command;
 use crate::config::StreamRates;
 use crate::copter::CopterMode;
 use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, HIGHRES_IMU_DATA,
-    LOCAL_POSITION_NED_DATA, MavAutopilot, MavType, ODOMETRY_DATA, SYS_STATUS_DATA,
+    ATTITUDE_QUATERNION_DATA, CURRENT_MODE_DATA, ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA,
+    HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavType, ODOMETRY_DATA, SYS_STATUS_DATA,
 };
 use crate::mode::{FlightMode, Px4Mode};
 use goshawk_core::Request;
@@ -85,6 +85,7 @@ impl Firmware {
                 (ATTITUDE_QUATERNION_DATA::ID, rates.attitude_hz),
                 (HIGHRES_IMU_DATA::ID, rates.imu_hz),
                 (EXTENDED_SYS_STATE_DATA::ID, rates.state_hz),
+                (ESTIMATOR_STATUS_DATA::ID, rates.state_hz),
             ],
             Self::ArduPilot(_) => vec![
                 (HEARTBEAT_DATA::ID, rates.state_hz),
@@ -103,6 +104,16 @@ impl Firmware {
         match self {
             Self::Px4 => ["COM_OF_LOSS_T", "COM_OBL_RC_ACT"],
             Self::ArduPilot(_) => [GUIDED_OPTIONS, "GUID_TIMEOUT"],
+        }
+    }
+
+    /// Parameters of which one tells whether moving a stick takes the mode from us; which, depends on its version.
+    /// None for ArduPilot: there only the mode switch does.
+    #[must_use]
+    pub fn stick_parameters(self) -> &'static [&'static str] {
+        match self {
+            Self::Px4 => &["MAN_OVERRIDE_SPD", "COM_RC_OVERRIDE"],
+            Self::ArduPilot(_) => &[],
         }
     }
 

@@ -6,6 +6,7 @@
 //! them.
 
 pub mod address;
+mod arming;
 pub mod clock;
 pub mod commands;
 pub mod config;
@@ -25,6 +26,7 @@ mod receive;
 pub mod signing;
 pub mod status;
 mod transport;
+mod validity;
 pub mod view;
 pub mod wire;
 
@@ -40,6 +42,7 @@ pub use mode::{FlightMode, Px4Mode};
 pub use parameters::Parameter;
 pub use signing::{SigningConfig, SigningKey};
 pub use status::{Counters, Imu, Status, StatusText};
+pub use validity::PositionFault;
 pub use view::View;
 
 /// The generated MAVLink messages that the link and the stand-in speak.

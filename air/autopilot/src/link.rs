@@ -79,6 +79,12 @@ impl AutopilotLink {
         self.endpoint.status(now)
     }
 
+    /// Why the autopilot would refuse to arm, in its own words where it gave any; none: it would not, or does not say.
+    #[must_use]
+    pub fn refusal(&self, now: Time) -> Option<String> {
+        self.endpoint.lock().view.refusal(now)
+    }
+
     /// Newest odometry in our clock; none: nothing usable came yet. Judge its freshness by its stamp.
     #[must_use]
     pub fn odometry(&self) -> Option<Odometry> {
@@ -96,7 +102,8 @@ impl AutopilotLink {
     #[must_use]
     pub fn glance(&self, now: Time) -> Option<Glance> {
         let state = self.endpoint.try_lock()?;
-        let (status, odometry, peer) = (state.view.status(now), state.view.odometry(), state.peer);
+        let status = Status { unanswered: state.commands.unanswered(), ..state.view.status(now) };
+        let (odometry, peer) = (state.view.odometry(), state.peer);
         drop(state);
         Some(Glance { status: self.endpoint.counted(status), odometry, peer })
     }

@@ -11,7 +11,7 @@ use crate::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, Mav
 use crate::parameters;
 use crate::signing::{self, Verdict};
 use crate::transport::Transport;
-use crate::wire::{self, Packet, Reject, for_each_frame};
+use crate::wire::{self, Packet, Rejected, for_each_frame};
 use goshawk_core::types::Time;
 use std::io::ErrorKind;
 use std::net::UdpSocket;
@@ -21,6 +21,10 @@ const HEARTBEAT_EVERY_S: f64 = 1.0;
 const TIMESYNC_EVERY_S: f64 = 0.1;
 /// A parameter that was not told, or is not right, is asked for again after this.
 const PARAMETERS_EVERY_S: f64 = 0.5;
+/// Streams that were asked for in vain are asked for again after this.
+const STREAMS_EVERY_S: f64 = 2.0;
+/// An autopilot that refuses to arm is asked for its reasons so often: they change, and its answer may be lost.
+const CHECKS_EVERY_S: f64 = 5.0;
 
 impl Endpoint {
     /// Receives and keeps house until stopped. Runs on a thread of its own.
@@ -75,10 +79,14 @@ impl Endpoint {
         }
     }
 
-    fn frame(&self, frame: Result<(Packet, &[u8]), Reject>, from: Peer) {
+    fn frame(&self, frame: Result<(Packet, &[u8]), Rejected>, from: Peer) {
         let now = self.now();
         match frame {
-            Err(reject) => self.lock().view.reject(reject),
+            Err(rejected) => {
+                let mut state = self.lock();
+                let sender = rejected.from.filter(|_| state.peer == Some(from));
+                state.view.reject(rejected.why, sender);
+            }
             Ok((packet, bytes)) => self.packet(now, &packet, bytes, from),
         }
     }
@@ -88,14 +96,16 @@ impl Endpoint {
             let mut state = self.lock();
             let believed = self.believed(&mut state, bytes);
             if !self.is_peer(&mut state, now, packet, from, believed) {
-                state.view.counters.strangers += u64::from(believed == Some(Verdict::Good));
+                if believed == Some(Verdict::Good) {
+                    self.not_our_peer(&mut state, packet);
+                }
                 return;
             }
             if believed != Some(Verdict::Good) {
                 return;
             }
             let accepted = state.view.accept(now, packet);
-            if accepted.greet {
+            if accepted.greet || accepted.restarted {
                 state.commands.clear();
             }
             let heartbeat = matches!(packet.message, MavMessage::HEARTBEAT(_)) && state.view.is_target(packet);
@@ -107,6 +117,9 @@ impl Endpoint {
             self.settle(&mut state, now, packet);
             (accepted, contact)
         };
+        if accepted.restarted {
+            tracing::warn!("the autopilot has started again: what it was asked before is void");
+        }
         if contact {
             tracing::info!(autopilot = %from, "contact with the autopilot");
         }
@@ -114,6 +127,15 @@ impl Endpoint {
             self.send_counted(&reply);
         }
         self.send_due_commands();
+    }
+
+    /// Counts a packet that comes from elsewhere. Where nobody is known yet, an autopilot of other ids is worth a word.
+    fn not_our_peer(&self, state: &mut State, packet: &Packet) {
+        if state.peer.is_none() && !state.view.is_target(packet) {
+            state.view.foreign(packet);
+        } else {
+            state.view.counters.strangers += 1;
+        }
     }
 
     /// Judges and counts a frame's signature. Without a key all are good. None: it is refused for good; a stale one
@@ -174,7 +196,11 @@ impl Endpoint {
         }
     }
 
+    /// The streams, and why it would not arm.
     fn ask_for_streams(&self, commands: &mut Commands) {
+        if self.config.firmware == Firmware::Px4 {
+            commands.submit(Command::TellChecks);
+        }
         for (message, hz) in self.config.firmware.streams(&self.config.rates) {
             commands.submit(Command::Stream { message, hz });
         }
@@ -193,6 +219,15 @@ impl Endpoint {
             }
             if due(&mut state.sent.heartbeat, now, HEARTBEAT_EVERY_S) {
                 messages.push(self.heartbeat());
+            }
+            if state.commands.unanswered()
+                && state.commands.is_idle()
+                && due(&mut state.sent.streams, now, STREAMS_EVERY_S)
+            {
+                self.ask_for_streams(&mut state.commands);
+            }
+            if state.view.refuses_to_arm(now) && due(&mut state.sent.checks, now, CHECKS_EVERY_S) {
+                state.commands.submit(Command::TellChecks);
             }
             if due(&mut state.sent.parameters, now, PARAMETERS_EVERY_S) {
                 messages.extend(self.questions(&state, now));

@@ -3,6 +3,7 @@
 use crate::firmware::{Firmware, Identity, THRUST_AS_THRUST};
 use crate::mode::FlightMode;
 use crate::parameters::Parameter;
+use crate::validity::PositionFault;
 use goshawk_core::AutopilotStatus;
 use goshawk_core::types::{Time, Vec3};
 
@@ -35,6 +36,8 @@ pub struct Counters {
     pub not_finite: u64,
     /// ODOMETRY in frames that cannot be converted.
     pub odometry_frame: u64,
+    /// Restarts of the autopilot that were noticed by its clock.
+    pub restarts: u64,
     /// The autopilot's packets that never came, by their sequence numbers.
     pub lost: u64,
     /// Packets sent.
@@ -68,6 +71,16 @@ pub struct Status {
     pub intended_mode: Option<FlightMode>,
     /// Battery left, 0..=1; none: not measured.
     pub battery_fraction: Option<f64>,
+    /// Its estimator stands by its horizontal position and velocity; none: it does not say.
+    pub position: Option<bool>,
+    /// What its position lacks; none: nothing that it tells.
+    pub position_fault: Option<PositionFault>,
+    /// It would arm if it were asked; none: it does not say, or it is armed.
+    pub would_arm: Option<bool>,
+    /// What it is asked is not answered.
+    pub unanswered: bool,
+    /// An autopilot with other ids that is heard instead: system and component.
+    pub other: Option<(u8, u8)>,
     /// Age of its newest heartbeat, s; none: never heard.
     pub heartbeat_age_s: Option<f64>,
     /// TIMESYNC round trip that the clocks are set by, s; none: stamps are from arrival times.
@@ -85,13 +98,30 @@ impl Status {
             Some(age) if !self.connected => Some(format!("its last heartbeat is {age:.1} s old: check the link")),
             Some(_) => {
                 let mismatch = self.identity.and_then(|identity| self.firmware.mismatch(identity));
-                mismatch.or_else(|| self.thrust_problem())
+                mismatch.or_else(|| self.silence()).or_else(|| self.thrust_problem())
             }
         }
     }
 
+    /// Why what it is asked may not be answered; none: it is.
+    fn silence(&self) -> Option<String> {
+        let what = if self.counters.unchecked > 0 {
+            "it does not answer what it is asked, and it signs what it sends: set signing_key_file to its key"
+        } else {
+            "it is heard, but does not answer what it is asked: see that its port receives, that its MAVLink is not \
+             signed with a key that we lack, and that target_component is right"
+        };
+        self.unanswered.then(|| what.to_owned())
+    }
+
     fn unheard(&self) -> String {
         let counters = &self.counters;
+        if let Some((system, component)) = self.other {
+            return format!(
+                "another autopilot is heard, with system {system} and component {component}: set target_system = \
+                 {system} and target_component = {component}, or its ids"
+            );
+        }
         let what = if counters.bad_signature > 0 {
             "what comes is signed with another key: give the autopilot the key of signing_key_file"
         } else if counters.unsigned > 0 {
@@ -100,6 +130,8 @@ impl Status {
             "what comes is signed with a time long past: set this computer's clock, or wait until the autopilot follows it"
         } else if counters.foreign > 0 {
             "others are heard on this link, the autopilot is not: check target_system and target_component"
+        } else if counters.strangers > 0 {
+            "others speak to our port than the one that `link` names: check its address"
         } else if counters.garbage + counters.checksum + counters.truncated > 0 {
             "bytes come that are no MAVLink 2: check the baud rate, and that the autopilot's port speaks MAVLink 2"
         } else {
@@ -138,6 +170,7 @@ impl Status {
             offboard: self.offboard,
             landed: self.landed,
             battery: self.battery_fraction,
+            position: self.position,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What is known of the autopilot: packets in, newest values out. Pure; time is an argument.
 
+use crate::arming::Arming;
 use crate::clock::ClockMap;
 use crate::commands::{Ack, Command, Outcome};
 use crate::estimate::Estimate;
@@ -13,9 +14,13 @@ use crate::mode::FlightMode;
 use crate::parameters::{self, Parameter};
 use crate::pose::Unusable;
 use crate::status::{Counters, Imu, Status, StatusText};
+use crate::validity::Validity;
 use crate::wire::{Packet, Reject};
 use goshawk_core::types::{Odometry, Time};
+use mavlink::MavHeader;
 use std::collections::{BTreeMap, VecDeque};
+
+mod contact;
 
 /// Without a heartbeat for this long the autopilot counts as gone.
 pub const HEARTBEAT_TIMEOUT_S: f64 = 3.0;
@@ -29,6 +34,8 @@ pub struct Accepted {
     pub reply: Option<MavMessage>,
     /// First heartbeat after silence, or after a restart: ask for the streams again.
     pub greet: bool,
+    /// It has started again: whatever it was asked before is void.
+    pub restarted: bool,
 }
 
 /// The newest of everything that the autopilot says.
@@ -49,9 +56,17 @@ pub struct View {
     intended_mode: Option<FlightMode>,
     battery_fraction: Option<f64>,
     estimate: Estimate,
+    validity: Validity,
+    arming: Arming,
     parameters: BTreeMap<String, Parameter>,
     texts: VecDeque<StatusText>,
     events: VecDeque<(Time, AutopilotEvent)>,
+    /// When anything of it last came.
+    heard: Option<Time>,
+    /// Its newest time since boot, ms.
+    boot_ms: u32,
+    /// An autopilot of other ids that is heard: system and component.
+    other: Option<(u8, u8)>,
     /// Traffic; the link adds what it alone sees.
     pub counters: Counters,
 }
@@ -76,9 +91,14 @@ impl View {
             intended_mode: None,
             battery_fraction: None,
             estimate: Estimate::default(),
+            validity: Validity::default(),
+            arming: Arming::default(),
             parameters: BTreeMap::new(),
             texts: VecDeque::with_capacity(NOTES_KEPT),
             events: VecDeque::with_capacity(NOTES_KEPT),
+            heard: None,
+            boot_ms: 0,
+            other: None,
             counters: Counters::default(),
         }
     }
@@ -86,11 +106,18 @@ impl View {
     /// Is this packet the autopilot's?
     #[must_use]
     pub fn is_target(&self, packet: &Packet) -> bool {
-        packet.header.system_id == u32::from(self.target_system) && packet.header.component_id == self.target_component
+        self.is_ours(&packet.header)
     }
 
-    /// Counts what was no packet.
-    pub fn reject(&mut self, reject: Reject) {
+    fn is_ours(&self, header: &MavHeader) -> bool {
+        header.system_id == u32::from(self.target_system) && header.component_id == self.target_component
+    }
+
+    /// Counts what was no packet. `from`: the header of one that only we cannot read, which is not lost.
+    pub fn reject(&mut self, reject: Reject, from: Option<MavHeader>) {
+        if let Some(header) = from.filter(|header| self.is_ours(header)) {
+            self.follow(header.sequence);
+        }
         let counter = match reject {
             Reject::Garbage => &mut self.counters.garbage,
             Reject::Truncated => &mut self.counters.truncated,
@@ -104,22 +131,28 @@ impl View {
     pub fn accept(&mut self, now: Time, packet: &Packet) -> Accepted {
         let mut accepted = Accepted::default();
         if !self.is_target(packet) {
-            self.counters.foreign += 1;
+            self.foreign(packet);
             return accepted;
         }
         self.counters.received += 1;
-        if let Some(last) = self.sequence.replace(packet.header.sequence) {
-            let gap = packet.header.sequence.wrapping_sub(last).wrapping_sub(1);
-            // More than half the circle is a packet that came late, not 128 that were lost.
-            self.counters.lost += if gap < 128 { u64::from(gap) } else { 0 };
-        }
+        self.heard = Some(now);
+        accepted.restarted = self.has_restarted(&packet.message);
+        self.follow(packet.header.sequence);
+        let flies = self.landed == Some(false);
+        self.validity.take(now, &packet.message, self.firmware, flies);
         match &packet.message {
             MavMessage::HEARTBEAT(heartbeat) => accepted.greet = self.heartbeat(now, heartbeat),
             MavMessage::CURRENT_MODE(mode) => self.current_mode(mode),
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = landed(state),
-            MavMessage::SYS_STATUS(status) => self.battery_fraction = percent(status.battery_remaining),
+            MavMessage::SYS_STATUS(status) => {
+                self.battery_fraction = percent(status.battery_remaining);
+                self.arming.sys_status(self.firmware, status);
+            }
             MavMessage::BATTERY_STATUS(battery) => self.battery_fraction = percent(battery.battery_remaining),
-            MavMessage::EVENT(event) => self.event(now, AutopilotEvent::of(event)),
+            MavMessage::EVENT(event) => {
+                self.arming.event(event);
+                self.event(now, AutopilotEvent::of(event));
+            }
             MavMessage::STATUSTEXT(text) => self.text(now, text),
             MavMessage::PARAM_VALUE(value) => self.parameter_told(value),
             MavMessage::TIMESYNC(sync) => accepted.reply = self.timesync(now, sync),
@@ -168,6 +201,11 @@ impl View {
             mode: self.mode,
             intended_mode: self.intended_mode,
             battery_fraction: self.battery_fraction,
+            position: self.validity.position(now),
+            position_fault: self.validity.fault(now),
+            would_arm: if self.armed { None } else { self.arming.would_arm(self.mode) },
+            unanswered: false,
+            other: self.other,
             heartbeat_age_s,
             round_trip_s: self.clock.round_trip(now),
             counters: self.counters,
@@ -217,7 +255,9 @@ impl View {
     fn heartbeat(&mut self, now: Time, heartbeat: &HEARTBEAT_DATA) -> bool {
         let greet = !self.status(now).connected;
         if greet {
-            self.parameters.clear(); // after a restart they may be others
+            // After a restart they may be others.
+            self.parameters.clear();
+            (self.validity, self.arming) = (Validity::default(), Arming::default());
         }
         self.heartbeat = Some(now);
         self.identity = Some(Identity { autopilot: heartbeat.autopilot, vehicle: heartbeat.mavtype });
@@ -251,13 +291,14 @@ impl View {
                 self.failsafe = true;
                 self.offboard = false;
             }
-            AutopilotEvent::NoOffboardSignal | AutopilotEvent::Other(_) => {}
+            _ => {}
         }
         keep(&mut self.events, (now, event));
     }
 
     fn text(&mut self, now: Time, text: &STATUSTEXT_DATA) {
         let line = text.text.to_str().unwrap_or("(text that is not UTF-8)").trim_end_matches('\0').to_owned();
+        self.arming.text(now, &line);
         keep(&mut self.texts, StatusText { stamp: now, severity: text.severity as u8, text: line });
     }
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, EVENT_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA, SYS_STATUS_DATA,
+    ATTITUDE_QUATERNION_DATA, EVENT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavFrame, ODOMETRY_DATA,
+    SYS_STATUS_DATA,
 };
 use crate::mode::Px4Mode;
 use mavlink::MavHeader;
@@ -194,4 +195,49 @@ fn the_reset_counter_of_odometry_is_passed_on() {
         view.accept(at(1.0 + time_us as f64 * 1e-6), &packet(MavMessage::ODOMETRY(message)));
         assert_eq!(view.odometry().unwrap().reset_counter, u32::from(counter));
     }
+}
+
+fn attitude(boot_s: f64) -> Packet {
+    let time_boot_ms = (boot_s * 1e3) as u32;
+    packet(MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA { time_boot_ms, q1: 1.0, ..Default::default() }))
+}
+
+#[test]
+fn a_clock_that_goes_back_is_a_restart_after_which_nothing_of_before_holds() {
+    let mut view = View::new(1, 1, Firmware::Px4);
+    view.accept(at(100.0), &packet(heartbeat(Px4Mode::Offboard, true)));
+    view.accept(at(100.1), &attitude(50.0));
+    assert!(!view.accept(at(100.2), &attitude(49.95)).restarted, "one that came late");
+    let accepted = view.accept(at(101.0), &attitude(0.4));
+    let status = view.status(at(101.0));
+    assert!(accepted.restarted && !status.connected && !status.armed && !status.offboard, "{status:?}");
+    assert_eq!(status.counters.restarts, 1);
+    assert!(view.accept(at(101.2), &packet(heartbeat(Px4Mode::Hold, false))).greet);
+    assert!(view.status(at(101.2)).connected && !view.accept(at(101.3), &attitude(0.7)).restarted);
+}
+
+#[test]
+fn a_message_that_only_we_do_not_know_is_not_lost() {
+    let mut view = View::new(1, 1, Firmware::Px4);
+    for sequence in [1, 2, 4, 5] {
+        if sequence == 4 {
+            let unknown = MavHeader { system_id: 1, component_id: 1, sequence: 3 };
+            view.reject(Reject::Unknown, Some(unknown));
+            view.reject(Reject::Unknown, Some(MavHeader { component_id: 158, ..unknown }));
+        }
+        let header = MavHeader { system_id: 1, component_id: 1, sequence };
+        view.accept(at(1.0), &Packet { header, message: heartbeat(Px4Mode::Hold, false) });
+    }
+    let counters = view.status(at(1.0)).counters;
+    assert_eq!((counters.lost, counters.unknown), (0, 2));
+}
+
+#[test]
+fn an_autopilot_of_other_ids_is_named_with_what_to_set() {
+    let mut view = View::new(1, 1, Firmware::Px4);
+    let px4 = HEARTBEAT_DATA { autopilot: MavAutopilot::MAV_AUTOPILOT_PX4, ..HEARTBEAT_DATA::default() };
+    let header = MavHeader { system_id: 7, component_id: 1, sequence: 0 };
+    view.accept(at(1.0), &Packet { header, message: MavMessage::HEARTBEAT(px4) });
+    let advice = view.status(at(1.0)).problem().unwrap();
+    assert!(advice.contains("set target_system = 7"), "{advice}");
 }

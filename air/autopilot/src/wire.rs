@@ -40,6 +40,19 @@ pub enum Reject {
     Payload,
 }
 
+/// A reject with its sender, where the frame is whole enough to tell: an id that only we do not know is no loss.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rejected {
+    pub(crate) why: Reject,
+    pub(crate) from: Option<MavHeader>,
+}
+
+impl From<Reject> for Rejected {
+    fn from(why: Reject) -> Self {
+        Self { why, from: None }
+    }
+}
+
 /// The whole length of the frame that begins `bytes`, if that much of it is there to tell.
 #[must_use]
 pub fn frame_length(bytes: &[u8]) -> Option<usize> {
@@ -60,7 +73,7 @@ pub(crate) fn is_signed(frame: &[u8]) -> bool {
 /// Calls `each` for every packet and every reject in `bytes` (a datagram), in order. Signatures are skipped, not
 /// checked. After a bad frame the search goes on at the next frame start.
 pub fn for_each_packet(bytes: &[u8], mut each: impl FnMut(Result<Packet, Reject>)) {
-    for_each_frame(bytes, true, |result| each(result.map(|(packet, _)| packet)));
+    for_each_frame(bytes, true, |result| each(result.map(|(packet, _)| packet).map_err(|rejected| rejected.why)));
 }
 
 /// As [`for_each_packet`], with the bytes of each packet's frame. `whole`: nothing follows `bytes`, so that a frame that
@@ -68,12 +81,12 @@ pub fn for_each_packet(bytes: &[u8], mut each: impl FnMut(Result<Packet, Reject>
 pub(crate) fn for_each_frame(
     bytes: &[u8],
     whole: bool,
-    mut each: impl FnMut(Result<(Packet, &[u8]), Reject>),
+    mut each: impl FnMut(Result<(Packet, &[u8]), Rejected>),
 ) -> usize {
     let mut rest = bytes;
     while !rest.is_empty() {
         if rest[0] != MAGIC {
-            each(Err(Reject::Garbage));
+            each(Err(Reject::Garbage.into()));
             rest = &rest[next_magic(rest)..];
             continue;
         }
@@ -81,7 +94,7 @@ pub(crate) fn for_each_frame(
             if !whole {
                 break;
             }
-            each(Err(Reject::Truncated));
+            each(Err(Reject::Truncated.into()));
             rest = &rest[1 + next_magic(&rest[1..])..];
             continue;
         };
@@ -96,7 +109,9 @@ pub(crate) fn for_each_frame(
             Err(Reject::Checksum | Reject::Flags | Reject::Unknown) if !lands => 1 + next_magic(&rest[1..]),
             _ => frame.len(),
         };
-        each(packet.map(|packet| (packet, frame)));
+        let known = matches!(packet, Err(Reject::Unknown | Reject::Payload)) && lands;
+        let from = known.then(|| header(frame));
+        each(packet.map(|packet| (packet, frame)).map_err(|why| Rejected { why, from }));
         rest = &rest[used..];
     }
     bytes.len() - rest.len()
@@ -123,8 +138,12 @@ fn parse_frame(frame: &[u8]) -> Result<Packet, Reject> {
             mavlink::error::ParserError::UnknownMessage { .. } => Reject::Unknown,
             _ => Reject::Payload,
         })?;
-    let header = MavHeader { system_id: u32::from(frame[5]), component_id: frame[6], sequence: frame[4] };
-    Ok(Packet { header, message })
+    Ok(Packet { header: header(frame), message })
+}
+
+/// Whose a whole frame is.
+fn header(frame: &[u8]) -> MavHeader {
+    MavHeader { system_id: u32::from(frame[5]), component_id: frame[6], sequence: frame[4] }
 }
 
 /// Gives one component's messages their header, sequence number and, where there is a key, signature. Shared by

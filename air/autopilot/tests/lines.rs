@@ -150,6 +150,7 @@ fn a_line_that_nobody_reads_never_holds_a_setpoint_up() {
     let mut autopilot = plug_in(&device);
     let link = open(&format!("serial:{}:115200", device.display())).unwrap();
     eventually(|| link.line_problem().is_none() && link.peer().is_some());
+    eventually(|| link.send_setpoint(&level()).is_ok()); // the other thread may hold the line for a moment
     let refused = (0..4000).filter(|_| link.send_setpoint(&level()).is_err()).count();
     assert!(refused > 1000, "a full line refuses: {refused}");
     // Now it reads: what went out are whole packets, and the next ones go out again.

@@ -92,7 +92,7 @@ fn the_peer_is_learned_from_the_targets_heartbeat_only() {
     let other = UdpSocket::bind(anywhere()).unwrap();
     other.send_to(Encoder::new(9, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
     let counters = || link.status(Time::from_secs(5.0)).counters;
-    eventually(|| counters().strangers == 1);
+    eventually(|| counters().foreign == 1);
     assert_eq!(link.peer(), None);
     let autopilot = UdpSocket::bind(anywhere()).unwrap();
     autopilot.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
@@ -187,4 +187,16 @@ proptest! {
         sender.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), there).unwrap();
         eventually(|| link.status(Time::from_secs(5.0)).connected);
     }
+}
+
+#[test]
+fn a_wrong_target_system_gets_the_advice_that_names_the_right_one() {
+    let link = open(LinkConfig { target_system: 9, ..LinkConfig::customary(anywhere()) }).unwrap();
+    let px4 = UdpSocket::bind(anywhere()).unwrap();
+    let autopilot = goshawk_autopilot::messages::MavAutopilot::MAV_AUTOPILOT_PX4;
+    let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA { autopilot, ..HEARTBEAT_DATA::default() });
+    px4.send_to(Encoder::new(1, 1).encode(&heartbeat).raw_bytes(), link.local_address().unwrap()).unwrap();
+    let advice = || link.status(Time::from_secs(5.0)).problem().unwrap();
+    eventually(|| advice().contains("target_system = 1"));
+    assert_eq!(link.peer(), None);
 }

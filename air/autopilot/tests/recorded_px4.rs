@@ -170,6 +170,21 @@ fn takeoff_and_landing_are_seen_when_they_were_noted() {
 }
 
 #[test]
+fn a_recorded_flight_with_gps_never_lacks_a_position_nor_a_reason_to_arm() {
+    let Some(recording) = recording() else { return };
+    let mut view = View::new(1, 1, Firmware::Px4);
+    for (arrival, packet) in &recording.packets {
+        let now = Time::from_secs(100.0 + arrival);
+        view.accept(now, packet);
+        let status = view.status(now);
+        assert_ne!(status.position, Some(false), "{:?} at {arrival:.2}", status.position_fault);
+        assert_ne!(status.would_arm, Some(false), "{:?} at {arrival:.2}", view.refusal(now));
+        assert_eq!(status.counters.restarts, 0);
+    }
+    assert_eq!(view.status(Time::from_secs(156.0)).position, Some(true));
+}
+
+#[test]
 fn the_recorded_odometry_is_consistent_in_our_frames() {
     let Some(recording) = recording() else { return };
     let mut view = View::new(1, 1, Firmware::Px4);

@@ -15,7 +15,7 @@ use crate::mission::{Cause, Mode, StopAction};
 use crate::motion::{Commanded, Motion};
 use crate::plans::Plans;
 use crate::separation::Separation;
-use crate::takeoff::{Stage, Takeoff};
+use crate::takeoff::{Abandoned, Stage, Takeoff};
 use crate::transitions::transition;
 use crate::types::{Odometry, Task, Time, Vec3};
 use crate::yaw::{YawPlanner, yaw_of};
@@ -41,6 +41,10 @@ pub struct Controller {
     /// In Fault: the autopilot is asked to take over; when last.
     pub(crate) handing_back: bool,
     pub(crate) asked_back: Option<Time>,
+    /// The autopilot has called its position invalid since then.
+    pub(crate) position_lost: Option<Time>,
+    /// A take-off that was given up after the motors had been asked for.
+    pub(crate) abandoned: Option<Abandoned>,
 }
 
 /// One flight from Start to the motors' stop.
@@ -125,6 +129,8 @@ impl Controller {
             sweep: 1.0,
             handing_back: false,
             asked_back: None,
+            position_lost: None,
+            abandoned: None,
             config,
         })
     }
@@ -146,6 +152,8 @@ impl Controller {
         let dt = self.last_step.map_or(0.0, |last| now.since(last).clamp(0.0, LONGEST_STEP));
         self.last_step = Some(now);
         self.take_odometry(input);
+        let lost = input.autopilot.position == Some(false);
+        self.position_lost = self.position_lost.or(Some(now)).filter(|_| lost);
         if let Some(flight) = &mut self.flight {
             flight.observe(now, &input.autopilot, self.config.limits.battery_land);
         }
@@ -180,6 +188,11 @@ impl Controller {
         }
     }
 
+    /// The odometry to fly by; none: it is stale, or the autopilot whose it is calls it invalid.
+    pub(crate) fn believed(&self, now: Time) -> Option<&Odometry> {
+        self.motion.fresh(now, self.config.ladder.odometry_stale).filter(|_| self.position_lost.is_none())
+    }
+
     fn readiness(&self, now: Time, input: &ControllerInput) -> Result<(), Refusal> {
         let autopilot = &input.autopilot;
         if !autopilot.connected {
@@ -188,6 +201,8 @@ impl Controller {
             Err(Refusal::NotOnGround)
         } else if self.motion.fresh(now, self.config.ladder.odometry_stale).is_none() {
             Err(Refusal::OdometryStale)
+        } else if self.position_lost.is_some() {
+            Err(Refusal::NoPosition)
         } else if autopilot.battery.is_some_and(|charge| charge < self.config.limits.battery_start) {
             Err(Refusal::BatteryLow)
         } else if !input.ready {
@@ -215,8 +230,11 @@ impl Controller {
     fn enter(&mut self, now: Time, to: Mode, cause: Cause, command: Option<Command>) -> Transition {
         let from = std::mem::replace(&mut self.mode, to);
         self.entered = now;
+        let on_ground = self.flight.as_ref().is_some_and(|flight| !flight.lifted && flight.takeoff.has_asked_to_arm());
+        let abandoned = on_ground && !to.has_authority() && !matches!(cause, Cause::Disarmed | Cause::TouchedDown);
         match to {
             Mode::Takeoff => {
+                self.abandoned = None;
                 if let (Some(Command::Start(profile)), Some(odometry)) = (command, self.motion.last()) {
                     self.flight = Some(Flight::new(profile, odometry, now));
                 }
@@ -236,8 +254,11 @@ impl Controller {
             Mode::Idle | Mode::Ready | Mode::Landed | Mode::Fault => self.flight = None,
             _ => {}
         }
-        // Whoever took the mode, or the motors, has them already.
-        let ours = !matches!(cause, Cause::ModeTakenAway | Cause::Disarmed);
+        if abandoned {
+            self.abandoned = Some(Abandoned::new(now));
+        }
+        // Whoever took the mode, or the motors, has them already; what never left the ground is stopped instead.
+        let ours = !matches!(cause, Cause::ModeTakenAway | Cause::Disarmed) && !abandoned;
         self.handing_back = to == Mode::Fault && ours;
         self.asked_back = None;
         Transition { from, to, cause }

@@ -2,6 +2,7 @@
 
 use crate::controller::Controller;
 use crate::flatness::{FlatCommand, flat_command};
+use crate::hover::brake;
 use crate::interface::{ControllerInput, ControllerOutput, Request};
 use crate::landing::Phase;
 use crate::lead::lead;
@@ -47,13 +48,12 @@ impl Controller {
             self.rest();
             return self.on_ground(request);
         }
-        let stale = self.config.ladder.odometry_stale;
-        let Some(odometry) = self.motion.fresh(now, stale).copied() else {
+        let Some(odometry) = self.believed(now).copied() else {
             if self.flight.as_ref().is_some_and(|flight| !flight.lifted) {
                 self.rest();
                 return self.on_ground(request);
             }
-            return self.descend_blind(now, dt, request);
+            return self.without_odometry(now, dt, request);
         };
         if let Some(thrust) = self.ramp(now, &odometry) {
             self.rest();
@@ -65,7 +65,7 @@ impl Controller {
         let yaw = self.yaw.step(dt, goal);
         self.hold_apart(now);
         let mut intent = self.intent(now, &odometry);
-        intent.acc_world = self.keep_apart(now, &odometry, intent.acc_world);
+        intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
         let disturbance = self.motion.observer().disturbance();
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
@@ -76,13 +76,13 @@ impl Controller {
         self.output(now, request, &intent, &command, yaw, free)
     }
 
-    /// Take-off's, landing's and the fault's requests.
+    /// Take-off's, landing's, the fault's and a given-up take-off's requests.
     fn sequence(&mut self, now: Time, input: &ControllerInput) -> Option<Request> {
         let mission = &self.config.mission;
         match self.mode {
             Mode::Takeoff => self.flight.as_mut()?.takeoff.step(mission, now, &input.autopilot),
             Mode::Stopping => {
-                let climb = self.motion.fresh(now, self.config.ladder.odometry_stale).map(|o| o.vel_world.z);
+                let climb = self.believed(now).map(|o| o.vel_world.z);
                 let stopped = self.hover.is_stopped();
                 let landing = &mut self.flight.as_mut()?.landing;
                 // Without odometry the landing waits, but for a cut that has begun.
@@ -94,7 +94,7 @@ impl Controller {
             Mode::Fault if self.handing_back && input.autopilot.offboard => {
                 repeat(&mut self.asked_back, now, mission.request_period).then_some(Request::HandBack)
             }
-            _ => None,
+            _ => self.abandoned.as_mut().and_then(|abandoned| abandoned.step(mission, now, &input.autopilot)),
         }
     }
 
@@ -190,10 +190,10 @@ impl Controller {
     }
 
     /// `acc_world` such that the least distance to the target is kept.
-    fn keep_apart(&mut self, now: Time, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
+    fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
         let Some(threat) = self.threat(now) else { return acc_world };
         let state = [odometry.pos_world, odometry.vel_world];
-        self.separation.keep(&self.config.separation, acc_world, state, &threat, self.plans.room())
+        self.separation.keep(&self.config.separation, dt, acc_world, state, &threat, self.plans.room())
     }
 
     /// The target, where it may have to be kept away from.
@@ -267,19 +267,34 @@ impl Controller {
         now.since(target.last_seen) > SLIPPED_AFTER && (at.pos - odometry.pos_world).xy().norm() < SLIPPED_WITHIN
     }
 
-    /// Odometry is stale: level, slightly below hover thrust.
-    fn descend_blind(&mut self, now: Time, dt: f64, request: Option<Request>) -> ControllerOutput {
+    /// Odometry is stale or not believed: brake by dead reckoning where there is any, then level, slightly below hover
+    /// thrust.
+    fn without_odometry(&mut self, now: Time, dt: f64, request: Option<Request>) -> ControllerOutput {
         // What is remembered of the place is worthless when odometry comes back.
         self.hover.reset();
         let yaw = self.yaw.step(dt, YawGoal::Keep);
-        let acc_world = Vec3::new(0.0, 0.0, -self.config.ladder.descend_acc);
-        // Of the disturbance only the vertical part stays: it corrects the hover thrust and tilts nothing.
-        let vertical = Vec3::new(0.0, 0.0, self.motion.observer().disturbance().z);
+        let (ladder, hold) = (&self.config.ladder, &self.config.hold);
+        let live = self.motion.age(now).is_some_and(|age| age <= ladder.odometry_stale);
+        let distrust = self.motion.distrust().filter(|_| live);
+        let disturbance = distrust.map_or_else(|| self.motion.observer().disturbance(), |d| d.disturbance);
+        let moving = distrust.and_then(|d| d.vel_world).filter(|vel| vel.xy().norm() > hold.stopped_speed);
+        let (acc_world, disturbance, fallback) = match moving {
+            Some(vel_world) => (brake(hold, vel_world), disturbance, Fallback::OdometryFalseBrake),
+            // Of the disturbance only the vertical part stays: it corrects the hover thrust and tilts nothing.
+            None => (
+                Vec3::new(0.0, 0.0, -ladder.descend_acc),
+                Vec3::new(0.0, 0.0, disturbance.z),
+                Fallback::OdometryStaleDescend,
+            ),
+        };
         let vehicle = self.motion.vehicle(&self.config.vehicle);
-        let command = flat_command(&vehicle, acc_world, vertical, yaw);
+        let mut command = flat_command(&vehicle, acc_world, disturbance, yaw);
+        if let Some(odometry) = self.motion.last().filter(|_| moving.is_some()) {
+            command.force = command.force_along(&vehicle, &odometry.world_from_body);
+        }
         let reference = FlatState { acc: acc_world, ..FlatState::default() };
-        let intent = Intent { reference, acc_world, fallback: Fallback::OdometryStaleDescend, plan: None };
-        self.output(now, request, &intent, &command, yaw, false)
+        let intent = Intent { reference, acc_world, fallback, plan: None };
+        self.output(now, request, &intent, &command, yaw, moving.is_some())
     }
 
     fn output(
@@ -293,7 +308,7 @@ impl Controller {
     ) -> ControllerOutput {
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let thrust = vehicle.normalised(command.force);
-        self.commanded = Commanded { thrust, acc: vehicle.force(thrust).0 / vehicle.mass, free };
+        self.commanded = Commanded { thrust, acc: vehicle.force(thrust).0 / vehicle.mass, free, airborne: true };
         self.motion.command(now, &command.world_from_body);
         ControllerOutput {
             fallback: intent.fallback,
@@ -342,6 +357,8 @@ impl Controller {
             thrust: Newtons(0.0),
             hover_thrust: self.motion.vehicle(&self.config.vehicle).hover_thrust,
             attitude_lag: self.motion.lead(&self.config.lead).tau,
+            odometry_fault: self.motion.fault(),
+            odometry_doubt: self.motion.doubt(),
             yaw_des: self.yaw.yaw(),
             plan_seq: None,
             plan_age: None,

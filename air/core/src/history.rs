@@ -2,6 +2,7 @@
 //!
 //! The network plans from the state at the moment the image was exposed (§III-D), which lies in the past.
 
+use crate::motion::jump;
 use crate::types::{Odometry, Time, Vec3};
 
 const CAPACITY: usize = 512;
@@ -10,8 +11,8 @@ const CAPACITY: usize = 512;
 const EXTRAPOLATION_MAX: f64 = 0.1;
 
 /// Fixed-size ring of odometry samples and of commanded accelerations. Samples are pushed in stamp order; an older or
-/// equal stamp is ignored. A change of `reset_counter` empties the odometry, since interpolating across a jump
-/// invents motion.
+/// equal stamp is ignored. A jump of the position, announced by `reset_counter` or not, empties the odometry, since
+/// interpolating across it invents motion.
 #[derive(Clone, Debug)]
 pub struct History {
     odometry: Ring<Odometry>,
@@ -33,8 +34,9 @@ impl History {
 
     /// Adds an odometry sample.
     pub fn push_odometry(&mut self, sample: &Odometry) {
-        if self.odometry.newest().is_some_and(|(_, newest)| newest.reset_counter != sample.reset_counter) {
-            self.odometry = Ring::new();
+        let newest = self.odometry.newest().map(|(_, newest)| newest);
+        if newest.is_some_and(|newest| sample.stamp > newest.stamp && jump(&newest, sample).is_some()) {
+            self.odometry.clear();
         }
         self.odometry.push(sample.stamp, *sample);
     }
@@ -91,6 +93,11 @@ struct Ring<T> {
 impl<T: Copy> Ring<T> {
     fn new() -> Self {
         Self { samples: Vec::with_capacity(CAPACITY), next: 0 }
+    }
+
+    fn clear(&mut self) {
+        self.samples.clear();
+        self.next = 0;
     }
 
     fn newest(&self) -> Option<(Time, T)> {

@@ -72,6 +72,12 @@ impl Hover {
     }
 }
 
+/// The acceleration that takes out `vel_world` (m/s) wherever the vehicle is, m/s².
+#[must_use]
+pub fn brake(config: &HoldConfig, vel_world: Vec3) -> Vec3 {
+    limit(config, vel_world * -config.kv)
+}
+
 fn limit(config: &HoldConfig, acc: Vec3) -> Vec3 {
     let horizontal = cap(Vec3::new(acc.x, acc.y, 0.0), config.max_acc_horizontal);
     let vertical = if acc.z.is_finite() { acc.z } else { 0.0 };

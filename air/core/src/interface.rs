@@ -1,6 +1,7 @@
 //! What goes into a controller step and what comes out of it.
 
 use crate::mission::{Cause, Fallback, Mode};
+use crate::trust::OdometryFault;
 use crate::types::{AttitudeThrust, FlatState, Newtons, Odometry, Plan, Task, Vec3};
 
 /// What a flight is to be.
@@ -47,6 +48,9 @@ pub enum Refusal {
     /// No fresh odometry.
     #[error("not ready: odometry is missing or stale; check the state estimator")]
     OdometryStale,
+    /// The autopilot says that its position or velocity is not valid.
+    #[error("not ready: the autopilot has no valid position; see what its estimator lacks (GPS, flow, VIO)")]
+    NoPosition,
     /// The battery is too low to begin.
     #[error("not ready: the battery is low; change or charge it")]
     BatteryLow,
@@ -80,6 +84,9 @@ pub struct AutopilotStatus {
     pub landed: Option<bool>,
     /// Charge left, 0..=1; none: not measured.
     pub battery: Option<f64>,
+    /// Its estimate of horizontal position and velocity, by which we fly, is valid; none: it does not say, or we fly by
+    /// an estimate that is not its own.
+    pub position: Option<bool>,
 }
 
 /// What one step sees.
@@ -159,6 +166,10 @@ pub struct ControllerOutput {
     pub hover_thrust: f64,
     /// The attitude loop's lag, as learnt, s.
     pub attitude_lag: f64,
+    /// What is false about the odometry; none: it is believed, and nothing new showed in this step's.
+    pub odometry_fault: Option<OdometryFault>,
+    /// The largest check of the odometry over its gate; from 1 on it fails.
+    pub odometry_doubt: f64,
     /// Desired yaw, rad, -pi..=pi.
     pub yaw_des: f64,
     /// The plan flown; none: no plan is flown.

@@ -130,7 +130,7 @@ mod tests {
         on_stop: StopAction::Land,
     };
     const FLYING: AutopilotStatus =
-        AutopilotStatus { connected: true, armed: true, offboard: true, landed: None, battery: None };
+        AutopilotStatus { connected: true, armed: true, offboard: true, landed: None, battery: None, position: None };
 
     /// Steps of 10 ms at a constant vertical speed, after a first one that ends the braking.
     fn descend(landing: &mut Landing, now: &mut Time, climb: f64, seconds: f64) -> Vec<Request> {

@@ -35,6 +35,7 @@ pub mod takeoff;
 pub mod target;
 pub mod thrust;
 pub mod transitions;
+pub mod trust;
 pub mod types;
 pub mod view;
 pub mod yaw;
@@ -57,6 +58,7 @@ pub use select::SelectConfig;
 pub use separation::SeparationConfig;
 pub use target::TargetConfig;
 pub use thrust::ThrustConfig;
+pub use trust::OdometryFault;
 pub use types::{
     ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,
     Odometry, Plan, Rejection, Rot, TargetEstimate, Task, Time, Vec3,

@@ -58,7 +58,9 @@ pub enum Fallback {
     PlanExpiredBrake,
     /// Stopped, holding position for want of a plan.
     HoldPosition,
-    /// Odometry is stale: level, gently descending.
+    /// Odometry contradicts itself: braking by dead reckoning.
+    OdometryFalseBrake,
+    /// Odometry is stale, or false and the vehicle stopped or its heading unknown: level, gently descending.
     OdometryStaleDescend,
     /// Authority is handed back to the autopilot.
     HandBack,
@@ -75,6 +77,10 @@ pub enum Cause {
     ModeTakenAway,
     /// Odometry stayed stale.
     OdometryLost,
+    /// Odometry went on contradicting itself.
+    OdometryFalse,
+    /// The autopilot's position stayed invalid.
+    PositionLost,
     /// The operator's Stop.
     StopCommand,
     /// The autopilot has fallen silent.
@@ -121,11 +127,13 @@ pub enum Cause {
 
 impl Cause {
     /// All causes.
-    pub const ALL: [Cause; 25] = [
+    pub const ALL: [Cause; 27] = [
         Cause::TouchedDown,
         Cause::Disarmed,
         Cause::ModeTakenAway,
         Cause::OdometryLost,
+        Cause::OdometryFalse,
+        Cause::PositionLost,
         Cause::StopCommand,
         Cause::AutopilotLost,
         Cause::BatteryLow,
@@ -157,6 +165,8 @@ impl std::fmt::Display for Cause {
             Cause::Disarmed => "disarmed without our asking",
             Cause::ModeTakenAway => "offboard was taken away by the pilot or a failsafe",
             Cause::OdometryLost => "odometry stayed stale",
+            Cause::OdometryFalse => "odometry contradicts itself",
+            Cause::PositionLost => "the autopilot has lost its position",
             Cause::StopCommand => "the operator's Stop",
             Cause::AutopilotLost => "the autopilot has fallen silent",
             Cause::BatteryLow => "the battery is low",

@@ -5,11 +5,12 @@ use crate::config::{ControllerConfig, LeadConfig, VehicleModel};
 use crate::disturbance::Observer;
 use crate::lag::AttitudeLag;
 use crate::thrust::HoverThrust;
+use crate::trust::{Distrust, OdometryFault, Step, Trust};
 use crate::types::{GRAVITY, NormalisedThrust, Odometry, Rot, Time, Vec3};
 use crate::yaw::{wrap, yaw_of};
 
 /// The odometry's frame moved against the world.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jump {
     /// Add to a position of before the jump, m.
     pub pos_world: Vec3,
@@ -26,6 +27,8 @@ pub struct Commanded {
     pub acc: f64,
     /// The vehicle flies freely and follows what is sent, so that its motion tells of itself.
     pub free: bool,
+    /// The motors hold it in the air, so that its estimate must be one motion.
+    pub airborne: bool,
 }
 
 /// Last accepted odometry, and what was learnt.
@@ -35,10 +38,14 @@ pub struct Motion {
     observer: Observer,
     hover_thrust: HoverThrust,
     lag: AttitudeLag,
+    trust: Trust,
+    /// Of the last sample.
+    fault: Option<OdometryFault>,
 }
 
-/// A position farther from where the last velocity leads is a jump even if the estimator does not say so, m.
-const UNANNOUNCED_JUMP: f64 = 1.0;
+/// A position farther from where the last velocity leads is a jump even if the estimator does not say so, m, and so much
+/// more for each second between samples.
+const UNANNOUNCED_JUMP: (f64, f64) = (0.4, 1.0);
 /// Cosine of the tilt beyond which the vertical says little of the thrust.
 const LEAST_UPRIGHT: f64 = 0.5;
 /// Samples farther apart are not one step of the observer, s.
@@ -53,6 +60,8 @@ impl Motion {
             observer: Observer::new(config.observer),
             hover_thrust: HoverThrust::new(config.thrust, config.vehicle.hover_thrust),
             lag: AttitudeLag::new(config.lag, config.lead.tau),
+            trust: Trust::default(),
+            fault: None,
         }
     }
 
@@ -74,8 +83,9 @@ impl Motion {
         LeadConfig { tau: self.lag.get(), ..*lead }
     }
 
-    /// Forgets the disturbance: on the ground. What was learnt of the vehicle itself stays.
+    /// Forgets the disturbance and any distrust: on the ground. What was learnt of the vehicle itself stays.
     pub fn rest(&mut self) {
+        self.trust.reset();
         self.observer.reset();
         self.hover_thrust.skip();
         self.lag.skip();
@@ -101,19 +111,49 @@ impl Motion {
         if !finite || !unit || !newer {
             return None;
         }
-        let jump = self.last.and_then(|last| jump(&last, odometry));
         let dt = self.last.map_or(0.0, |last| odometry.stamp.since(last.stamp));
-        if jump.is_some() || dt > LONGEST_STEP {
+        let model = odometry.world_from_body * Vec3::z() * commanded.acc - Vec3::z() * GRAVITY;
+        let mut jump = self.last.and_then(|last| jump(&last, odometry));
+        self.fault = self.judge(odometry, dt, commanded, model, jump);
+        if self.fault == Some(OdometryFault::AttitudeTurned) {
+            jump = jump.or(Some(Jump::default()));
+            jump = jump.zip(self.last).map(|(jump, last)| Jump { yaw: turned(&last, odometry), ..jump });
+        }
+        if jump.is_some() || dt > LONGEST_STEP || self.trust.distrust().is_some() {
             self.observer.rebase(odometry.vel_world);
             self.hover_thrust.skip();
             self.lag.skip();
         } else {
-            let model = odometry.world_from_body * Vec3::z() * commanded.acc - Vec3::z() * GRAVITY;
             self.observer.step(dt, odometry.vel_world, model);
             self.learn(odometry, dt, commanded);
         }
         self.last = Some(*odometry);
         jump
+    }
+
+    /// Checks `odometry` against the last one. A fault that was not known before.
+    fn judge(
+        &mut self,
+        odometry: &Odometry,
+        dt: f64,
+        commanded: &Commanded,
+        acc_model: Vec3,
+        jump: Option<Jump>,
+    ) -> Option<OdometryFault> {
+        let last = self.last.filter(|_| commanded.airborne)?;
+        if last.reset_counter != odometry.reset_counter || dt > LONGEST_STEP {
+            self.trust.skip();
+            return None;
+        }
+        self.trust.step(&Step {
+            last: &last,
+            new: odometry,
+            dt,
+            acc_model,
+            disturbance: self.observer.disturbance(),
+            free: commanded.free,
+            jumped: jump.is_some(),
+        })
     }
 
     fn learn(&mut self, odometry: &Odometry, dt: f64, commanded: &Commanded) {
@@ -140,10 +180,30 @@ impl Motion {
         self.last.as_ref()
     }
 
-    /// The last accepted odometry unless it is older than `stale` seconds (or stamped that far in the future).
+    /// The last accepted odometry unless it is not believed, or older than `stale` seconds (or stamped that far in the
+    /// future).
     #[must_use]
     pub fn fresh(&self, now: Time, stale: f64) -> Option<&Odometry> {
-        self.last.as_ref().filter(|last| now.since(last.stamp).abs() <= stale)
+        let believed = self.trust.distrust().is_none();
+        self.last.as_ref().filter(|last| believed && now.since(last.stamp).abs() <= stale)
+    }
+
+    /// Why odometry is not believed; none: it is.
+    #[must_use]
+    pub fn distrust(&self) -> Option<&Distrust> {
+        self.trust.distrust()
+    }
+
+    /// The largest check of the odometry over its gate.
+    #[must_use]
+    pub fn doubt(&self) -> f64 {
+        self.trust.doubt()
+    }
+
+    /// What is false about the odometry: what is not believed, or what the newest sample showed for the first time.
+    #[must_use]
+    pub fn fault(&self) -> Option<OdometryFault> {
+        self.trust.distrust().map(|distrust| distrust.fault).or(self.fault)
     }
 
     /// Age of the last accepted odometry, s; none: there is none.
@@ -153,16 +213,32 @@ impl Motion {
     }
 }
 
-fn jump(last: &Odometry, new: &Odometry) -> Option<Jump> {
-    let dt = new.stamp.since(last.stamp);
-    // The mean of both velocities, so that hard braking in a slow stream is no jump.
-    let moved = new.pos_world - (last.pos_world + (last.vel_world + new.vel_world) * (0.5 * dt));
+/// A jump of the frame from `last` to `new`, announced or not.
+pub(crate) fn jump(last: &Odometry, new: &Odometry) -> Option<Jump> {
     let announced = new.reset_counter != last.reset_counter;
-    if !announced && moved.norm() <= UNANNOUNCED_JUMP + dt {
+    let pos_world = moved(last, new);
+    if !announced && !is_jump(pos_world, new.stamp.since(last.stamp)) {
         return None;
     }
-    let turned = wrap(yaw_of(&new.world_from_body) - yaw_of(&last.world_from_body) - last.ang_vel_body.z * dt);
-    Some(Jump { pos_world: moved, yaw: if announced { turned } else { 0.0 } })
+    Some(Jump { pos_world, yaw: if announced { turned(last, new) } else { 0.0 } })
+}
+
+/// How far from where the velocities lead the position is, m.
+fn moved(last: &Odometry, new: &Odometry) -> Vec3 {
+    // The mean of both velocities, so that hard braking in a slow stream is no jump.
+    let dt = new.stamp.since(last.stamp);
+    new.pos_world - (last.pos_world + (last.vel_world + new.vel_world) * (0.5 * dt))
+}
+
+/// A position that is `moved_world` (m) from where it should be after `dt` s has jumped, whatever the estimator says.
+fn is_jump(moved_world: Vec3, dt: f64) -> bool {
+    moved_world.norm() > UNANNOUNCED_JUMP.0 + UNANNOUNCED_JUMP.1 * dt
+}
+
+/// By how much more the heading turned than the rate says, rad.
+fn turned(last: &Odometry, new: &Odometry) -> f64 {
+    let rate = last.ang_vel_body.z;
+    wrap(yaw_of(&new.world_from_body) - yaw_of(&last.world_from_body) - rate * new.stamp.since(last.stamp))
 }
 
 #[cfg(test)]
@@ -170,7 +246,7 @@ mod tests {
     use super::*;
     use crate::config::tests::config;
 
-    const HOVER: Commanded = Commanded { thrust: NormalisedThrust(0.25), acc: GRAVITY, free: true };
+    const HOVER: Commanded = Commanded { thrust: NormalisedThrust(0.25), acc: GRAVITY, free: true, airborne: true };
 
     fn at(stamp: f64, x: f64) -> Odometry {
         Odometry {

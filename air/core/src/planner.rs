@@ -3,6 +3,7 @@
 use crate::aim::{Chase, ChaseConfig, climbing, within_reach};
 use crate::decode::{Decoder, FramePose};
 use crate::error::{ConfigError, within};
+use crate::motion::jump;
 use crate::obstacles::{Ignored, Nearest, Obstacles};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
@@ -105,7 +106,7 @@ pub struct Planner {
     obstacles: Obstacles,
     chase: Chase,
     /// The last frame's motion: stamp, position, velocity, reset counter.
-    last: Option<(Time, Vec3, Vec3, u32)>,
+    last: Option<Odometry>,
 }
 
 /// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s.
@@ -259,17 +260,21 @@ impl Planner {
 
     /// When the odometry jumps, the target's place jumps with it.
     fn follow_jumps(&mut self, odometry: &Odometry) {
-        if let Some((stamp, pos, vel, counter)) = self.last
-            && counter != odometry.reset_counter
-        {
-            let gap = odometry.stamp.since(stamp);
-            self.obstacles.reset();
-            if (0.0..=LONGEST_BRIDGED_GAP).contains(&gap) {
-                self.filter.shift(odometry.pos_world - (pos + vel * gap));
-            } else {
-                self.filter.reset();
+        if let Some(last) = self.last {
+            let bridged = (0.0..=LONGEST_BRIDGED_GAP).contains(&odometry.stamp.since(last.stamp));
+            let announced = last.reset_counter != odometry.reset_counter;
+            match jump(&last, odometry) {
+                Some(jump) if bridged => {
+                    self.obstacles.reset();
+                    self.filter.shift(jump.pos_world);
+                }
+                Some(_) if announced => {
+                    self.obstacles.reset();
+                    self.filter.reset();
+                }
+                _ => {}
             }
         }
-        self.last = Some((odometry.stamp, odometry.pos_world, odometry.vel_world, odometry.reset_counter));
+        self.last = Some(*odometry);
     }
 }

@@ -27,13 +27,17 @@ pub struct SeparationConfig {
 const LEAST_ADVANTAGE: f64 = 2.0;
 /// From the target's move to the vehicle's, s: camera, network, filter, attitude loop.
 const REACTION: f64 = 0.25;
+/// The filter's velocity is so late, s: meanwhile a target that runs may have gained speed toward the vehicle.
+const LATE: f64 = 0.25;
+/// A target counts as running in full at this speed, m/s, and as calming down at this rate after it, m/s².
+const RUNS: (f64, f64) = (3.0, 1.5);
 /// Gain on a closing speed that is too high, 1/s.
 const KV: f64 = 4.0;
 /// Nearer than the least distance the vehicle backs away with so much of what is missing, 1/s, at most so fast, m/s.
 const OPENING: (f64, f64) = (1.5, 3.0);
 /// A target that comes nearer faster than this, m/s, is stepped aside from if it passes within this, s.
 const COMING: f64 = 0.5;
-const FORESEEN: f64 = 2.0;
+const FORESEEN: f64 = 1.5;
 /// What is aimed at beyond the least distance when stepping aside, m, with at most so much acceleration, m/s².
 const ASIDE: (f64, f64) = (0.3, 7.0);
 /// The soonest that stepping aside can be of use, s.
@@ -98,6 +102,8 @@ fn level_deviation(covariance: &Matrix3<f64>) -> f64 {
 pub struct Separation {
     /// The side of the relative velocity to which the vehicle steps aside, +1 left, -1 right; 0: it does not.
     side: f64,
+    /// The target's speed, m/s; falls slowly, since who turns stands for a moment.
+    pace: f64,
 }
 
 impl SeparationConfig {
@@ -143,6 +149,7 @@ impl Separation {
     pub fn keep(
         &mut self,
         config: &SeparationConfig,
+        dt: f64,
         acc_world: Vec3,
         [pos_world, vel_world]: [Vec3; 2],
         threat: &Threat,
@@ -153,10 +160,14 @@ impl Separation {
         let distance = line.norm();
         let Some(away) = line.try_normalize(1e-3) else { return acc_world };
         let least = config.level(threat.pos_doubt, between.z);
-        let relative: Flat = (vel_world - threat.vel_world).xy();
+        self.pace = (self.pace - RUNS.1 * dt).max(threat.vel_world.xy().norm());
+        let gained = away * (config.target_acc * LATE * (self.pace / RUNS.0).min(1.0));
+        // As fast toward the vehicle as it may be by now.
+        let target: Flat = threat.vel_world.xy() + gained;
+        let relative: Flat = vel_world.xy() - target;
         let flat: Flat = acc_world.xy();
-        let backed = self.back(config, flat, (away, distance, least), relative, threat.vel_doubt);
-        let coming = threat.vel_world.xy().dot(&away) > COMING;
+        let backed = back(config, flat, (away, distance, least), relative, threat.vel_doubt);
+        let coming = target.dot(&away) > COMING;
         let aside = if coming { self.aside(least, line, relative, room) } else { None };
         self.side = aside.map_or(0.0, |(side, _)| side);
         let bent = match aside {
@@ -171,27 +182,6 @@ impl Separation {
         let most = config.max_acc.max(flat.norm());
         let within = within * (most / within.norm().max(most));
         if within.iter().all(|x| x.is_finite()) { Vec3::new(within.x, within.y, acc_world.z) } else { acc_world }
-    }
-
-    /// Closes in no faster than can be braked; too near, opens.
-    fn back(
-        &self,
-        config: &SeparationConfig,
-        flat: Flat,
-        (away, distance, least): (Flat, f64, f64),
-        relative: Flat,
-        doubt: f64,
-    ) -> Flat {
-        let closing = -relative.dot(&away);
-        let worst = closing + doubt;
-        let allowed = config.closing_speed(distance - least);
-        let braking = config.braking();
-        // Along the bound itself, the speed falls as the distance does.
-        let along_bound = braking * worst.max(0.0) / (allowed.max(0.0) + braking * REACTION);
-        // Who passes by opens without braking.
-        let passing = (relative + away * closing).norm_squared() / distance.max(0.5 * least).max(0.1);
-        let wanted = KV * (worst - allowed) + along_bound - passing;
-        flat + away * (wanted - flat.dot(&away)).max(0.0)
     }
 
     /// The side and the acceleration that let a target pass at the least distance; none: it will.
@@ -212,6 +202,26 @@ impl Separation {
         let push = (2.0 * missing / soon.max(SOONEST).powi(2)).min(ASIDE.1);
         Some((side, left * (side * push)))
     }
+}
+
+/// Closes in no faster than can be braked; too near, opens.
+fn back(
+    config: &SeparationConfig,
+    flat: Flat,
+    (away, distance, least): (Flat, f64, f64),
+    relative: Flat,
+    doubt: f64,
+) -> Flat {
+    let closing = -relative.dot(&away);
+    let worst = closing + doubt;
+    let allowed = config.closing_speed(distance - least);
+    let braking = config.braking();
+    // Along the bound itself, the speed falls as the distance does.
+    let along_bound = braking * worst.max(0.0) / (allowed.max(0.0) + braking * REACTION);
+    // Who passes by opens without braking.
+    let passing = (relative + away * closing).norm_squared() / distance.max(0.5 * least).max(0.1);
+    let wanted = KV * (worst - allowed) + along_bound - passing;
+    flat + away * (wanted - flat.dot(&away)).max(0.0)
 }
 
 /// Left (+1) or right (-1) of the relative velocity: the nearer way out, unless something stands in it and there is more

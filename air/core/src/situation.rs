@@ -53,7 +53,7 @@ impl Controller {
     fn flight_events(&self, now: Time, input: &ControllerInput, happened: Happened) -> Happened {
         let Some(flight) = &self.flight else { return happened };
         let (autopilot, limits, hold) = (&input.autopilot, &self.config.limits, &self.config.hold);
-        let odometry = self.motion.fresh(now, self.config.ladder.odometry_stale);
+        let odometry = self.believed(now);
         let disarmed = flight.was_armed && !autopilot.armed;
         let refused = flight.takeoff.refused(&self.config.mission, now);
         let climbing = flight.takeoff.stage() == Stage::Climb;
@@ -71,6 +71,8 @@ impl Controller {
             .with(Cause::Disarmed, disarmed)
             .with(Cause::ModeTakenAway, flight.was_offboard && !autopilot.offboard)
             .with(Cause::OdometryLost, self.odometry_lost(now))
+            .with(Cause::OdometryFalse, self.odometry_false(now))
+            .with(Cause::PositionLost, self.position_stays_lost(now))
             .with(Cause::AutopilotLost, !autopilot.connected)
             .with(Cause::BatteryLow, flight.battery_low.is_some_and(|since| now.since(since) > BATTERY_LOW_FOR))
             .with(Cause::FenceReached, beyond.is_some_and(|b| b.0))
@@ -86,7 +88,7 @@ impl Controller {
     fn task_events(&self, now: Time, happened: Happened) -> Happened {
         let Some(flight) = &self.flight else { return happened };
         let (ladder, mission) = (&self.config.ladder, &self.config.mission);
-        let odometry = self.motion.fresh(now, ladder.odometry_stale);
+        let odometry = self.believed(now);
         // A goal that is held and a hover that was asked for need no plan and follow nobody.
         let planning = self.planning().is_some();
         let flyable = self.plans.flyable(ladder, flight.profile.task, now).is_some();
@@ -121,11 +123,27 @@ impl Controller {
 
     /// Before the climb stale odometry ends the flight at once; in the air only after the descent without it.
     fn odometry_lost(&self, now: Time) -> bool {
-        let Some(flight) = &self.flight else { return false };
-        let ladder = &self.config.ladder;
-        let grace =
-            if self.mode == Mode::Takeoff && flight.takeoff.stage() != Stage::Climb { 0.0 } else { ladder.hand_back };
+        let stale = self.config.ladder.odometry_stale;
+        self.blind_for().is_some_and(|grace| self.motion.age(now).is_none_or(|age| age > stale + grace))
+    }
+
+    /// The autopilot's word that its position is not valid, likewise.
+    fn position_stays_lost(&self, now: Time) -> bool {
+        let lost = self.position_lost.map(|since| now.since(since));
+        self.blind_for().zip(lost).is_some_and(|(grace, lost)| lost >= grace)
+    }
+
+    /// How long this mode goes on without odometry, s; none: as long as it likes, on the ground with the motors cut.
+    fn blind_for(&self) -> Option<f64> {
+        let flight = self.flight.as_ref()?;
         let on_ground = self.mode == Mode::Stopping && flight.landing.phase() == Phase::Cut;
-        !on_ground && self.motion.age(now).is_none_or(|age| age > ladder.odometry_stale + grace)
+        let before_climb = self.mode == Mode::Takeoff && flight.takeoff.stage() != Stage::Climb;
+        let grace = if before_climb { 0.0 } else { self.config.ladder.hand_back };
+        (!on_ground).then_some(grace)
+    }
+
+    /// What is not believed for as long as a descent without odometry may take is handed back.
+    fn odometry_false(&self, now: Time) -> bool {
+        self.motion.distrust().is_some_and(|distrust| now.since(distrust.since) > self.config.ladder.hand_back)
     }
 }

@@ -61,6 +61,12 @@ impl Takeoff {
         repeat(&mut self.asked, now, config.request_period).then_some(request)
     }
 
+    /// The motors have been asked for: they may start at any time.
+    #[must_use]
+    pub fn has_asked_to_arm(&self) -> bool {
+        matches!(self.stage, Stage::Arm | Stage::Climb)
+    }
+
     /// Which request the autopilot did not follow in time.
     #[must_use]
     pub fn refused(&self, config: &MissionConfig, now: Time) -> Option<Cause> {
@@ -74,6 +80,39 @@ impl Takeoff {
 
     fn enter(&mut self, stage: Stage, now: Time) {
         *self = Self { stage, since: now, asked: None };
+    }
+}
+
+/// After this a vehicle that arms was armed by somebody else, s: our link repeats a request for one second.
+const LATE_ARMING: f64 = 3.0;
+
+/// A take-off that was given up on the ground after the motors had been asked for. They are stopped again, and also
+/// where the autopilot starts them only now.
+#[derive(Clone, Copy, Debug)]
+pub struct Abandoned {
+    since: Time,
+    asked: Option<Time>,
+    over: bool,
+}
+
+impl Abandoned {
+    /// Given up at `now`.
+    #[must_use]
+    pub fn new(now: Time) -> Self {
+        Self { since: now, asked: None, over: false }
+    }
+
+    /// What to ask of the autopilot now. The first request goes out even if the motors stand: in the link it takes the
+    /// place of the one to arm. One that seems to fly is handed back, and one that somebody else flies is theirs.
+    pub fn step(&mut self, config: &MissionConfig, now: Time, autopilot: &AutopilotStatus) -> Option<Request> {
+        let flies = autopilot.armed && autopilot.landed == Some(false);
+        self.over |= !autopilot.armed && now.since(self.since) > LATE_ARMING || flies && !autopilot.offboard;
+        let wanted = autopilot.armed || self.asked.is_none();
+        if self.over || !autopilot.connected || !wanted {
+            return None;
+        }
+        let request = if flies { Request::HandBack } else { Request::Disarm };
+        repeat(&mut self.asked, now, config.request_period).then_some(request)
     }
 }
 

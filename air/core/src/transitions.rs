@@ -44,6 +44,8 @@ const TABLE: &[Row] = &[
     (Cause::Disarmed, UNDER_WAY, To::Mode(Mode::Fault)),
     (Cause::ModeTakenAway, FLYING, To::Mode(Mode::Fault)),
     (Cause::OdometryLost, FLYING, To::Mode(Mode::Fault)),
+    (Cause::OdometryFalse, FLYING, To::Mode(Mode::Fault)),
+    (Cause::PositionLost, FLYING, To::Mode(Mode::Fault)),
     // the flight ends
     (Cause::StopCommand, UNDER_WAY, To::Stop),
     (Cause::AutopilotLost, UNDER_WAY, To::Land),
@@ -125,12 +127,14 @@ mod tests {
     const CHASE: Situation = Situation { task: Task::Track, was_armed: true, held: false, on_stop: StopAction::Land };
 
     /// Rows: `Cause::ALL`; columns: `Mode::ALL`, of a chase under way whose Stop lands. `.`: stays.
-    const EXPECTED: [(Cause, &str); 25] = [
+    const EXPECTED: [(Cause, &str); Cause::ALL.len()] = [
         // I R T T N S H S L F: Idle Ready Takeoff Track Navigate Search Hold Stopping Landed Fault
         (Cause::TouchedDown, ". . . . . . . Landed . ."),
         (Cause::Disarmed, ". . Fault Fault Fault Fault Fault . . ."),
         (Cause::ModeTakenAway, ". . Fault Fault Fault Fault Fault Fault . ."),
         (Cause::OdometryLost, ". . Fault Fault Fault Fault Fault Fault . ."),
+        (Cause::OdometryFalse, ". . Fault Fault Fault Fault Fault Fault . ."),
+        (Cause::PositionLost, ". . Fault Fault Fault Fault Fault Fault . ."),
         (Cause::StopCommand, ". . Stopping Stopping Stopping Stopping Stopping . . ."),
         (Cause::AutopilotLost, ". . Stopping Stopping Stopping Stopping Stopping . . ."),
         (Cause::BatteryLow, ". . Stopping Stopping Stopping Stopping Stopping . . ."),
@@ -154,6 +158,11 @@ mod tests {
         (Cause::FaultOver, ". . . . . . . . . Idle"),
     ];
 
+    fn pairs() -> impl Iterator<Item = (Cause, Cause)> {
+        let later = |i: usize| Cause::ALL[i + 1..].iter().map(move |second| (Cause::ALL[i], *second));
+        (0..Cause::ALL.len()).flat_map(later)
+    }
+
     fn only(cause: Cause) -> Happened {
         Happened::default().with(cause, true)
     }
@@ -175,7 +184,7 @@ mod tests {
 
     #[test]
     fn of_two_events_the_more_urgent_wins_in_every_mode() {
-        for (first, second) in (0..25).flat_map(|i| (i + 1..25).map(move |k| (Cause::ALL[i], Cause::ALL[k]))) {
+        for (first, second) in pairs() {
             for mode in Mode::ALL {
                 let both = transition(mode, only(first).with(second, true), &CHASE);
                 let alone = transition(mode, only(first), &CHASE).or(transition(mode, only(second), &CHASE));
@@ -220,7 +229,7 @@ mod tests {
     proptest! {
         #[test]
         fn only_a_start_in_ready_ever_begins_a_flight_and_the_pilot_always_ends_it(
-            bits in 0..1u32 << 25, index in 0..10usize, was_armed in any::<bool>(), held in any::<bool>()
+            bits in 0..1u32 << Cause::ALL.len(), index in 0..10usize, was_armed in any::<bool>(), held in any::<bool>()
         ) {
             let (mode, happened) = (Mode::ALL[index], Happened(bits));
             let to = transition(mode, happened, &Situation { was_armed, held, ..CHASE });

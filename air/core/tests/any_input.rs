@@ -59,7 +59,7 @@ proptest! {
             let input = ControllerInput {
                 odometry: Some(&odometry),
                 plan: Some(&plan),
-                autopilot: AutopilotStatus { connected: true, armed: climbing, offboard: climbing, landed: None, battery: Some(0.8) },
+                autopilot: AutopilotStatus { connected: true, armed: climbing, offboard: climbing, landed: None, battery: Some(0.8), position: None },
                 command: match bits { 0..=9 => Some(Command::Stop), 10..=120 => Some(Command::Start(profile)), _ => None },
                 ready: true,
             };

@@ -120,7 +120,7 @@ fn odometry_that_comes_back_in_time_is_flown_on() {
 }
 
 #[test]
-fn odometry_that_ends_before_lift_off_stops_the_motors_and_hands_back() {
+fn odometry_that_ends_before_lift_off_stops_the_motors_and_disarms() {
     let mut sim = Loop::new();
     sim.frames = Frames::Blank;
     sim.start(track());
@@ -130,6 +130,7 @@ fn odometry_that_ends_before_lift_off_stops_the_motors_and_hands_back() {
     assert_eq!(sim.out().setpoint.unwrap().thrust.0, 0.0);
     sim.until(3.0, |s| s.mode() == Mode::Fault);
     assert!(sim.pos.z == 0.0 && sim.last_cause() == Cause::OdometryLost);
+    sim.until(6.0, |s| !s.autopilot.armed);
 }
 
 #[test]
@@ -271,4 +272,29 @@ fn a_step_after_a_long_pause_or_backwards_in_time_is_survived() {
         let output = sim.tick(None);
         assert!(output.setpoint.unwrap().thrust.0.is_finite());
     }
+}
+
+#[test]
+fn a_position_that_the_autopilot_calls_invalid_levels_and_descends_then_hands_back() {
+    let mut sim = navigating();
+    let (lost, height) = (sim.seconds(), sim.pos.z);
+    sim.autopilot.position = Some(false);
+    sim.run(0.02);
+    assert!(level(sim.out()) && sim.out().fallback == Fallback::OdometryStaleDescend);
+    sim.run(1.0);
+    assert!(level(sim.out()) && sim.mode() == Mode::Navigate && sim.pos.z < height + 0.5);
+    sim.until(1.0, |s| s.mode() == Mode::Fault);
+    assert!((sim.seconds() - lost - common::config().ladder.hand_back).abs() < 0.02);
+    assert_eq!((sim.last_cause(), sim.out().setpoint), (Cause::PositionLost, None));
+    assert!(sim.requests.iter().any(|r| r.1 == Request::HandBack));
+}
+
+#[test]
+fn a_position_that_comes_back_in_time_is_flown_on() {
+    let mut sim = navigating();
+    sim.autopilot.position = Some(false);
+    sim.run(0.8);
+    sim.autopilot.position = Some(true);
+    sim.run(0.1);
+    assert_eq!((sim.mode(), sim.out().fallback), (Mode::Navigate, Fallback::None));
 }

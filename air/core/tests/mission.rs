@@ -65,6 +65,7 @@ fn start_is_refused_with_the_reason() {
     assert_eq!(refusal(|s| s.autopilot.connected = false), Refusal::AutopilotSilent);
     assert_eq!(refusal(|s| s.autopilot.armed = true), Refusal::NotOnGround);
     assert_eq!(refusal(|s| s.odometry_works = false), Refusal::OdometryStale);
+    assert_eq!(refusal(|s| s.autopilot.position = Some(false)), Refusal::NoPosition);
     assert_eq!(refusal(|s| s.ready = false), Refusal::ChecksFailed);
     let mut sim = Loop::new();
     sim.run(0.1);
@@ -89,6 +90,63 @@ fn an_autopilot_that_refuses_offboard_or_arming_ends_in_a_fault_with_its_reason(
         assert!(sim.requests.iter().filter(|r| r.1 == asked).count() >= 5, "asked each second");
         sim.until(4.0, |s| s.mode() == Mode::Ready);
     }
+}
+
+/// A take-off that has asked for the motors and not got them yet.
+fn asking_to_arm() -> Loop {
+    let mut sim = Loop::new();
+    sim.accepts_arming = false;
+    sim.start(track());
+    sim.until(5.0, |s| s.requests.iter().any(|r| r.1 == Request::Arm));
+    sim
+}
+
+#[test]
+fn whatever_ends_a_take_off_before_the_motors_start_stops_them_when_they_start_late() {
+    type End = (fn(&mut Loop), Cause);
+    let ends: [End; 4] = [
+        (|s| s.odometry_works = false, Cause::OdometryLost),
+        (|s| s.autopilot.offboard = false, Cause::ModeTakenAway),
+        (|s| s.autopilot.battery = Some(0.01), Cause::BatteryLow),
+        (|s| s.stop(), Cause::StopCommand),
+    ];
+    for (end, cause) in ends {
+        let mut sim = asking_to_arm();
+        end(&mut sim);
+        sim.until(3.0, |s| !s.mode().has_authority());
+        assert!(sim.transitions.iter().any(|t| t.cause == cause), "{:?}", sim.transitions);
+        assert_eq!(sim.requests.last().unwrap().1, Request::Disarm, "in place of the request to arm");
+        sim.run(0.8);
+        sim.autopilot.armed = true;
+        sim.until(1.1, |s| !s.autopilot.armed);
+        assert!(!sim.requests.iter().any(|r| r.1 == Request::HandBack), "{cause:?}");
+    }
+}
+
+#[test]
+fn a_pilot_who_arms_after_a_given_up_take_off_keeps_the_motors() {
+    let mut sim = asking_to_arm();
+    sim.autopilot.offboard = false;
+    sim.until(1.0, |s| s.mode() == Mode::Fault);
+    sim.run(3.2);
+    sim.autopilot.armed = true;
+    let asked = sim.requests.len();
+    sim.run(10.0);
+    assert!(sim.autopilot.armed && sim.requests.len() == asked, "{:?}", sim.requests);
+}
+
+#[test]
+fn a_pilot_who_flies_away_with_a_given_up_take_off_is_not_disarmed_when_he_lands() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.has_landed_detector = false;
+    sim.start(track());
+    sim.until(5.0, |s| s.out().setpoint.is_some_and(|setpoint| setpoint.thrust.0 > 0.05));
+    (sim.autopilot.landed, sim.autopilot.offboard) = (Some(false), false);
+    sim.until(1.0, |s| s.mode() == Mode::Fault);
+    let asked = sim.requests.len();
+    sim.run(5.0);
+    assert!(sim.autopilot.armed && sim.requests.len() == asked, "{:?}", sim.requests);
 }
 
 #[test]
@@ -364,6 +422,8 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
         for _ in 0..400 {
             let way = left - off;
             sim.vel = Vec3::new(4.0 * way.cos(), 4.0 * way.sin(), 0.0);
+            // No vehicle does that by itself: unannounced it would not be believed.
+            sim.reset_counter += 1;
             sim.tick(None);
         }
         let line = sim.out().planning.unwrap().goal_world.unwrap() - sim.pos;

@@ -46,6 +46,14 @@ fn a_whole_flight_of_controller_steps_allocates_nothing() {
     sim.frames = Frames::Target(Vec3::new(15.0, 0.0, 1.5));
     sim.start(common::track());
     sim.run(8.0);
+    // Odometry that jumps, is doubted, and is believed again.
+    sim.odometry_offset = Vec3::x() * 5.0;
+    sim.velocity_offset = Vec3::y() * 3.0;
+    sim.run(0.1);
+    assert_eq!(sim.out().odometry_fault, Some(OdometryFault::VelocityStepped));
+    sim.velocity_offset = Vec3::zeros();
+    sim.run(1.3);
+    assert!(sim.out().odometry_fault.is_none());
     sim.frames = Frames::None;
     sim.run(3.0);
     sim.stop();

@@ -1,5 +1,7 @@
 //! The Zenoh session: explicit endpoints only, and publishers made from the shared key table.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use goshawk_proto::keys::{Congestion, Key, Priority as KeyPriority, VehicleName};
 use prost::Message;
 use zenoh::Wait;
@@ -109,15 +111,15 @@ impl Bus {
             .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
     }
 
-    /// Calls `receive` with each payload on `key`, on Zenoh's receive thread: it must be quick.
+    /// Calls `receive` with each payload on `key` and a number for its publisher (0: it does not say), on Zenoh's receive thread: it must be quick.
     ///
     /// # Errors
     /// Zenoh refused the declaration.
-    pub fn subscribe(&self, key: Key, receive: impl Fn(&[u8]) + Send + Sync + 'static) -> Result<(), BusError> {
+    pub fn subscribe(&self, key: Key, receive: impl Fn(&[u8], u64) + Send + Sync + 'static) -> Result<(), BusError> {
         let expression = key.expression(&self.vehicle);
         self.session
             .declare_subscriber(expression.clone())
-            .callback(move |sample| receive(&sample.payload().to_bytes()))
+            .callback(move |sample| receive(&sample.payload().to_bytes(), source(&sample)))
             .background()
             .wait()
             .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
@@ -154,6 +156,15 @@ impl Bus {
             .wait()
             .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
     }
+}
+
+/// A number for a sample's publisher; 0: it does not say.
+fn source(sample: &zenoh::sample::Sample) -> u64 {
+    sample.source_info().map_or(0, |info| {
+        let mut hasher = DefaultHasher::new();
+        info.source_id().hash(&mut hasher);
+        hasher.finish().max(1)
+    })
 }
 
 /// A declared publisher and its encoding buffer.

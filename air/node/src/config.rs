@@ -7,7 +7,7 @@ use goshawk_core::{
     LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig,
     SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig, within,
 };
-use goshawk_policy::Provider;
+use goshawk_policy::{Provider, RateLimits};
 use serde::Deserialize;
 
 mod autopilot;
@@ -89,7 +89,9 @@ macro_rules! section {
 section! { /** The airframe. */ Airframe {
     mass_kg: f64, hover_thrust: f64, hover_thrust_range: [f64; 2], min_thrust: f64, max_thrust: f64, max_tilt_deg: f64,
 } }
-section! { /** The camera as mounted. */ Camera { hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3] } }
+section! { /** The camera as mounted. */ Camera {
+    hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3], rate_hz: [f64; 2],
+} }
 section! { /** Where odometry comes from. */ Sensors { odometry: OdometrySource } }
 section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } }
 section! { /** Where logs go. */ Recorder { directory: PathBuf, keep_mb: f64 } }
@@ -157,6 +159,8 @@ pub struct Realtime {
 #[allow(missing_docs)]
 pub struct Policy {
     pub model: PathBuf,
+    /// Of that file, lower-case hexadecimal; another file is not flown.
+    pub sha256: String,
     pub threads: usize,
     /// What runs it; one that cannot is replaced by the processor.
     pub provider: Provider,
@@ -165,10 +169,11 @@ pub struct Policy {
 }
 
 /// Where odometry comes from.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum OdometrySource {
     /// The autopilot's own estimate, by MAVLink.
+    #[default]
     Autopilot,
     /// `in/odometry`.
     Zenoh,
@@ -190,6 +195,15 @@ struct ProfileRow {
 enum TaskName {
     Track,
     Navigate,
+}
+
+impl Camera {
+    /// How often its pictures may come.
+    #[must_use]
+    pub fn rates(&self) -> RateLimits {
+        let [least_hz, most_hz] = self.rate_hz;
+        RateLimits { least_hz, most_hz }
+    }
 }
 
 impl Vehicle {
@@ -221,6 +235,13 @@ impl Vehicle {
     fn validate(&self) -> Result<(), String> {
         self.name.parse::<goshawk_proto::keys::VehicleName>().map_err(|e| e.to_string())?;
         self.validate_board().map_err(|e| e.to_string())?;
+        let hex = |c: char| c.is_ascii_digit() || ('a'..='f').contains(&c);
+        if self.policy.sha256.len() != 64 || !self.policy.sha256.chars().all(hex) {
+            return Err(format!(
+                "policy.sha256 is {:?}; it must be the model's SHA-256, 64 digits of 0-9 and a-f, as its card has it",
+                self.policy.sha256
+            ));
+        }
         self.autopilot.validate(self.controller.rate_hz)?;
         if self.network.listen.is_empty() {
             return Err("network.listen is empty; name at least one endpoint, such as \"tcp/0.0.0.0:7447\"".to_owned());
@@ -240,6 +261,10 @@ impl Vehicle {
         for p in self.camera.position_m {
             within("camera.position_m", p, -2.0..=2.0, "it is on the airframe")?;
         }
+        let [least_hz, most_hz] = self.camera.rate_hz;
+        within("camera.rate_hz", least_hz, 8.0..=120.0, "at 8 Hz a plan is 0.3 s old when the next one comes")?;
+        let most = "it lies a fifth above the least, and no RGB-D camera gives more than 240 Hz";
+        within("camera.rate_hz", most_hz, least_hz * 1.2..=240.0, most)?;
         within("recorder.keep_mb", self.recorder.keep_mb, 0.0..=1e7, "no disk on board holds ten terabytes")?;
         let r = &self.realtime;
         let planner = f64::from(r.planner_priority);

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use goshawk_autopilot::{AutopilotLink, Glance};
-use goshawk_core::{Command, ControllerOutput, Odometry, Plan, PlanningDemand, Time};
+use goshawk_autopilot::{AutopilotLink, Glance, Status};
+use goshawk_core::{AutopilotStatus, Command, ControllerOutput, Odometry, Plan, PlanningDemand, Time};
 
 use crate::config::OdometrySource;
 use crate::convert;
@@ -101,7 +101,7 @@ impl Control {
         let input = StepInput {
             odometry_stamp: held.odometry.map(|o| o.stamp),
             plan_seq: held.plan.as_ref().map(|plan| plan.seq),
-            autopilot: held.glance.map_or_else(Default::default, |glance| glance.status.core()),
+            autopilot: held.glance.map_or_else(Default::default, |glance| concerning(self.source, &glance.status)),
             command: pending.as_ref().map(|pending| pending.command),
             ready: shared.ready.load(Ordering::Relaxed),
         };
@@ -142,5 +142,27 @@ impl Control {
         if let Some(request) = output.request {
             self.link.request(request);
         }
+    }
+}
+
+/// What concerns the controller of the autopilot's state. Of its position only where it is flown by: with odometry of
+/// our own, the autopilot may well have none.
+fn concerning(source: OdometrySource, status: &Status) -> AutopilotStatus {
+    let status = status.core();
+    let position = status.position.filter(|_| source == OdometrySource::Autopilot);
+    AutopilotStatus { position, ..status }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_autopilot_without_a_position_is_no_concern_where_odometry_is_our_own() {
+        let lost = Status { position: Some(false), armed: true, ..Status::default() };
+        let flown_by = concerning(OdometrySource::Autopilot, &lost);
+        let beside = concerning(OdometrySource::Zenoh, &lost);
+        assert_eq!((flown_by.position, beside.position), (Some(false), None));
+        assert!(flown_by.armed && beside.armed);
     }
 }

@@ -41,8 +41,21 @@ fn fallback(fallback: core::Fallback) -> v1::Fallback {
         core::Fallback::None => v1::Fallback::None,
         core::Fallback::PlanExpiredBrake => v1::Fallback::PlanExpiredBrake,
         core::Fallback::HoldPosition => v1::Fallback::HoldPosition,
+        core::Fallback::OdometryFalseBrake => v1::Fallback::OdometryFalseBrake,
         core::Fallback::OdometryStaleDescend => v1::Fallback::OdometryStaleDescend,
         core::Fallback::HandBack => v1::Fallback::HandBack,
+    }
+}
+
+fn odometry_fault(fault: Option<core::OdometryFault>) -> v1::OdometryFault {
+    match fault {
+        None => v1::OdometryFault::None,
+        Some(core::OdometryFault::PositionJumped) => v1::OdometryFault::PositionJumped,
+        Some(core::OdometryFault::PositionDisagrees) => v1::OdometryFault::PositionDisagrees,
+        Some(core::OdometryFault::VelocityStepped) => v1::OdometryFault::VelocityStepped,
+        Some(core::OdometryFault::AttitudeTurned) => v1::OdometryFault::AttitudeTurned,
+        Some(core::OdometryFault::HeadingDisagrees) => v1::OdometryFault::HeadingDisagrees,
+        Some(core::OdometryFault::Frozen) => v1::OdometryFault::Frozen,
     }
 }
 
@@ -129,6 +142,8 @@ pub fn control(
         plan_age_s: output.plan_age,
         hover_thrust: output.hover_thrust,
         attitude_lag_s: output.attitude_lag,
+        odometry_fault: odometry_fault(output.odometry_fault).into(),
+        odometry_doubt: output.odometry_doubt,
     }
 }
 

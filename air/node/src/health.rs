@@ -1,10 +1,12 @@
 //! Readiness and health: what is known of every part, and what to do where one is not right.
 
 use goshawk_autopilot::Status;
-use goshawk_core::Time;
+use goshawk_core::{OdometryFault, Time};
+use goshawk_policy::{AnswerFault, StreamFault};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 
+use crate::config::OdometrySource;
 use crate::stats::{RateMeter, Window};
 
 const FRAME_STALE_S: f64 = 0.3;
@@ -18,12 +20,24 @@ pub struct Facts {
     pub frame: Option<Time>,
     /// Last odometry's own stamp.
     pub odometry: Option<Time>,
+    /// What is false about the odometry, as the controller found.
+    pub odometry_fault: Option<OdometryFault>,
     /// Last plan.
     pub plan: Option<Time>,
     /// Why the last frame got no plan; none after a plan.
     pub plan_failed: Option<String>,
+    /// What is wrong with the camera's stream, as of the last image.
+    pub camera_fault: Option<StreamFault>,
+    /// What is wrong with the network, as of its last answer.
+    pub answer_fault: Option<AnswerFault>,
+    /// Why the policy did not answer its golden images as it should.
+    pub warm_up_failed: Option<String>,
     /// Why the line to the autopilot is not open; none: it is.
     pub line: Option<String>,
+    /// Why the autopilot would refuse to arm; none: it would not, or does not say.
+    pub refusal: Option<String>,
+    /// Whose odometry is flown by.
+    pub source: OdometrySource,
     /// The log cannot be written, and why.
     pub recorder_failed: Option<String>,
     /// Images a second.
@@ -54,12 +68,13 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
         reason: problem.unwrap_or_default(),
     };
     vec![
-        check("camera", stale("image", Key::Rgbd.row().suffix, age(facts.frame), FRAME_STALE_S, refused.0)),
         check(
-            "odometry",
-            stale("odometry sample", "the odometry source", age(facts.odometry), ODOMETRY_STALE_S, refused.1),
+            "camera",
+            stale("image", Key::Rgbd.row().suffix, age(facts.frame), FRAME_STALE_S, refused.0)
+                .or_else(|| facts.camera_fault.map(|fault| fault.text().to_owned())),
         ),
-        check("autopilot", facts.line.clone().or_else(|| autopilot.problem())),
+        check("odometry", odometry_problem(facts, autopilot, age(facts.odometry), refused.1)),
+        check("autopilot", facts.line.clone().or_else(|| autopilot.problem()).or_else(|| facts.refusal.clone())),
         check("policy", policy_problem(facts, age(facts.plan))),
         check("battery", battery_problem(autopilot, battery_start)),
         check("recorder", facts.recorder_failed.clone()),
@@ -75,6 +90,20 @@ fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u6
     }
 }
 
+fn odometry_problem(facts: &Facts, autopilot: &Status, age_s: Option<f64>, refused: u64) -> Option<String> {
+    let stale = stale("odometry sample", "the odometry source", age_s, ODOMETRY_STALE_S, refused);
+    let falsehood = facts.odometry_fault.filter(|fault| !fault.is_passing());
+    stale.or_else(|| falsehood.map(|fault| fault.to_string())).or_else(|| position_problem(facts.source, autopilot))
+}
+
+/// The autopilot does not stand by the position that is flown by. One that is not flown by is no concern: odometry of
+/// our own on `in/odometry` holds without it, and what the autopilot would do without us is told by `check`.
+#[must_use]
+pub fn position_problem(source: OdometrySource, autopilot: &Status) -> Option<String> {
+    let fault = autopilot.position_fault.filter(|_| source == OdometrySource::Autopilot)?;
+    Some(format!("the autopilot has no valid position: {fault}; give it GPS, optical flow or VIO, and wait"))
+}
+
 /// Too little charge for a flight.
 #[must_use]
 pub fn battery_problem(status: &Status, least: f64) -> Option<String> {
@@ -83,6 +112,10 @@ pub fn battery_problem(status: &Status, least: f64) -> Option<String> {
 }
 
 fn policy_problem(facts: &Facts, plan_age_s: Option<f64>) -> Option<String> {
+    let dead = facts.answer_fault.map(|fault| fault.text().to_owned());
+    if let Some(why) = facts.warm_up_failed.clone().or(dead) {
+        return Some(why);
+    }
     match (&facts.plan_failed, plan_age_s) {
         (Some(why), _) => Some(format!("the last frame got no plan: {why}")),
         (None, None) => Some("no frame has been planned from yet".to_owned()),
@@ -126,7 +159,7 @@ pub fn latencies(facts: &mut Facts) -> Vec<v1::Latency> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use goshawk_autopilot::{Firmware, Guided};
+    use goshawk_autopilot::{Firmware, Guided, PositionFault};
 
     fn good() -> (Facts, Status, Time) {
         let now = Time::from_secs(10.0);
@@ -157,9 +190,20 @@ mod tests {
         only(&Facts { frame: None, ..good().0 }, &status, now, "camera");
         only(&Facts { frame: Some(Time::from_secs(9.0)), ..good().0 }, &status, now, "camera");
         only(&Facts { odometry: None, ..good().0 }, &status, now, "odometry");
+        let fault = Some(OdometryFault::PositionDisagrees);
+        only(&Facts { odometry_fault: fault, ..good().0 }, &status, now, "odometry");
         only(&Facts { plan_failed: Some("NaN".to_owned()), ..good().0 }, &status, now, "policy");
         only(&Facts { recorder_failed: Some("disk full".to_owned()), ..good().0 }, &status, now, "recorder");
+        only(&Facts { camera_fault: Some(StreamFault::Frozen), ..good().0 }, &status, now, "camera");
+        only(&Facts { answer_fault: Some(AnswerFault::Constant), ..good().0 }, &status, now, "policy");
+        only(&Facts { warm_up_failed: Some("it answers NaN".to_owned()), ..good().0 }, &status, now, "policy");
         only(&facts, &Status { connected: false, heartbeat_age_s: None, ..status }, now, "autopilot");
+        let lost = Status { position: Some(false), position_fault: Some(PositionFault::Flags), ..status };
+        only(&facts, &lost, now, "odometry");
+        let ours = Facts { source: OdometrySource::Zenoh, ..good().0 };
+        assert_eq!(failing(&ours, &lost, now), vec![], "odometry of our own holds without it");
+        only(&facts, &Status { unanswered: true, ..status }, now, "autopilot");
+        only(&Facts { refusal: Some("it refuses".to_owned()), ..good().0 }, &status, now, "autopilot");
         let line = Some("serial:/dev/ttyACM0:921600 broke".to_owned());
         only(&Facts { line, ..good().0 }, &status, now, "autopilot");
         only(&facts, &Status { firmware: Firmware::ArduPilot(Guided::Guided), ..status }, now, "autopilot");

@@ -191,6 +191,7 @@ impl StepInput {
             stop: self.command == Some(Command::Stop),
             odometry_ns: self.odometry_stamp.map(|stamp| stamp.0),
             battery: self.autopilot.battery,
+            position: self.autopilot.position,
         }
     }
 
@@ -214,6 +215,7 @@ impl StepInput {
                 offboard: m.offboard,
                 landed: m.landed,
                 battery: m.battery,
+                position: m.position,
             },
             command: start.or(m.stop.then_some(Command::Stop)),
             ready: m.ready,
@@ -281,7 +283,12 @@ mod tests {
             let input = StepInput {
                 odometry_stamp: Some(Time(0)),
                 plan_seq: Some(0),
-                autopilot: AutopilotStatus { armed: true, landed: Some(false), ..AutopilotStatus::default() },
+                autopilot: AutopilotStatus {
+                    armed: true,
+                    landed: Some(false),
+                    position: Some(false),
+                    ..AutopilotStatus::default()
+                },
                 command,
                 ready: true,
             };

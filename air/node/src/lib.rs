@@ -2,6 +2,7 @@
 //! goshawk-core's; this crate gives it threads, a clock, a network and files.
 
 pub mod bus;
+pub mod camera;
 pub mod check;
 pub mod clock;
 pub mod commands;

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use goshawk_core::{Plan, Planner, PlanningDemand};
-use goshawk_policy::{Policy, PolicyError, Preprocessor};
+use goshawk_policy::{AnswerMonitor, Policy, PolicyError, Preprocessor};
 
 use crate::clock;
 use crate::inputs::FrameInput;
@@ -17,6 +17,8 @@ use crate::shared::{Planned, Report, Shared, lock};
 pub struct Planning {
     /// The policy's network.
     pub policy: Policy,
+    /// Watches what it answers.
+    pub answers: AnswerMonitor,
     /// Its image preparation, made for the source of the last frame.
     pub preprocessor: Option<Preprocessor>,
     /// The core's planner.
@@ -43,12 +45,21 @@ impl Planning {
                 flight = flying;
                 self.planner.reset();
             }
+            if frame.fault.is_some() {
+                // What is not to be believed is shown and logged, and not flown: the last plan expires.
+                shared.report(Report::Frame(frame));
+                continue;
+            }
             let planned = self.plan(shared, &frame, seq);
+            let print = frame.print;
             shared.report(Report::Frame(frame));
             match planned {
                 Ok((plan, input, inference_s)) => {
-                    shared.plan.put(plan.clone());
-                    let planned = Planned { flight, plan, input, ready: clock::now(), inference_s };
+                    let fault = self.answers.judge(plan.stamp, print, &input.network);
+                    if fault.is_none() {
+                        shared.plan.put(plan.clone());
+                    }
+                    let planned = Planned { flight, plan, input, ready: clock::now(), inference_s, fault };
                     shared.report(Report::Plan(Box::new(planned)));
                 }
                 Err(why) => shared.report(Report::PlanFailed(why)),

@@ -12,10 +12,11 @@ use goshawk_autopilot::{
     Address, AutopilotError, AutopilotLink, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates,
 };
 use goshawk_core::{Planner, PlanningDemand, Profile};
-use goshawk_policy::{Policy, PolicyError};
+use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
 
 use crate::bus::Bus;
+use crate::camera::CameraInput;
 use crate::config::{OdometrySource, Vehicle};
 use crate::control::Control;
 use crate::flightlog::FlightLog;
@@ -64,7 +65,8 @@ const REPORT_QUEUE: usize = 2048;
 /// Anything that keeps it from starting: one line that says what to do.
 pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let (model, log_dir) = overrides.apply(&mut vehicle);
-    let policy = load_policy(&vehicle, &model)?;
+    let mut policy = load_policy(&vehicle, &model)?;
+    let warm_up_failed = golden::warm_up(&mut policy, &model).err().map(|why| why.to_string());
     let planner = Planner::new(vehicle.planner_config(policy.contract().model()))
         .wrap_err_with(|| format!("the vehicle file and the policy {} do not make a planner", model.display()))?;
     let controller = FlightController::new(vehicle.controller_config())?;
@@ -83,7 +85,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         vehicle: vehicle.name.clone(),
         profiles: vehicle.profile_names(),
         policy_sha256: policy.sha256().to_owned(),
+        warm_up_failed,
         battery_start: vehicle.limits.battery_start,
+        source: vehicle.sensors.odometry,
     };
     let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, identity)?;
     let _alive = bus.declare_alive()?;
@@ -98,7 +102,8 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         schedule: Some(Schedule { priority: r.controller_priority, core: r.controller_core }),
     };
     let schedule = Schedule { priority: r.planner_priority, core: None };
-    let planning = Planning { policy, preprocessor: None, planner, idle_demand, schedule };
+    let watched = AnswerMonitor::new(policy.contract());
+    let planning = Planning { policy, answers: watched, preprocessor: None, planner, idle_demand, schedule };
     if r.lock_memory
         && let Err(why) = realtime::lock_memory()
     {
@@ -122,10 +127,19 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
 pub fn load_policy(vehicle: &Vehicle, model: &Path) -> Result<Policy, PolicyError> {
     let (asked, library) = (vehicle.policy.provider, vehicle.library());
     let policy = Policy::load_on(asked, model, library.as_deref(), vehicle.policy.threads)?;
+    check_pin(vehicle, model, &policy)?;
     if let Some(why) = policy.why_not() {
         tracing::warn!("the network runs on the cpu, not on {}: {why}", asked.name());
     }
     Ok(policy)
+}
+
+/// The vehicle file's own model is the file that it pins; a model that was named instead of it is not pinned.
+///
+/// # Errors
+/// It is another file.
+pub fn check_pin(vehicle: &Vehicle, model: &Path, policy: &Policy) -> Result<(), PolicyError> {
+    if model == vehicle.resolve(&vehicle.policy.model) { policy.pinned(model, &vehicle.policy.sha256) } else { Ok(()) }
 }
 
 fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + 'static) -> Result<JoinHandle<()>> {
@@ -205,13 +219,11 @@ pub(crate) fn idle_demand(vehicle: &Vehicle, policy: &Policy) -> Result<Planning
 
 fn subscribe(bus: &Bus, vehicle: &Vehicle, shared: &Arc<Shared>) -> Result<()> {
     let frames = Arc::clone(shared);
-    bus.subscribe(Key::Rgbd, move |payload| match sensors::frame(payload, clock::now()) {
-        Ok(frame) => frames.frame.put(Arc::new(frame)),
-        Err(_) => frames.refused_frames.count(),
-    })?;
+    let camera = CameraInput::new(vehicle.camera.rates());
+    bus.subscribe(Key::Rgbd, move |payload, source| camera.take(&frames, payload, source, clock::now()))?;
     if vehicle.sensors.odometry == OdometrySource::Zenoh {
         let samples = Arc::clone(shared);
-        bus.subscribe(Key::Odometry, move |payload| match sensors::odometry(payload, clock::now()) {
+        bus.subscribe(Key::Odometry, move |payload, _| match sensors::odometry(payload, clock::now()) {
             Ok(sample) => samples.odometry.put(sample),
             Err(_) => samples.refused_odometry.count(),
         })?;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use goshawk_core::{Odometry, Rot, Time, Vec3};
-use goshawk_policy::Source;
+use goshawk_policy::{Moving, Source, StreamFault};
 use goshawk_proto::v1;
 use prost::Message;
 
@@ -27,6 +27,10 @@ pub struct Frame {
     pub rgb: Vec<u8>,
     /// height × width, along the optical axis; 0: no measurement.
     pub depth_mm: Vec<u16>,
+    /// Tells this picture from others, once it was judged.
+    pub print: u64,
+    /// What was wrong with the stream when it came: then it is shown and logged, and not planned from.
+    pub fault: Option<StreamFault>,
 }
 
 impl Frame {
@@ -108,6 +112,8 @@ pub fn frame(payload: &[u8], now: Time) -> Result<Frame, SampleError> {
         vfov: m.vfov_rad,
         rgb: m.rgb,
         depth_mm: m.depth_mm.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect(),
+        print: 0,
+        fault: None,
     })
 }
 
@@ -149,6 +155,12 @@ pub fn plausible(o: Odometry) -> Result<Odometry, SampleError> {
     } else {
         Ok(o)
     }
+}
+
+/// How the vehicle moves, for the camera's monitor.
+#[must_use]
+pub fn moving(flying: bool, odometry: &Odometry) -> Moving {
+    Moving { flying, speed_mps: odometry.vel_world.norm(), rate_radps: odometry.ang_vel_body.norm() }
 }
 
 fn vector(v: Option<v1::Vec3>, name: &'static str) -> Result<Vec3, SampleError> {

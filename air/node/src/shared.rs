@@ -5,6 +5,7 @@ use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use goshawk_core::{Command, ControllerOutput, History, Odometry, Plan, PlanningDemand, Refusal, Time};
+use goshawk_policy::AnswerFault;
 use goshawk_proto::v1;
 
 use crate::inputs::{FrameInput, StepInput};
@@ -41,6 +42,8 @@ pub struct Planned {
     pub ready: Time,
     /// Time in the network, s.
     pub inference_s: f64,
+    /// What is wrong with the network: then the plan is recorded, and not flown.
+    pub fault: Option<AnswerFault>,
 }
 
 /// One fact for telemetry, log and health.

@@ -7,12 +7,13 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
-use goshawk_core::{ControllerOutput, Mode, Odometry, Time};
+use goshawk_core::{ControllerOutput, Mode, Odometry, OdometryFault, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
 
 use crate::bus::{Bus, BusError, Publisher};
+use crate::config::OdometrySource;
 use crate::flightlog::FlightLog;
 use crate::health::{self, Facts};
 use crate::sensors::Frame;
@@ -37,8 +38,12 @@ pub struct Identity {
     pub profiles: Vec<String>,
     /// Of the policy file.
     pub policy_sha256: String,
+    /// Why the policy did not answer its golden images as it should; none: it did.
+    pub warm_up_failed: Option<String>,
     /// The vehicle file's `limits.battery_start`.
     pub battery_start: f64,
+    /// Whose odometry is flown by.
+    pub source: OdometrySource,
 }
 
 struct Publishers {
@@ -71,6 +76,8 @@ pub struct Telemetry {
     flight: u64,
     profile: String,
     checks: Vec<v1::Check>,
+    /// Of the autopilot, as far as they have been told.
+    restarts: u64,
     last_control: Time,
     last_check: Time,
     last_health: Time,
@@ -96,11 +103,16 @@ impl Telemetry {
             link,
             log,
             profile: identity.profiles.first().cloned().unwrap_or_default(),
+            facts: Facts {
+                warm_up_failed: identity.warm_up_failed.clone(),
+                source: identity.source,
+                ..Facts::default()
+            },
             identity,
-            facts: Facts::default(),
             sequences: Sequences::default(),
             flight: 0,
             checks: Vec::new(),
+            restarts: 0,
             last_control: Time(0),
             last_check: Time(0),
             last_health: Time(0),
@@ -167,7 +179,8 @@ impl Telemetry {
     }
 
     fn take_plan(&mut self, planned: &Planned) {
-        let Planned { flight, plan, input, ready, inference_s } = planned;
+        let Planned { flight, plan, input, ready, inference_s, fault } = planned;
+        self.facts.answer_fault = *fault;
         self.facts.plan = Some(*ready);
         self.facts.plan_failed = None;
         self.facts.planner_rate.tick();
@@ -195,6 +208,7 @@ impl Telemetry {
 
     fn take_frame(&mut self, frame: &Arc<Frame>) {
         self.facts.frame = Some(frame.stamp);
+        self.facts.camera_fault = frame.fault;
         self.facts.camera_rate.tick();
         self.log.record_frame(frame);
         let now = clock::now();
@@ -236,11 +250,26 @@ impl Telemetry {
             self.sequences.control += 1;
         }
         self.log.record(Key::Control, stamp, message);
+        self.take_odometry_fault(output.odometry_fault);
         if let Some(t) = output.transition {
             self.event(v1::Severity::Info, "mode", format!("{:?} → {:?}: {}", t.from, t.to, t.cause));
         }
         if output.transition.is_some() && matches!(output.mode, Mode::Landed | Mode::Idle | Mode::Ready) {
             self.log.finish_soon(stamp);
+        }
+    }
+
+    /// Says what is false about the odometry when it shows, and when it is over.
+    fn take_odometry_fault(&mut self, fault: Option<OdometryFault>) {
+        let before = std::mem::replace(&mut self.facts.odometry_fault, fault);
+        match (before, fault) {
+            (before, Some(fault)) if before != Some(fault) => {
+                self.event(v1::Severity::Warning, "odometry", fault.to_string());
+            }
+            (Some(before), None) if !before.is_passing() => {
+                self.event(v1::Severity::Info, "odometry", "no contradiction any more".to_owned());
+            }
+            _ => {}
         }
     }
 
@@ -282,12 +311,24 @@ impl Telemetry {
             let severity = if good { v1::Severity::Info } else { v1::Severity::Warning };
             self.event(severity, "autopilot", format!("{}: {}", ack.command, ack.outcome));
         }
+        for (_, event) in self.link.take_events() {
+            if let Some(words) = event.words() {
+                let severity = if event.is_trouble() { v1::Severity::Warning } else { v1::Severity::Info };
+                self.event(severity, "autopilot", words.to_owned());
+            }
+        }
         for text in self.link.take_texts() {
             self.event(v1::Severity::Info, "autopilot", text.text);
         }
         self.facts.line = self.link.line_problem();
+        self.facts.refusal = self.link.refusal(now);
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
         let (status, battery_start) = (self.link.status(now), self.identity.battery_start);
+        if status.counters.restarts > self.restarts {
+            self.restarts = status.counters.restarts;
+            let text = "it has started again: nothing that it was asked before is asked again";
+            self.event(v1::Severity::Error, "autopilot", text.to_owned());
+        }
         let checks = health::checks(&self.facts, &status, refused, battery_start, now);
         for check in &checks {
             let before = self.checks.iter().find(|c| c.name == check.name).map(|c| c.ok);

@@ -49,6 +49,20 @@ pub enum PolicyError {
         /// The configured one.
         asked: PathBuf,
     },
+    /// Another file than the vehicle file pins.
+    #[error(
+        "policy {} has the SHA-256 {found}, the vehicle file pins {pinned}: put the pinned file there, or, if this one \
+         is to be flown, write its hash (its card has it too) into policy.sha256",
+        path.display()
+    )]
+    Pin {
+        /// The policy's file.
+        path: PathBuf,
+        /// Its own.
+        found: String,
+        /// The vehicle file's.
+        pinned: String,
+    },
     /// The file is not a model that ONNX Runtime can run.
     #[error("policy {}: not a runnable ONNX model: {source}", path.display())]
     NotOnnx {
@@ -232,6 +246,17 @@ impl Policy {
     #[must_use]
     pub fn sha256(&self) -> &str {
         &self.sha256
+    }
+
+    /// It is the file of this hash.
+    ///
+    /// # Errors
+    /// It is another one; `path` is what it is called.
+    pub fn pinned(&self, path: &Path, sha256: &str) -> Result<(), PolicyError> {
+        if self.sha256 == sha256 {
+            return Ok(());
+        }
+        Err(PolicyError::Pin { path: path.into(), found: self.sha256.clone(), pinned: sha256.to_owned() })
     }
 
     /// Numbers of the `rgbd` input, `[4, height, width]`.

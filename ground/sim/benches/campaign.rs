@@ -58,6 +58,7 @@ fn main() -> color_eyre::Result<()> {
             sensors: Sensors::default(),
             airframe: Difference::default(),
             moving: 0,
+            fault: None,
             seed,
         };
         let begun = core_seconds();

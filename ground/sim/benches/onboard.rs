@@ -24,7 +24,7 @@ use goshawk_air::sensors;
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
 use goshawk_core::types::{Plan, Task, Time};
 use goshawk_core::{ControllerOutput, Odometry, Planner};
-use goshawk_policy::{Policy, Preprocessor};
+use goshawk_policy::{Arrival, Policy, Preprocessor, StreamMonitor};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, LogWriter};
@@ -85,6 +85,7 @@ fn fly(vehicle: &Vehicle, policy: &mut Policy) -> color_eyre::Result<Flight> {
         sensors: Sensors::default(),
         airframe: Difference::default(),
         moving: 0,
+        fault: None,
         seed: 3,
     };
     let camera = Mount::of(vehicle).camera;
@@ -97,6 +98,7 @@ fn fly(vehicle: &Vehicle, policy: &mut Policy) -> color_eyre::Result<Flight> {
 struct Times {
     whole_ms: Vec<f64>,
     decode_ms: Vec<f64>,
+    judge_us: Vec<f64>,
     prepare_ms: Vec<f64>,
     memory_ms: Vec<f64>,
     network_ms: Vec<f64>,
@@ -112,6 +114,7 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
     let mut planner = Planner::new(vehicle.planner_config(policy.contract().model()))?;
     let mut controller = FlightController::new(vehicle.controller_config())?;
     let mut preprocessor: Option<Preprocessor> = None;
+    let mut monitor = StreamMonitor::new(vehicle.camera.rates());
     let mut times = Times::default();
     let mut steps = flight.steps.iter().peekable();
     for (ready, _, logged) in &flight.plans {
@@ -129,6 +132,9 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
         let begun = Instant::now();
         let frame = sensors::frame(&bytes, Time(message.stamp_ns))?;
         let decoded = Instant::now();
+        let arrival = Arrival { seq: frame.seq, stamp: frame.stamp, source: 0 };
+        black_box(monitor.judge(&arrival, &frame.rgb, &frame.depth_mm, &sensors::moving(true, &logged.odometry)));
+        let judged = Instant::now();
         let preparing = match preprocessor.take() {
             Some(made) => made,
             None => Preprocessor::new(policy.contract(), frame.source())?,
@@ -158,7 +164,8 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
         times.whole_ms.push(ms(begun, prepared) + ms(remembered, ended));
         times.memory_ms.push(ms(cloned, remembered));
         times.decode_ms.push(ms(begun, decoded));
-        times.prepare_ms.push(ms(decoded, prepared));
+        times.judge_us.push(1e3 * ms(decoded, judged));
+        times.prepare_ms.push(ms(judged, prepared));
         times.network_ms.push(ms(remembered, answered) - ms(cloned, remembered));
         times.post_us.push(1e3 * ms(answered, ended));
         times.planner_us.push(1e3 * ms(answered, planned));
@@ -260,6 +267,7 @@ fn main() -> color_eyre::Result<()> {
     };
     let whole = line("frame to command", "ms", &mut t.whole_ms, Some((3.0, 5.0)));
     line("  message to frame", "ms", &mut t.decode_ms, None);
+    line("  camera's monitor", "us", &mut t.judge_us, None);
     line("  image to input", "ms", &mut t.prepare_ms, None);
     line("  obstacles' memory", "ms", &mut t.memory_ms, None);
     line("  network, yardstick", "ms", &mut t.network_ms, None);

@@ -2,7 +2,9 @@
 
 use crate::cloud;
 use crate::dataset::{DatasetConfig, generate};
+use crate::faults::FaultsArgs;
 use crate::fly::args::FlyArgs;
+use crate::golden::GoldenArgs;
 use crate::moving::{MovingArgs, Site};
 use crate::serve::ServeArgs;
 use crate::trial::{TrialError, WorldSource};
@@ -34,6 +36,10 @@ pub enum Command {
     Dataset(DatasetArgs),
     /// Fly campaigns in lockstep and report successes.
     Fly(FlyArgs),
+    /// Fly with broken senses, and say what the vehicle noticed.
+    Faults(FaultsArgs),
+    /// Write the golden images that a policy must answer before it may fly.
+    Golden(GoldenArgs),
     /// Run one world in real time, for an onboard process.
     Serve(ServeArgs),
 }
@@ -92,6 +98,8 @@ impl Cli {
             Command::World(args) => args.run(),
             Command::Dataset(args) => args.run(),
             Command::Fly(args) => args.run(),
+            Command::Faults(args) => args.run(),
+            Command::Golden(args) => args.run(),
             Command::Serve(args) => args.run(),
         }
     }

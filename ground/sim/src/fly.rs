@@ -5,6 +5,7 @@ pub mod files;
 pub mod log;
 pub mod page;
 pub mod pick;
+pub(crate) mod progress;
 pub mod report;
 pub mod stats;
 mod table;
@@ -25,7 +26,7 @@ use crate::sensor::mix;
 use crate::sensors::Sensors;
 use crate::trial::airframe::Mount;
 use crate::trial::{
-    Difference, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial,
+    Difference, Fault, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial,
 };
 use files::Files;
 use log::{FlightLog, LogError};
@@ -63,6 +64,8 @@ pub struct Campaign {
     pub airframe: Difference,
     /// Moving obstacles in each flight.
     pub moving: usize,
+    /// What goes wrong in each flight.
+    pub fault: Option<Fault>,
     /// Flights at once.
     pub threads: usize,
     /// Fly these only, each exactly as in the whole campaign.
@@ -254,6 +257,7 @@ impl Campaign {
             sensors: self.sensors,
             airframe: self.airframe,
             moving: cell.moving,
+            fault: self.fault,
             // The same forests at every speed, so that speeds can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };

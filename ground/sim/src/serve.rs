@@ -4,6 +4,7 @@
 //! Two threads: physics and autopilot here, on a 1 kHz grid of the host's monotonic clock; the camera in [`camera`].
 
 mod camera;
+mod mishap;
 mod session;
 mod watch;
 
@@ -28,8 +29,10 @@ use crate::sensor::mix;
 use crate::sensors::{SensorArgs, Sensors};
 use crate::trial::airframe::airframe;
 use crate::trial::estimator::Estimator;
-use crate::trial::{Scene, SceneConfig, WorldSource};
+use crate::trial::fault::CameraFault;
+use crate::trial::{Fault, Scene, SceneConfig, WorldSource};
 use camera::{Camera, Exposure};
+use mishap::{AutopilotArgs, Mishaps};
 use session::Session;
 use watch::{Surroundings, Watch};
 
@@ -53,7 +56,8 @@ const AIRBORNE_S: f64 = 2.0;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim serve --seed 3 --spacing 5 --speed 3\n  \
                   goshawk-sim serve --world buildings --moving 8\n  \
-                  goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541")]
+                  goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
+                  goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20")]
 pub struct ServeArgs {
     /// Seed of the world, the runner and the noise.
     #[arg(long, default_value_t = 1)]
@@ -92,6 +96,12 @@ pub struct ServeArgs {
     moving: MovingArgs,
     #[command(flatten)]
     sensors: SensorArgs,
+    /// What goes wrong with the camera, 1 to 4 s after the runner's start, such as camera-frozen. For a second camera
+    /// start a second one.
+    #[arg(long, value_name = "NAME")]
+    fault: Option<Fault>,
+    #[command(flatten)]
+    autopilot: AutopilotArgs,
     /// End by itself after so long, s.
     #[arg(long, value_name = "S")]
     exit_after: Option<f64>,
@@ -114,6 +124,13 @@ impl ServeArgs {
                 "{name} is {value}: it must be {least} to {most}"
             );
         }
+        let fault = match self.fault {
+            None => None,
+            Some(Fault::Camera(fault)) if fault != CameraFault::Two => Some(fault),
+            Some(other) => {
+                bail!("--fault {other}: here only one camera's own faults can be shown, such as camera-frozen")
+            }
+        };
         let vehicle = Vehicle::load(&self.vehicle_file)?;
         let sensors = self.sensors.load()?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -128,7 +145,7 @@ impl ServeArgs {
             moving: self.moving.moving,
         })?);
         let mut session = Session::dial(&vehicle.name, &self.connect, &scene)?;
-        let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, Arc::clone(&stop))?;
+        let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, fault, Arc::clone(&stop))?;
         let mut simulation = Simulation::new(&self, &vehicle, &sensors, &scene)?;
         println!(
             "seed {}, {} ({} obstacles): the target runs {} m at up to {} m/s; vehicle at {}, autopilot to UDP {}",
@@ -168,6 +185,7 @@ struct Simulation<'a> {
     mavlink: SocketAddr,
     wind: Wind,
     wind_world: Vec3,
+    mishaps: Mishaps,
     estimator: Estimator,
     imu: Imu,
     /// The newest estimate less the truth of its time.
@@ -185,7 +203,10 @@ struct Simulation<'a> {
 
 impl<'a> Simulation<'a> {
     fn new(args: &ServeArgs, vehicle: &Vehicle, sensors: &Sensors, scene: &'a Scene) -> Result<Self> {
-        let parameters = airframe(vehicle);
+        let mut parameters = airframe(vehicle);
+        if let Some(loops) = args.autopilot.loops()? {
+            parameters.loops = loops;
+        }
         let start = scene.vehicle_start(&parameters);
         let Address::UdpIn(mut mavlink) = vehicle.autopilot.link else {
             bail!(
@@ -200,8 +221,11 @@ impl<'a> Simulation<'a> {
         if let Some(port) = args.mavlink_port {
             mavlink.set_port(port);
         }
-        let config =
-            Px4Config { hover_thrust: NormalisedThrust(vehicle.airframe.hover_thrust), ..Px4Config::default() };
+        let config = Px4Config {
+            hover_thrust: NormalisedThrust(vehicle.airframe.hover_thrust),
+            sticks: args.autopilot.sticks(),
+            ..Px4Config::default()
+        };
         let here = SocketAddr::new(mavlink.ip(), 0);
         let now = clock::now();
         Ok(Self {
@@ -211,6 +235,7 @@ impl<'a> Simulation<'a> {
             mavlink,
             wind: Wind::new(args.wind, mix(args.seed, 12)),
             wind_world: Vec3::zeros(),
+            mishaps: Mishaps::new(&args.autopilot),
             estimator: Estimator::new(sensors.odometry, mix(args.seed, 11)),
             imu: Imu::new(sensors.imu, mix(args.seed, 15)),
             error: Misbelief::default(),
@@ -255,6 +280,7 @@ impl<'a> Simulation<'a> {
                 jumps: estimate.reset_counter as u8, // MAVLink counts modulo 256
             };
         }
+        self.mishaps.strike(self.now, self.airborne_since, &mut self.px4);
         let sensed = self.sensed();
         let output = self.px4.poll(self.now, &sensed);
         self.quad.step(STEP_S, output.demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));

@@ -5,6 +5,7 @@ pub mod airframe;
 mod autopilot;
 mod difference;
 pub mod estimator;
+pub mod fault;
 pub mod judge;
 mod lockstep;
 pub mod onboard;
@@ -15,6 +16,7 @@ use goshawk_air::convert;
 use goshawk_air::inputs::{FrameInput, StepInput};
 use goshawk_core::types::{Task, Time, Vec3};
 use goshawk_core::{AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, Mode, Odometry, Plan};
+use goshawk_policy::stream::Arrival;
 use goshawk_policy::{PolicyError, PreprocessError};
 use goshawk_proto::v1;
 use thiserror::Error;
@@ -26,6 +28,8 @@ use crate::sensor::RgbdImage;
 use crate::sensors::Sensors;
 use crate::world::{Part, World, WorldError};
 pub use difference::{Difference, DifferenceError};
+pub use fault::Fault;
+use fault::{FaultyNetwork, Injection};
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
 pub use scene::{Scene, SceneConfig, WorldSource};
@@ -82,12 +86,12 @@ pub trait Pilot {
     /// A state estimate has come.
     fn take_odometry(&mut self, odometry: &Odometry);
 
-    /// Plans from a frame that was exposed at `stamp`; the plan is flown once it is handed to [`Pilot::take_plan`].
-    /// None: the controller demands no plan, or there is no odometry around the stamp.
+    /// Plans from a frame; the plan is flown once it is handed to [`Pilot::take_plan`]. None: the controller demands no
+    /// plan, there is no odometry around the frame's stamp, or the frame is not to be believed.
     ///
     /// # Errors
     /// If the network fails.
-    fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError>;
+    fn plan(&mut self, arrival: &Arrival, image: &RgbdImage) -> Result<Option<Plan>, TrialError>;
 
     /// The last plan has become available.
     fn take_plan(&mut self, plan: Plan);
@@ -97,6 +101,11 @@ pub trait Pilot {
 
     /// One tick of the controller.
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput;
+
+    /// What is wrong with the vehicle's senses as far as it can tell, by name.
+    fn faults(&self) -> Vec<&'static str> {
+        Vec::new()
+    }
 
     /// What the last plan was made from; none: by something else than the planner alone.
     fn frame_input(&self) -> Option<&FrameInput> {
@@ -134,6 +143,9 @@ pub struct TrialConfig {
     pub airframe: Difference,
     /// Moving obstacles.
     pub moving: usize,
+    /// What goes wrong on the way; none: nothing does. With a fault the flight goes on until it is down: see
+    /// [`Outcome`].
+    pub fault: Option<Fault>,
     /// Everything random is drawn from it.
     pub seed: u64,
 }
@@ -153,13 +165,14 @@ impl TrialConfig {
 /// How a flight ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// The goal was reached, or the evader arrived with the vehicle behind it.
+    /// The goal was reached, or the evader arrived with the vehicle behind it. After a fault: it is down, by itself or
+    /// by the autopilot.
     Success,
     /// The vehicle touched something.
     Collision,
     /// Track: out of sight, too far away, or the mission was given up.
     Lost,
-    /// It took too long.
+    /// It took too long. After a fault: it flew on.
     Timeout,
     /// Track: otherwise a success, but the vehicle came nearer to the target than [`judge::TOO_CLOSE_M`].
     TooClose,
@@ -182,6 +195,10 @@ pub struct Flight {
     pub flown_s: f64,
     /// Changes of mode: s since the Start command, what to, why.
     pub modes: Vec<(f64, Mode, Cause)>,
+    /// When the fault began, s since the Start command; none: it never did.
+    pub fault_at_s: Option<f64>,
+    /// What the vehicle found wrong with its senses: s since the Start command, by what name.
+    pub named: Vec<(f64, &'static str)>,
     /// What was measured.
     pub metrics: Metrics,
 }
@@ -260,6 +277,13 @@ pub fn fly_in(
     witness: &mut dyn Witness,
 ) -> Result<Flight, TrialError> {
     let mount = airframe::Mount::of(vehicle);
+    let injection = Injection::new(config.fault, config.seed);
+    let wrong = match config.fault {
+        Some(Fault::Network(fault)) => Some(fault),
+        _ => None,
+    };
+    let mut network = network.map(|inner| FaultyNetwork::new(inner, wrong, injection.flag(), config.seed));
+    let network = network.as_mut().map(|network| network as &mut dyn Network);
     let pilot: Box<dyn Pilot> = match (config.pilot, network) {
         (PilotKind::Policy, Some(network)) => Box::new(Onboard::new(vehicle, &mount, network)?),
         (PilotKind::Classical, None) if config.task == Task::Navigate => {
@@ -269,7 +293,7 @@ pub fn fly_in(
         (_, None) => return Err(TrialError::NoPolicy),
     };
     witness.world(&scene.world);
-    lockstep::Lockstep::new(config, vehicle, scene, pilot).fly(witness)
+    lockstep::Lockstep::new(config, vehicle, scene, pilot, injection).fly(witness)
 }
 
 impl Truth<'_> {

@@ -24,6 +24,7 @@ fn fly(task: Task) -> Result<Flight, TrialError> {
         sensors: Sensors::default(),
         airframe: Difference::default(),
         moving: 0,
+        fault: None,
         seed: 2,
     };
     fly_trial(&config, &Vehicle::load(&file).unwrap(), None, &mut Unwatched)

@@ -71,6 +71,7 @@ fn campaign(task: Task) -> Campaign {
         sensors: Sensors::default(),
         airframe: Difference::default(),
         moving: 0,
+        fault: None,
         trials: 2,
         seed: 5,
         wind_mps: 0.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import subprocess
 import tempfile
@@ -23,6 +24,10 @@ CONTRACT_KEY = "goshawk_contract"
 OPSET = 18
 AGREEMENT = 1e-4
 """Largest difference allowed between PyTorch and ONNX Runtime, relative where values exceed 1."""
+
+
+FILE_MARKS = ("<!-- file: begin -->", "<!-- file: end -->")
+"""What `goshawk-sim golden` writes in the card stands between these."""
 
 
 class ExportError(RuntimeError):
@@ -196,4 +201,13 @@ Not flown yet.
 ## Limits
 Trained on synthetic forests with a synthetic person only, at alpha = 1; flight scales by alpha. It sees one frame:
 what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away.
+
+## File
+`goshawk-sim golden --policy {file.name}` adds the golden images, without which no vehicle is ready.
+
+{FILE_MARKS[0]}
+| file | SHA-256 |
+|---|---|
+| model | `{hashlib.sha256(file.read_bytes()).hexdigest()}` |
+{FILE_MARKS[1]}
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import subprocess
 import sys
@@ -257,6 +258,7 @@ def test_command_line_trains_stops_and_resumes(small: Config, dataset: Path, tmp
     assert cli.main(["export", "--run", str(out), "--data", str(dataset), "--out", str(policy)]) == 0
     card = policy.with_suffix(".md").read_text()
     assert policy.is_file() and "recall" in card and checkpoint.load(out / train.CHECKPOINT).hardware in card
+    assert hashlib.sha256(policy.read_bytes()).hexdigest() in card
     assert train.ALONE.hardware().endswith(("thread", "threads"))
     assert cli.main(["preview", "--run", str(out), "--data", str(dataset), "--out", str(tmp_path / "p.png")]) == 0
     assert (tmp_path / "p.png").stat().st_size > 1000

@@ -28,6 +28,17 @@ class Fallback(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FALLBACK_HOLD_POSITION: _ClassVar[Fallback]
     FALLBACK_ODOMETRY_STALE_DESCEND: _ClassVar[Fallback]
     FALLBACK_HAND_BACK: _ClassVar[Fallback]
+    FALLBACK_ODOMETRY_FALSE_BRAKE: _ClassVar[Fallback]
+
+class OdometryFault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    ODOMETRY_FAULT_NONE: _ClassVar[OdometryFault]
+    ODOMETRY_FAULT_POSITION_JUMPED: _ClassVar[OdometryFault]
+    ODOMETRY_FAULT_POSITION_DISAGREES: _ClassVar[OdometryFault]
+    ODOMETRY_FAULT_VELOCITY_STEPPED: _ClassVar[OdometryFault]
+    ODOMETRY_FAULT_ATTITUDE_TURNED: _ClassVar[OdometryFault]
+    ODOMETRY_FAULT_HEADING_DISAGREES: _ClassVar[OdometryFault]
+    ODOMETRY_FAULT_FROZEN: _ClassVar[OdometryFault]
 
 class Rejection(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -60,6 +71,14 @@ FALLBACK_PLAN_EXPIRED_BRAKE: Fallback
 FALLBACK_HOLD_POSITION: Fallback
 FALLBACK_ODOMETRY_STALE_DESCEND: Fallback
 FALLBACK_HAND_BACK: Fallback
+FALLBACK_ODOMETRY_FALSE_BRAKE: Fallback
+ODOMETRY_FAULT_NONE: OdometryFault
+ODOMETRY_FAULT_POSITION_JUMPED: OdometryFault
+ODOMETRY_FAULT_POSITION_DISAGREES: OdometryFault
+ODOMETRY_FAULT_VELOCITY_STEPPED: OdometryFault
+ODOMETRY_FAULT_ATTITUDE_TURNED: OdometryFault
+ODOMETRY_FAULT_HEADING_DISAGREES: OdometryFault
+ODOMETRY_FAULT_FROZEN: OdometryFault
 REJECTION_NONE: Rejection
 REJECTION_OBJECTNESS: Rejection
 REJECTION_GATE: Rejection
@@ -174,7 +193,7 @@ class Plan(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., frame_ns: _Optional[int] = ..., ready_ns: _Optional[int] = ..., start_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_cam: _Optional[_Union[Quat, _Mapping]] = ..., duration_s: _Optional[float] = ..., alpha: _Optional[float] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., chosen: _Optional[int] = ...) -> None: ...
 
 class Control(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "acc_meas_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s")
+    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "acc_meas_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s", "odometry_fault", "odometry_doubt")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
@@ -194,6 +213,8 @@ class Control(_message.Message):
     PLAN_AGE_S_FIELD_NUMBER: _ClassVar[int]
     HOVER_THRUST_FIELD_NUMBER: _ClassVar[int]
     ATTITUDE_LAG_S_FIELD_NUMBER: _ClassVar[int]
+    ODOMETRY_FAULT_FIELD_NUMBER: _ClassVar[int]
+    ODOMETRY_DOUBT_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     mode: Mode
@@ -213,7 +234,9 @@ class Control(_message.Message):
     plan_age_s: float
     hover_thrust: float
     attitude_lag_s: float
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ...) -> None: ...
+    odometry_fault: OdometryFault
+    odometry_doubt: float
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ..., odometry_fault: _Optional[_Union[OdometryFault, str]] = ..., odometry_doubt: _Optional[float] = ...) -> None: ...
 
 class Target(_message.Message):
     __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "covariance", "confirmed", "since_seen_s")

@@ -61,6 +61,7 @@ pub fn config() -> ControllerConfig {
             battery_start: 0.3,
             battery_land: 0.15,
         },
+        separation: SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 },
     }
 }
 
@@ -174,6 +175,10 @@ pub struct Loop {
     pub odometry_offset: Vec3,
     /// Turns the odometry's frame about the vertical.
     pub odometry_turn: f64,
+    /// Added to the odometry's velocity.
+    pub velocity_offset: Vec3,
+    /// Turns the odometry's attitude alone about the vertical; the autopilot flies by the same.
+    pub heading_error: f64,
     pub reset_counter: u32,
     pub ready: bool,
     pub ground: f64,
@@ -184,6 +189,7 @@ pub struct Loop {
     plan: Option<Plan>,
     ticks: u64,
     thrust: f64,
+    rates: Vec3,
     still: f64,
 }
 
@@ -208,6 +214,7 @@ impl Loop {
                 offboard: false,
                 landed: Some(true),
                 battery: None,
+                position: None,
             },
             accepts_offboard: true,
             accepts_arming: true,
@@ -218,6 +225,8 @@ impl Loop {
             odometry_works: true,
             odometry_offset: Vec3::zeros(),
             odometry_turn: 0.0,
+            velocity_offset: Vec3::zeros(),
+            heading_error: 0.0,
             reset_counter: 0,
             ready: true,
             ground: 0.0,
@@ -228,6 +237,7 @@ impl Loop {
             plan: None,
             ticks: 0,
             thrust: 0.0,
+            rates: Vec3::zeros(),
             still: 0.0,
         }
     }
@@ -256,9 +266,9 @@ impl Loop {
             self.odometry = Some(Odometry {
                 stamp: self.now,
                 pos_world: self.turn() * self.pos + self.odometry_offset,
-                vel_world: self.turn() * self.vel,
-                world_from_body: self.turn() * self.attitude,
-                ang_vel_body: Vec3::zeros(),
+                vel_world: self.turn() * self.vel + self.velocity_offset,
+                world_from_body: self.heading() * self.turn() * self.attitude,
+                ang_vel_body: self.rates,
                 reset_counter: self.reset_counter,
             });
         }
@@ -312,6 +322,10 @@ impl Loop {
         Rot::from_axis_angle(&Vec3::z_axis(), self.odometry_turn)
     }
 
+    fn heading(&self) -> Rot {
+        Rot::from_axis_angle(&Vec3::z_axis(), self.heading_error)
+    }
+
     fn autopilot_takes(&mut self, output: &ControllerOutput) {
         if let Some(request) = output.request {
             self.requests.push((self.seconds(), request));
@@ -329,8 +343,10 @@ impl Loop {
         let setpoint = output.setpoint.filter(|_| self.autopilot.offboard);
         let running = self.autopilot.armed && setpoint.is_some();
         if let (Some(setpoint), true) = (setpoint, running) {
-            let wanted = self.turn().inverse() * setpoint.world_from_body;
-            self.attitude = self.attitude.slerp(&wanted, DT / self.lag);
+            let wanted = (self.heading() * self.turn()).inverse() * setpoint.world_from_body;
+            let before = self.attitude;
+            self.attitude = before.slerp(&wanted, DT / self.lag);
+            self.rates = (before.inverse() * self.attitude).scaled_axis() / DT;
             self.thrust = setpoint.thrust.0 / 0.25 * GRAVITY / self.heaviness;
         } else {
             self.thrust = 0.0;

@@ -5,7 +5,7 @@ use std::os::unix::fs::PermissionsExt;
 use goshawk_autopilot::{AutopilotLink, Firmware, Parameter, Status};
 
 use super::Findings;
-use crate::config::Vehicle;
+use crate::config::{OdometrySource, Vehicle};
 use crate::{clock, health};
 
 /// How long it may go on without us, s.
@@ -22,11 +22,12 @@ pub(super) fn judge(link: &Result<AutopilotLink, String>, vehicle: &Vehicle, fin
         return findings.fail("autopilot", problem);
     }
     let mode = status.mode.map_or_else(|| "unknown".to_owned(), |mode| mode.to_string());
-    let standing = match status.problem() {
+    let standing = match status.problem().or_else(|| link.refusal(clock::now())) {
         Some(problem) => Err(problem),
         None => on_ground(&status).map(|()| format!("{}, mode {mode}, disarmed, on the ground", status.firmware)),
     };
     findings.judge("autopilot", standing);
+    position(&status, vehicle.sensors.odometry, findings);
     match health::battery_problem(&status, vehicle.limits.battery_start) {
         Some(problem) => findings.fail("battery", problem),
         None => match status.battery_fraction {
@@ -50,6 +51,8 @@ pub(super) fn judge(link: &Result<AutopilotLink, String>, vehicle: &Vehicle, fin
         Firmware::Px4 => {
             loss_time(first, link.parameter(first), "what COM_OBL_RC_ACT says follows", findings);
             loss_action(second, link.parameter(second), findings);
+            let told = status.firmware.stick_parameters().iter();
+            sticks(told.filter_map(|name| Some((*name, link.parameter(name)?))).next(), findings);
         }
         Firmware::ArduPilot(_) => {
             thrust_option(first, &status, findings);
@@ -111,6 +114,44 @@ fn loss_action(name: &'static str, parameter: Option<Parameter>, findings: &mut 
     }
 }
 
+/// Whether the autopilot stands by its position: what is flown by, or what it would come down by without us.
+fn position(status: &Status, source: OdometrySource, findings: &mut Findings) {
+    match (health::position_problem(source, status), status.position, source) {
+        (Some(problem), ..) => findings.fail("position", problem),
+        (None, Some(true), _) => findings.ok("position", "the autopilot stands by its own"),
+        (None, Some(false), _) => findings.warn(
+            "position",
+            "the autopilot has none of its own: we fly by in/odometry, but without us it comes down blindly, drifting",
+        ),
+        (None, None, _) if status.firmware == Firmware::Px4 => {
+            findings.warn("position", "the autopilot does not say whether its own is valid");
+        }
+        (None, None, _) => {} // ArduPilot says it in no message that we know
+    }
+}
+
+/// What takes over when the pilot moves a stick; the name is that of the parameter that this version has.
+fn sticks(told: Option<(&'static str, Parameter)>, findings: &mut Findings) {
+    const SWITCH: &str = "the pilot takes over by the mode switch";
+    match told {
+        Some((name, Parameter::Real(speed))) if speed >= 0.0 => findings.ok(
+            name,
+            format!(
+                "{speed}: a stick that moves faster than {speed} of its travel a second takes over too, a slow push does \
+                 not; {SWITCH}"
+            ),
+        ),
+        Some((name, Parameter::Int(bits))) if bits & 2 != 0 => {
+            findings.ok(name, format!("{bits}: moving a stick takes over too; {SWITCH}"));
+        }
+        Some((name, other)) => findings.warn(name, format!("{}: sticks take nothing over; {SWITCH} alone", plain(other))),
+        None => findings.warn(
+            "sticks",
+            format!("neither MAN_OVERRIDE_SPD nor COM_RC_OVERRIDE is answered: sticks may take nothing over; {SWITCH}"),
+        ),
+    }
+}
+
 fn thrust_option(name: &'static str, status: &Status, findings: &mut Findings) {
     match (status.thrust_problem(), status.guided_options) {
         (None, Some(options)) => findings.ok(name, format!("{}: our thrust is taken as thrust", plain(options))),
@@ -156,6 +197,36 @@ mod tests {
         assert_eq!(level(Some(Parameter::Real(f32::NAN))), Level::Failed);
         assert_eq!(level(Some(Parameter::Int(1))), Level::Failed);
         assert_eq!(level(None), Level::Warning);
+    }
+
+    #[test]
+    fn what_takes_over_is_told_of_either_version() {
+        let found = |told| {
+            let mut findings = Findings::default();
+            sticks(told, &mut findings);
+            let found = findings.conditions.remove(0);
+            assert!(found.text.contains("mode switch"), "{found:?}");
+            (found.name, found.level)
+        };
+        let (new, old) = ("MAN_OVERRIDE_SPD", "COM_RC_OVERRIDE");
+        assert_eq!(found(Some((new, Parameter::Real(1.0)))), (new, Level::Ok));
+        assert_eq!(found(Some((new, Parameter::Real(-1.0)))), (new, Level::Warning));
+        assert_eq!(found(Some((old, Parameter::Int(3)))), (old, Level::Ok));
+        assert_eq!(found(Some((old, Parameter::Int(1)))), (old, Level::Warning), "in the other modes only");
+        assert_eq!(found(None), ("sticks", Level::Warning));
+    }
+
+    #[test]
+    fn a_position_that_the_autopilot_does_not_stand_by_fails_where_it_is_flown_by() {
+        let found = |valid: bool, source| {
+            let position_fault = (!valid).then_some(goshawk_autopilot::PositionFault::Flags);
+            let mut findings = Findings::default();
+            position(&Status { position: Some(valid), position_fault, ..Status::default() }, source, &mut findings);
+            findings.conditions[0].level
+        };
+        assert_eq!(found(true, OdometrySource::Autopilot), Level::Ok);
+        assert_eq!(found(false, OdometrySource::Autopilot), Level::Failed);
+        assert_eq!(found(false, OdometrySource::Zenoh), Level::Warning);
     }
 
     #[test]

@@ -5,14 +5,14 @@ use std::path::Path;
 use color_eyre::eyre::Report;
 use goshawk_core::Planner;
 use goshawk_policy::library::{Places, find};
-use goshawk_policy::{Policy, Provider};
+use goshawk_policy::{Policy, Provider, golden};
 
 use super::Findings;
 use crate::clock;
 use crate::config::Vehicle;
 use crate::errors::one_line;
 use crate::realtime::{self, Schedule};
-use crate::run::idle_demand;
+use crate::run::{check_pin, idle_demand};
 
 /// A log grows by about this much, with the image of 160 x 96 at 30 Hz.
 const LOG_MB_PER_MINUTE: f64 = 105.0;
@@ -40,8 +40,10 @@ pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -
             return None;
         }
     };
-    let fits = Planner::new(vehicle.planner_config(policy.contract().model()))
+    let fits = check_pin(vehicle, model, &policy)
         .map_err(Report::new)
+        .and_then(|()| golden::warm_up(&mut policy, model).map_err(Report::new))
+        .and_then(|_| Planner::new(vehicle.planner_config(policy.contract().model())).map_err(Report::new))
         .and_then(|_| idle_demand(vehicle, &policy));
     let sha = policy.sha256().get(..12).unwrap_or_default().to_owned();
     let task = policy.contract().model().task;

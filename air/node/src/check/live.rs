@@ -70,6 +70,7 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
     let link =
         link_config(vehicle).and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
     let parameters = vehicle.autopilot.firmware().parameters();
+    let sticks = vehicle.autopilot.firmware().stick_parameters();
     let begun = clock::now();
     let mut asked = begun;
     while clock::now().since(begun) < wait_s {
@@ -83,12 +84,16 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
             }
             if now.since(asked) > ASK_AGAIN_S {
                 asked = now;
-                for name in parameters {
+                for name in parameters.iter().chain(sticks) {
                     let _ = link.request_parameter(name); // without a peer there is nobody to ask; it is asked again
                 }
             }
         }
-        let known = link.as_ref().is_ok_and(|link| parameters.iter().all(|name| link.parameter(name).is_some()));
+        let told = |link: &AutopilotLink, name: &str| link.parameter(name).is_some();
+        let known = link.as_ref().is_ok_and(|link| {
+            let sticks = sticks.is_empty() || sticks.iter().any(|name| told(link, name));
+            parameters.iter().all(|name| told(link, name)) && sticks
+        });
         if known && lock(&frames).counted(now) && lock(&odometry).counted(now) {
             break;
         }
@@ -124,7 +129,7 @@ fn network(
         let name = vehicle.name.parse().map_err(|e| format!("{e}"))?;
         let bus = Bus::listen(name, &vehicle.network.listen).map_err(|e| e.to_string())?;
         let stream = Arc::clone(frames);
-        let receive = move |payload: &[u8]| {
+        let receive = move |payload: &[u8], _| {
             let now = clock::now();
             match sensors::frame(payload, now) {
                 Ok(frame) => lock(&stream).take(now, frame, |a, b| a.rgb == b.rgb && a.depth_mm == b.depth_mm),
@@ -134,7 +139,7 @@ fn network(
         bus.subscribe(Key::Rgbd, receive).map_err(|e| e.to_string())?;
         if vehicle.sensors.odometry == OdometrySource::Zenoh {
             let stream = Arc::clone(odometry);
-            let receive = move |payload: &[u8]| {
+            let receive = move |payload: &[u8], _| {
                 let now = clock::now();
                 match sensors::odometry(payload, now) {
                     Ok(sample) => take_odometry(&stream, now, sample),
@@ -235,7 +240,18 @@ mod tests {
 
     fn frame(rgb: u8, depth: u16) -> Frame {
         let rgb = (0..4 * 2 * 3).map(|k| if k % 2 == 0 { rgb } else { 100 }).collect();
-        Frame { seq: 0, stamp: Time(0), width: 4, height: 2, hfov: 1.57, vfov: 1.08, rgb, depth_mm: vec![depth; 8] }
+        Frame {
+            seq: 0,
+            stamp: Time(0),
+            width: 4,
+            height: 2,
+            hfov: 1.57,
+            vfov: 1.08,
+            rgb,
+            depth_mm: vec![depth; 8],
+            print: 0,
+            fault: None,
+        }
     }
 
     fn stream(frames: impl Fn(u64) -> Frame, hz: f64) -> Stream<Frame> {

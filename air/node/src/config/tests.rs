@@ -44,6 +44,16 @@ fn a_missing_safety_limit_is_refused() {
 }
 
 #[test]
+fn a_policy_without_its_hash_or_a_camera_without_its_rates_is_refused() {
+    let text = std::fs::read_to_string(shipped()).unwrap();
+    for key in ["sha256 = ", "rate_hz = ["] {
+        let line = text.lines().find(|line| line.starts_with(key)).unwrap();
+        let error = edited(&format!("{line}\n"), "").unwrap_err().to_string();
+        assert!(error.contains(key.split(' ').next().unwrap()), "{error}");
+    }
+}
+
+#[test]
 fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
     for (from, to, name) in [
         ("mass_kg = 0.85", "mass_kg = -1.0", "airframe.mass_kg"),
@@ -58,6 +68,11 @@ fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
         ("on_stop = \"land\"", "on_stop = \"loiter\"", "loiter"),
         ("max_speed_mps = 20.0", "max_speed_mps = 5.0", "profile chase: its speed"),
         ("provider = \"cpu\"", "provider = \"npu\"", "npu"),
+        ("sha256 = \"b1baf43b", "sha256 = \"B1BAF43B", "policy.sha256"),
+        ("sha256 = \"b1baf43b", "sha256 = \"", "policy.sha256"),
+        ("rate_hz = [10.0, 65.0]", "rate_hz = [1.0, 65.0]", "camera.rate_hz"),
+        ("rate_hz = [10.0, 65.0]", "rate_hz = [10.0, 1000.0]", "camera.rate_hz"),
+        ("rate_hz = [10.0, 65.0]", "rate_hz = [60.0, 65.0]", "camera.rate_hz"),
         ("controller_priority = 80", "controller_priority = 40", "controller_priority"),
         ("udpin:127.0.0.1:14540", "127.0.0.1:14540", "udpin:ADDRESS:PORT"),
         ("udpin:127.0.0.1:14540", "serial:/dev/ttyACM0:57600", "57600 bit/s is too slow"),

@@ -6,6 +6,8 @@ use goshawk_core::{
     AutopilotStatus, Command, Controller, ControllerInput, ControllerOutput, History, PlanningDemand, TargetEstimate,
 };
 
+use goshawk_policy::stream::Arrival;
+
 use super::map::Ignored;
 use super::planner::{Aim, MapPlanner};
 use super::spline::Spline;
@@ -209,7 +211,8 @@ impl Pilot for Classical<'_> {
         self.odometry = Some(*odometry);
     }
 
-    fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
+    fn plan(&mut self, arrival: &Arrival, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
+        let stamp = arrival.stamp;
         self.frames += 1;
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);

@@ -83,7 +83,8 @@ impl Tracker {
         output.hover_thrust = vehicle.hover_thrust;
         output.attitude_lag = self.motion.lead(&self.config.lead).tau;
         let free = output.mode != Mode::Stopping;
-        self.commanded = Commanded { thrust, acc: output.thrust.0 / vehicle.mass, free };
+        // The baseline believes its odometry whatever it says.
+        self.commanded = Commanded { thrust, acc: output.thrust.0 / vehicle.mass, free, airborne: false };
         self.motion.command(now, &command.world_from_body);
     }
 }

@@ -2,25 +2,21 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::{Args, ValueEnum};
 use color_eyre::eyre::{Result, WrapErr, ensure};
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::Task;
 use goshawk_policy::Policy;
-use indicatif::{ProgressBar, ProgressStyle};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 
 use super::files::Files;
 use super::log::header;
+use super::progress::Progress;
 use super::{Campaign, Logs, Pick, page, pick, table};
 use crate::evader::Course;
 use crate::moving::MovingArgs;
 use crate::sensors::SensorArgs;
-use crate::trial::{Difference, Network, Outcome, PilotKind, WorldSource};
+use crate::trial::{Difference, Fault, Network, PilotKind, WorldSource};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -81,7 +77,8 @@ pub struct FlyArgs {
     /// m ahead and left, and stand_s); cells for each.
     #[arg(long, value_name = "COURSE[,…]", value_delimiter = ',', default_value = "goal")]
     course: Vec<String>,
-    /// The policy; absent: the vehicle file's (track), or navigate.onnx beside it. Not needed by --pilot classical to
+    /// The policy; absent: the vehicle file's (track), which its SHA-256 must fit, or navigate.onnx beside it.
+    /// One that is named here needs no SHA-256. Not needed by --pilot classical to
     /// navigate.
     #[arg(long, value_name = "FILE")]
     policy: Option<PathBuf>,
@@ -108,6 +105,10 @@ pub struct FlyArgs {
     moving: MovingArgs,
     #[command(flatten)]
     sensors: SensorArgs,
+    /// What goes wrong in each flight, 1 to 4 s after the task's beginning, such as camera-frozen (`goshawk-sim faults
+    /// --list`). A flight then goes on until the vehicle is down, which is its success.
+    #[arg(long, value_name = "NAME")]
+    fault: Option<Fault>,
     /// Write the report as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -162,6 +163,9 @@ impl FlyArgs {
         ensure!(needed || self.policy.is_none(), "--pilot classical navigates without a policy: leave out --policy");
         let load = || needed.then(|| Policy::load(&model, library.as_deref(), 1)).transpose();
         let first = load()?;
+        if let Some(policy) = first.as_ref().filter(|_| self.policy.is_none()) {
+            goshawk_air::run::check_pin(&vehicle, &model, policy)?;
+        }
         ensure!(
             first.as_ref().is_none_or(|policy| policy.contract().model().task == task),
             "policy {} was trained for another task than --task {}: give --policy",
@@ -206,6 +210,7 @@ impl FlyArgs {
             sensors: self.sensors.load()?,
             airframe: Difference { spread: self.spread, ..Difference::parse(&self.airframe)? },
             moving: self.moving.moving,
+            fault: self.fault,
             threads: self.threads,
             only: self.only.clone(),
             traced: self.report.is_some(),
@@ -233,45 +238,4 @@ impl FlyArgs {
 
 fn unwritable(path: &Path) -> String {
     format!("cannot write {}", path.display())
-}
-
-/// How far the campaign is.
-struct Progress {
-    bar: ProgressBar,
-    total: usize,
-    flown: Arc<AtomicUsize>,
-    failed: AtomicUsize,
-}
-
-impl Progress {
-    fn new(total: usize) -> Result<Self> {
-        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} flights, {msg}  {elapsed} (left {eta})")?;
-        let bar = ProgressBar::new(total as u64).with_style(style).with_message("0 failed");
-        Ok(Self { bar, total, flown: Arc::default(), failed: AtomicUsize::new(0) })
-    }
-
-    fn flown(&self, outcome: Outcome) {
-        self.flown.fetch_add(1, Ordering::Relaxed);
-        if outcome != Outcome::Success {
-            let failed = self.failed.fetch_add(1, Ordering::Relaxed) + 1;
-            self.bar.set_message(format!("{failed} failed"));
-        }
-        self.bar.inc(1);
-    }
-
-    /// From now on an interrupt ends the process at once, with nothing half-written left behind.
-    fn end_on_signals(&self, files: &Files) -> Result<()> {
-        let mut signals = Signals::new([SIGINT, SIGTERM]).wrap_err("cannot handle signals")?;
-        let (files, bar, flown, total) = (files.clone(), self.bar.clone(), Arc::clone(&self.flown), self.total);
-        std::thread::spawn(move || {
-            if let Some(signal) = signals.forever().next() {
-                let _none_begins = files.abandon();
-                bar.finish_and_clear();
-                eprintln!("interrupted: {} of {total} flights were flown", flown.load(Ordering::Relaxed));
-                // Without the exit handlers: flights are still running.
-                signal_hook::low_level::exit(128 + signal);
-            }
-        });
-        Ok(())
-    }
 }

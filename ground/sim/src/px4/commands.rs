@@ -1,7 +1,7 @@
 //! Commands as PX4 takes them: who is meant, what is refused, and when the answer leaves.
 
-use super::LossAction;
 use super::logic::Px4Logic;
+use super::{LossAction, StickOverride};
 use goshawk_autopilot::commands::FORCE_MAGIC;
 use goshawk_autopilot::messages::{
     COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult, PARAM_REQUEST_READ_DATA,
@@ -30,6 +30,10 @@ impl Px4Logic {
                     MavResult::MAV_RESULT_FAILED
                 }
             }
+            MavCmd::MAV_CMD_RUN_PREARM_CHECKS => {
+                self.tell_checks();
+                MavResult::MAV_RESULT_ACCEPTED
+            }
             _ => MavResult::MAV_RESULT_UNSUPPORTED,
         };
         let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
@@ -39,7 +43,8 @@ impl Px4Logic {
             target_component: from.header.component_id,
             ..COMMAND_ACK_DATA::default()
         });
-        let delay_s = ACK_DELAYS_S[self.acks % ACK_DELAYS_S.len()];
+        let late = self.arms_at.filter(|_| command.param1 == 1.0).map_or(0.0, |at| at.since(self.now));
+        let delay_s = late + ACK_DELAYS_S[self.acks % ACK_DELAYS_S.len()];
         self.acks += 1;
         self.outbox.push((self.now.plus(delay_s), ack));
     }
@@ -54,6 +59,14 @@ impl Px4Logic {
                 LossAction::Land => 4,
                 LossAction::Hold => 5,
             }),
+            "MAN_OVERRIDE_SPD" => match self.config.sticks {
+                StickOverride::Speed(speed) => Parameter::Real(speed as f32),
+                StickOverride::Bits(_) => return,
+            },
+            "COM_RC_OVERRIDE" => match self.config.sticks {
+                StickOverride::Bits(bits) => Parameter::Int(bits),
+                StickOverride::Speed(_) => return,
+            },
             "MPC_THR_HOVER" => Parameter::Real(self.config.hover_thrust.0 as f32),
             _ => return,
         };
@@ -87,11 +100,15 @@ impl Px4Logic {
         if self.armed {
             return MavResult::MAV_RESULT_ACCEPTED;
         }
-        if self.mode == Px4Mode::Offboard && !self.stream_is_fresh() {
-            self.text("Arming denied: no offboard signal");
+        if !self.can_arm() {
+            self.text("Arming denied: Resolve system health failures first");
             return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
         }
-        self.set_armed();
+        if self.faults.arming_delay_s > 0.0 {
+            self.arms_at.get_or_insert(self.now.plus(self.faults.arming_delay_s));
+        } else {
+            self.set_armed();
+        }
         MavResult::MAV_RESULT_ACCEPTED
     }
 

@@ -1,6 +1,7 @@
 //! PX4's state machine at the MAVLink boundary: modes, arming, lost setpoints, landing. Pure; time is an argument.
 
 use super::flight::{Aim, Flight, idle};
+use super::health::{Px4Faults, Told};
 use super::landed::{Detected, LandedDetector};
 use super::reports::Facts;
 use super::streams::Streams;
@@ -12,7 +13,7 @@ use goshawk_autopilot::messages::{
 };
 use goshawk_autopilot::wire::Packet;
 use goshawk_autopilot::{AutopilotEvent, Px4Mode};
-use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
+use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time, Vec3};
 use nalgebra::Quaternion;
 
 /// From the loss time running out to the failsafe, measured.
@@ -53,6 +54,15 @@ pub struct Px4Logic {
     ground_station: bool,
     event_sequence: u16,
     odometry_fault: Option<OdometryFault>,
+    /// What is wrong with it.
+    pub faults: Px4Faults,
+    pub(super) told: Told,
+    /// It arms then: it was asked, and takes its time.
+    pub(super) arms_at: Option<Time>,
+    /// It has no power, or boots, until then.
+    off_until: Option<Time>,
+    /// Where it lost its position.
+    held: Option<Vec3>,
 }
 
 impl Px4Logic {
@@ -79,6 +89,25 @@ impl Px4Logic {
             ground_station: false,
             event_sequence: 0,
             odometry_fault: None,
+            faults: Px4Faults::default(),
+            told: Told::default(),
+            arms_at: None,
+            off_until: None,
+            held: None,
+        }
+    }
+
+    /// It starts again, as after a brown-out: silent and without motors for `boot_s`, then as new. Its faults stay.
+    pub fn restart(&mut self, boot_s: f64) {
+        let off_until = Some(self.now.plus(boot_s));
+        let (now, faults, odometry_fault) = (self.now, self.faults, self.odometry_fault);
+        *self = Self { now, faults, odometry_fault, off_until, ..Self::new(self.config) };
+    }
+
+    /// The pilot moves the sticks at this speed, travels a second.
+    pub fn move_sticks(&mut self, speed: f64) {
+        if self.mode == Px4Mode::Offboard && self.config.sticks.takes_over(speed) {
+            self.pilot_takes_over(Px4Mode::Position);
         }
     }
 
@@ -90,6 +119,12 @@ impl Px4Logic {
     /// Breaks, or with none mends, what it says of its motion.
     pub fn set_odometry_fault(&mut self, fault: Option<OdometryFault>) {
         self.odometry_fault = fault;
+    }
+
+    /// What it flies.
+    #[must_use]
+    pub fn mode(&self) -> Px4Mode {
+        self.mode
     }
 
     /// What it believes about the ground.
@@ -109,6 +144,9 @@ impl Px4Logic {
     ) -> Px4Output {
         let dt_s = now.since(self.now).clamp(0.0, 0.05);
         self.now = now;
+        if self.off_until.is_some_and(|until| now < until) {
+            return Px4Output { armed: false, mode: self.mode, demand: None };
+        }
         if self.booted.is_none() {
             self.booted = Some(now);
             self.streams = Streams::new(now);
@@ -116,7 +154,12 @@ impl Px4Logic {
         for packet in packets {
             self.receive(packet);
         }
+        if self.arms_at.is_some_and(|at| now >= at) {
+            self.arms_at = None;
+            self.set_armed();
+        }
         self.arbitrate();
+        self.tell_changes();
         let demand = self.demand(vehicle, dt_s);
         self.watch_the_ground(vehicle, demand.map_or(0.0, |demand| demand.thrust.0));
         let demand = demand.filter(|_| self.armed);
@@ -130,6 +173,7 @@ impl Px4Logic {
 
     fn receive(&mut self, packet: &Packet) {
         match &packet.message {
+            MavMessage::COMMAND_LONG(_) | MavMessage::PARAM_REQUEST_READ(_) if self.faults.deaf => {}
             MavMessage::COMMAND_LONG(command) => self.command(packet, command),
             MavMessage::SET_ATTITUDE_TARGET(target) => self.take_setpoint(target),
             MavMessage::PARAM_REQUEST_READ(asked) => self.tell_parameter(asked),
@@ -279,14 +323,18 @@ impl Px4Logic {
     }
 
     fn event(&mut self, event: AutopilotEvent, arguments: &[u8]) {
+        self.send_event(event.id(), 0x66, arguments);
+    }
+
+    pub(super) fn send_event(&mut self, id: u32, log_levels: u8, arguments: &[u8]) {
         let mut padded = [0; 40];
         padded[..arguments.len()].copy_from_slice(arguments);
         self.event_sequence = self.event_sequence.wrapping_add(1);
         let message = MavMessage::EVENT(EVENT_DATA {
-            id: event.id(),
+            id,
             event_time_boot_ms: (self.boot_ns() / 1_000_000) as u32,
             sequence: self.event_sequence,
-            log_levels: 0x66,
+            log_levels,
             arguments: padded,
             ..EVENT_DATA::default()
         });
@@ -314,16 +362,26 @@ impl Px4Logic {
             }
             !leaves
         });
+        self.held = self.held.or(Some(vehicle.pos_world)).filter(|_| self.faults.no_position);
+        let told = self.held.map_or(*vehicle, |held| invented(vehicle, held));
         let facts = Facts {
             boot_ns: self.boot_ns(),
-            vehicle,
+            vehicle: &told,
             mode: self.mode,
             intended: self.intended,
             armed: self.armed,
             landed: self.landed(),
             demand,
             fault: self.odometry_fault,
+            no_position: self.faults.no_position,
+            can_arm: self.armed || self.can_arm(),
         };
         self.streams.due(now, |id| sent.extend(facts.report(id)));
     }
+}
+
+/// What an estimator without a position makes of it: it stands still where it was, and still knows its height.
+fn invented(vehicle: &VehicleState, held: Vec3) -> VehicleState {
+    let (pos, vel) = (vehicle.pos_world, vehicle.vel_world);
+    VehicleState { pos_world: Vec3::new(held.x, held.y, pos.z), vel_world: Vec3::new(0.0, 0.0, vel.z), ..*vehicle }
 }

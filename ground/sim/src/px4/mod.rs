@@ -2,11 +2,12 @@
 //!
 //! [`Px4Logic`] is the pure state machine, [`Px4Udp`] the socket around it. Outside both everything is ENU and FLU;
 //! the conversions are `goshawk_autopilot::frames`'. What is left out: parameters but for those of [`Px4Config`],
-//! missions, RC, GPS, the estimator (it reports the state that it is given) and every stream that a companion computer
+//! missions, GPS, the estimator (it reports the state that it is given, or that it has none) and every stream that a companion computer
 //! has no use for.
 
 mod commands;
 mod flight;
+mod health;
 mod landed;
 mod logic;
 mod reports;
@@ -15,6 +16,8 @@ mod udp;
 
 #[cfg(test)]
 mod bench;
+#[cfg(test)]
+mod fault_tests;
 #[cfg(test)]
 mod flight_tests;
 #[cfg(test)]
@@ -28,6 +31,7 @@ use crate::imu::ImuSample;
 use goshawk_autopilot::Px4Mode;
 use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Vec3};
 
+pub use health::Px4Faults;
 pub use logic::Px4Logic;
 pub use udp::{Px4Udp, Px4UdpError};
 
@@ -84,6 +88,26 @@ pub enum OdometryFault {
     NotFinite,
 }
 
+/// Which parameter says whether moving a stick takes the mode from whoever flies offboard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StickOverride {
+    /// MAN_OVERRIDE_SPD, since July 2026: sticks moved faster than this, travels a second; below 0: never.
+    Speed(f64),
+    /// COM_RC_OVERRIDE, before: bit 1 is for offboard, whatever the speed.
+    Bits(i32),
+}
+
+impl StickOverride {
+    /// Do sticks that move at `speed` (travels a second) take over from offboard?
+    #[must_use]
+    pub fn takes_over(self, speed: f64) -> bool {
+        match self {
+            Self::Speed(limit) => limit >= 0.0 && speed > limit,
+            Self::Bits(bits) => bits & 2 != 0 && speed > 0.0,
+        }
+    }
+}
+
 /// The parameters that are set on the autopilot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Px4Config {
@@ -97,6 +121,8 @@ pub struct Px4Config {
     pub loss_action: LossAction,
     /// MPC_THR_HOVER: the thrust that about hovers, for the modes that PX4 flies itself.
     pub hover_thrust: NormalisedThrust,
+    /// MAN_OVERRIDE_SPD or COM_RC_OVERRIDE.
+    pub sticks: StickOverride,
 }
 
 impl Default for Px4Config {
@@ -109,6 +135,7 @@ impl Default for Px4Config {
             loss_s: 1.0,
             loss_action: LossAction::default(),
             hover_thrust: NormalisedThrust(0.49),
+            sticks: StickOverride::Speed(1.0),
         }
     }
 }

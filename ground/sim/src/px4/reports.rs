@@ -11,6 +11,15 @@ use mavlink::MessageData;
 const EMPTY_V: f64 = 14.0;
 const FULL_V: f64 = 16.8;
 
+/// ESTIMATOR_STATUS's flags of a healthy estimate on the ground and in flight, as recorded, and of one without GPS:
+/// attitude, vertical velocity, height, and a position that is held constant.
+const ESTIMATE_STANDING: u16 = 1023;
+const ESTIMATE_FLYING: u16 = 895;
+const ESTIMATE_LOST: u16 = 1 | 4 | 32 | 128;
+/// Variances that its odometry had in the recording, m² and (m/s)².
+const POSITION_VARIANCE: [f32; 3] = [0.045, 0.045, 0.09];
+const VELOCITY_VARIANCE: [f32; 3] = [0.017, 0.017, 0.014];
+
 /// All that a report may tell.
 pub(super) struct Facts<'a> {
     /// Since boot.
@@ -22,6 +31,10 @@ pub(super) struct Facts<'a> {
     pub(super) landed: bool,
     pub(super) demand: Option<AttitudeThrust>,
     pub(super) fault: Option<OdometryFault>,
+    /// The estimator has no horizontal position: `vehicle` is what it makes up.
+    pub(super) no_position: bool,
+    /// It could arm as it is.
+    pub(super) can_arm: bool,
 }
 
 impl Facts<'_> {
@@ -42,12 +55,12 @@ impl Facts<'_> {
             VFR_HUD_DATA::ID => self.hud(),
             ESTIMATOR_STATUS_DATA::ID => MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
                 time_usec: self.boot_ns / 1000,
-                flags: EstimatorStatusFlags::from_bits_retain(1023), // all of a healthy estimate, as recorded
+                flags: EstimatorStatusFlags::from_bits_retain(self.estimator_flags()),
                 ..ESTIMATOR_STATUS_DATA::default()
             }),
             ATTITUDE_DATA::ID if !hidden => self.attitude(),
             ATTITUDE_QUATERNION_DATA::ID if !hidden => self.attitude_quaternion(),
-            LOCAL_POSITION_NED_DATA::ID if !hidden => self.local_position(),
+            LOCAL_POSITION_NED_DATA::ID if !hidden && !self.no_position => self.local_position(),
             ODOMETRY_DATA::ID if !hidden => self.odometry(),
             _ => return None,
         })
@@ -123,8 +136,19 @@ impl Facts<'_> {
         ((EMPTY_V + (FULL_V - EMPTY_V) * self.vehicle.battery_fraction.clamp(0.0, 1.0)) * 1000.0).round() as u16
     }
 
+    fn estimator_flags(&self) -> u16 {
+        match (self.no_position, self.landed) {
+            (false, true) => ESTIMATE_STANDING,
+            (false, false) => ESTIMATE_FLYING,
+            (true, _) => ESTIMATE_LOST,
+        }
+    }
+
     fn sys_status(&self) -> MavMessage {
+        let health =
+            if self.can_arm { MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK } else { MavSysStatusSensor::empty() };
         MavMessage::SYS_STATUS(SYS_STATUS_DATA {
+            onboard_control_sensors_health: health,
             voltage_battery: self.millivolts(),
             current_battery: -1,
             battery_remaining: self.percent(),
@@ -252,8 +276,8 @@ impl Facts<'_> {
             rollspeed,
             pitchspeed,
             yawspeed,
-            pose_covariance: [f32::NAN; 21],
-            velocity_covariance: [f32::NAN; 21],
+            pose_covariance: variances(POSITION_VARIANCE),
+            velocity_covariance: variances(VELOCITY_VARIANCE),
             frame_id: MavFrame::MAV_FRAME_LOCAL_NED,
             child_frame_id: MavFrame::MAV_FRAME_LOCAL_NED, // the velocity is NED: so the real one was measured
             reset_counter: self.vehicle.reset_counter,
@@ -261,6 +285,13 @@ impl Facts<'_> {
             quality: 0,
         })
     }
+}
+
+/// The upper triangle of a covariance with this on its first three places of the diagonal; PX4 leaves the rest open.
+fn variances(diagonal: [f32; 3]) -> [f32; 21] {
+    let mut triangle = [f32::NAN; 21];
+    [triangle[0], triangle[6], triangle[11]] = diagonal;
+    triangle
 }
 
 fn single(vector: Vec3) -> [f32; 3] {

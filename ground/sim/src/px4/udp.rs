@@ -7,6 +7,9 @@ use goshawk_core::types::Time;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 
+/// A message id that no dialect has.
+const UNKNOWN_ID: [u8; 3] = [0x11, 0x22, 0x33];
+
 /// Why the stand-in has no socket.
 #[derive(Debug, thiserror::Error)]
 pub enum Px4UdpError {
@@ -32,6 +35,9 @@ pub struct Px4Udp {
     encoder: Encoder,
     socket: UdpSocket,
     remote: Option<SocketAddr>,
+    /// After so many messages it sends one that nobody knows; none: never.
+    pub unknown_after: Option<u64>,
+    sent: u64,
     packets: Vec<Packet>,
     pub(super) outgoing: Vec<MavMessage>,
 }
@@ -53,6 +59,8 @@ impl Px4Udp {
             encoder: Encoder::new(config.system_id, config.component_id),
             socket,
             remote,
+            unknown_after: None,
+            sent: 0,
             packets: Vec::new(),
             outgoing: Vec::new(),
         })
@@ -75,6 +83,12 @@ impl Px4Udp {
         if let Some(remote) = self.remote {
             for message in &self.outgoing {
                 let _ = self.socket.send_to(self.encoder.encode(message).raw_bytes(), remote);
+                self.sent += 1;
+                if self.unknown_after.is_some_and(|every| self.sent.is_multiple_of(every)) {
+                    let mut frame = self.encoder.encode(message).raw_bytes().to_vec();
+                    frame[7..10].copy_from_slice(&UNKNOWN_ID);
+                    let _ = self.socket.send_to(&frame, remote);
+                }
             }
         }
         output

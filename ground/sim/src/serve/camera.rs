@@ -18,9 +18,10 @@ use crate::quadrotor::QuadrotorState;
 use crate::render::{Frame, Renderer};
 use crate::sensor::{RgbdImage, Sensor, mix};
 use crate::sensors::Sensors;
-use crate::trial::Scene;
 use crate::trial::airframe::Mount;
+use crate::trial::fault::{CameraFault, Tampered};
 use crate::trial::judge::in_view;
+use crate::trial::{Fault, Scene};
 
 /// What the camera was pointed at.
 #[derive(Clone, Copy, Debug)]
@@ -46,6 +47,7 @@ impl Camera {
         sensors: &Sensors,
         scene: &Arc<Scene>,
         seed: u64,
+        fault: Option<CameraFault>,
         stop: Arc<AtomicBool>,
     ) -> Result<Self> {
         let exposures = Slot::default();
@@ -57,6 +59,8 @@ impl Camera {
             vfov_rad: vehicle.camera.vfov_deg.to_radians(),
             scene: Arc::clone(scene),
             seed,
+            fault,
+            tampered: Tampered::new(seed),
             frame: Frame::default(),
             image: RgbdImage::default(),
         };
@@ -104,6 +108,8 @@ struct Work {
     vfov_rad: f64,
     scene: Arc<Scene>,
     seed: u64,
+    fault: Option<CameraFault>,
+    tampered: Tampered,
     frame: Frame,
     image: RgbdImage,
 }
@@ -120,6 +126,10 @@ impl Work {
             mix(mix(self.seed, 13), seq),
             &mut self.image,
         );
+        let acting = self.fault.filter(|fault| exposure.running_for_s >= Fault::Camera(*fault).onset_s(self.seed));
+        if acting.is_some_and(|fault| !self.tampered.apply(fault, seq, &mut self.image)) {
+            return;
+        }
         let image = &self.image;
         self.publisher.put(&v1::Rgbd {
             seq,

@@ -44,6 +44,7 @@ impl Obliging {
     /// Its state, given whether the vehicle stands and the battery's charge.
     pub(super) fn status(&self, on_ground: bool, battery: f64) -> AutopilotStatus {
         let (armed, offboard) = (self.armed, self.offboard);
-        AutopilotStatus { connected: true, armed, offboard, landed: Some(on_ground), battery: Some(battery) }
+        let (landed, battery) = (Some(on_ground), Some(battery));
+        AutopilotStatus { connected: true, armed, offboard, landed, battery, position: Some(true) }
     }
 }

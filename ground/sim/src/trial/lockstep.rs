@@ -1,21 +1,25 @@
 //! The clockwork of a lockstep flight: physics at 1 kHz, odometry at 100 Hz and 10 ms late, the camera at 30 Hz with
 //! 15 ms from exposure to the planner and the pilot's own time from there to the plan, the controller at its own rate.
 
+mod camera;
 mod verdict;
+
+use std::collections::VecDeque;
 
 use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Rot, Task, Time, Vec3};
-use goshawk_core::{Cause, Command, Mode, Plan, Profile};
+use goshawk_core::{Cause, Command, Mode, Profile};
 
 use super::airframe::{Mount, airframe};
 use super::autopilot::Obliging;
 use super::estimator::Estimator;
-use super::judge::{Contact, Exposure, Follower, Judge, clearance, in_view};
+use super::fault::{Falsified, Injection, Tampered, followed};
+use super::judge::{Contact, Follower, Judge, clearance, in_view};
 use super::scene::Scene;
-use super::{FRAME_AT_PLANNER_S, Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
+use super::{Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::render::{Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, mix};
+use crate::sensor::{Sensor, mix};
 use crate::world::Part;
 
 const STEPS_PER_S: u64 = 1000;
@@ -30,12 +34,7 @@ const HEAD_START_S: f64 = 0.5;
 /// Or, if the vehicle does not find it, this long after the take-off's end, s.
 const RUNS_ANYWAY_S: f64 = 5.0;
 
-/// A frame on its way through the vehicle.
-struct InFlight {
-    stamp: Time,
-    exposure: Exposure,
-    planned: bool,
-}
+use camera::InFlight;
 
 pub(super) struct Lockstep<'a> {
     config: TrialConfig,
@@ -53,10 +52,16 @@ pub(super) struct Lockstep<'a> {
     renderer: Renderer,
     sensor: Sensor,
     frame: Frame,
-    image: RgbdImage,
     frames: u64,
-    pending: Option<InFlight>,
-    plan: Option<Plan>,
+    second_frames: u64,
+    pending: VecDeque<InFlight>,
+    injection: Injection,
+    tampered: Tampered,
+    falsified: Falsified,
+    /// Faults that the vehicle has named: s since the Start command, and the name.
+    named: Vec<(f64, &'static str)>,
+    /// Those that it names now.
+    naming: Vec<&'static str>,
     judge: Judge,
     follower: Follower,
     /// Of the last `CLEARANCE_STEPS` since the take-off's end; understated where that does not matter.
@@ -73,7 +78,13 @@ pub(super) struct Lockstep<'a> {
 }
 
 impl<'a> Lockstep<'a> {
-    pub(super) fn new(config: &TrialConfig, vehicle: &Vehicle, scene: &'a Scene, onboard: Box<dyn Pilot + 'a>) -> Self {
+    pub(super) fn new(
+        config: &TrialConfig,
+        vehicle: &Vehicle,
+        scene: &'a Scene,
+        onboard: Box<dyn Pilot + 'a>,
+        injection: Injection,
+    ) -> Self {
         let mount = Mount::of(vehicle);
         let parameters = config.airframe.apply(&airframe(vehicle), mix(config.seed, 16));
         let start = scene.vehicle_start(&parameters);
@@ -92,10 +103,14 @@ impl<'a> Lockstep<'a> {
             renderer: Renderer::new(mount.camera),
             sensor: Sensor::new(&config.sensors, &mount.camera, mix(config.seed, 14)),
             frame: Frame::default(),
-            image: RgbdImage::default(),
             frames: 0,
-            pending: None,
-            plan: None,
+            second_frames: 0,
+            pending: VecDeque::new(),
+            injection,
+            tampered: Tampered::new(config.seed),
+            falsified: Falsified::new(config.seed),
+            named: Vec::new(),
+            naming: Vec::new(),
             judge: Judge::default(),
             follower: Follower::default(),
             clearance_m: 0.0,
@@ -114,6 +129,7 @@ impl<'a> Lockstep<'a> {
         loop {
             let now = self.now();
             self.moving = self.scene.moving_at(self.task_for(now));
+            self.injection.advance(now, self.task_for(now));
             self.sense(now);
             self.see(now, witness)?;
             if self.step.is_multiple_of(self.control_steps) {
@@ -162,52 +178,9 @@ impl<'a> Lockstep<'a> {
             self.estimator.observe(now, self.quad.state());
         }
         while let Some(odometry) = self.estimator.known(now) {
+            let odometry = self.falsified.apply(self.injection.odometry(), &odometry);
             self.onboard.take_odometry(&odometry);
         }
-    }
-
-    /// Exposes, plans, delivers.
-    fn see(&mut self, now: Time, witness: &mut dyn Witness) -> Result<(), TrialError> {
-        if self.step == self.frames * STEPS_PER_S / FRAMES_PER_S {
-            self.frames += 1;
-            // On the ground nobody looks at the images.
-            if self.started.is_some() {
-                self.expose(now, witness);
-            }
-        }
-        let Some(frame) = &mut self.pending else { return Ok(()) };
-        if !frame.planned && now >= frame.stamp.plus(FRAME_AT_PLANNER_S) {
-            frame.planned = true;
-            self.plan = self.onboard.plan(frame.stamp, &self.image)?;
-        }
-        if now >= frame.stamp.plus(FRAME_AT_PLANNER_S + self.onboard.compute_s()) {
-            let exposure = frame.exposure;
-            self.pending = None;
-            if let Some(plan) = self.plan.take() {
-                witness.plan(now, &plan, self.onboard.frame_input());
-                self.judge.plan(&plan, &exposure, self.in_task(now));
-                self.onboard.take_plan(plan);
-            }
-        }
-        Ok(())
-    }
-
-    fn expose(&mut self, now: Time, witness: &mut dyn Witness) {
-        let since = self.running_for(now);
-        let person = self.scene.person_at(since);
-        let pose = self.mount.pose(self.quad.state());
-        self.renderer.render_with(&self.scene.world, &self.moving, person.as_ref(), &pose, &mut self.frame);
-        let motion = self.mount.motion(self.quad.state());
-        self.sensor.capture(&self.frame, &motion, mix(mix(self.config.seed, 13), self.frames), &mut self.image);
-        let exposure = Exposure {
-            vehicle_world: self.quad.state().pos_world,
-            target_world: person.map(|p| p.pose.centre_world()),
-        };
-        if self.in_task(now) {
-            self.judge.frame(&self.frame, &exposure);
-        }
-        witness.frame(self.frames, now, &self.image);
-        self.pending = Some(InFlight { stamp: now, exposure, planned: false });
     }
 
     fn control(&mut self, now: Time, witness: &mut dyn Witness) {
@@ -229,7 +202,16 @@ impl<'a> Lockstep<'a> {
                 self.runs = Some(now.plus(HEAD_START_S));
             }
         }
+        self.note_faults(now);
         witness.control(now, &output, self.onboard.as_ref());
+    }
+
+    /// Notes what the vehicle finds wrong that it did not a tick ago.
+    fn note_faults(&mut self, now: Time) {
+        let (Some(started), naming) = (self.started, self.onboard.faults()) else { return };
+        let new = naming.iter().filter(|name| !self.naming.contains(name));
+        self.named.extend(new.map(|name| (now.since(started), *name)));
+        self.naming = naming;
     }
 
     fn profile(&self) -> Profile {
@@ -254,7 +236,8 @@ impl<'a> Lockstep<'a> {
         if self.step.is_multiple_of(WIND_STEPS) {
             self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
-        let demand = self.autopilot.demand(now);
+        let error = self.injection.odometry().map(|(error, _)| error);
+        let demand = self.autopilot.demand(now).map(|demand| followed(error, demand));
         let world = &self.scene.world;
         self.quad.step(STEP_S, demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
         if self.in_task(now) {
@@ -306,6 +289,8 @@ impl<'a> Lockstep<'a> {
             unseen_s: self.judge.unseen_s(now),
             flown_s: self.started.map_or(0.0, |started| now.since(started)),
             modes: self.modes,
+            fault_at_s: self.injection.begun().zip(self.started).map(|(begun, started)| begun.since(started)),
+            named: self.named,
             metrics: self.judge.metrics,
         }
     }

@@ -2,11 +2,14 @@
 
 use goshawk_air::config::Vehicle;
 use goshawk_air::inputs::{FlightController, FrameInput, StepInput, plain_odometry};
+use goshawk_air::sensors;
 use goshawk_core::{
-    AutopilotStatus, Command, ControllerInput, ControllerOutput, History, NetworkOutput, Odometry, Plan, Planner,
-    PlanningDemand, Time, Vec3,
+    AutopilotStatus, Command, ControllerInput, ControllerOutput, History, Mode, NetworkOutput, Odometry, OdometryFault,
+    Plan, Planner, PlanningDemand, Time, Vec3,
 };
-use goshawk_policy::{Contract, Policy, PolicyError, Preprocessor, Source};
+use goshawk_policy::{
+    AnswerMonitor, Arrival, Contract, Moving, Policy, PolicyError, Preprocessor, Source, StreamMonitor,
+};
 
 use super::airframe::Mount;
 use super::{Pilot, TrialError};
@@ -111,6 +114,12 @@ pub struct Onboard<'a> {
     frames: u64,
     frame_input: Option<FrameInput>,
     step_input: Option<StepInput>,
+    stream: StreamMonitor,
+    answers: AnswerMonitor,
+    mode: Mode,
+    /// The plan that a dead network made: it is not flown.
+    withheld: Option<u64>,
+    odometry_fault: Option<OdometryFault>,
 }
 
 impl<'a> Onboard<'a> {
@@ -119,6 +128,7 @@ impl<'a> Onboard<'a> {
     /// # Errors
     /// If the vehicle file cannot be flown with, or does not fit the policy.
     pub fn new(vehicle: &Vehicle, mount: &Mount, network: &'a mut dyn Network) -> Result<Self, TrialError> {
+        let answers = AnswerMonitor::new(network.contract());
         Ok(Self {
             controller: FlightController::new(vehicle.controller_config())?,
             planner: PolicyPlanner::new(vehicle, mount, network)?,
@@ -129,6 +139,11 @@ impl<'a> Onboard<'a> {
             frames: 0,
             frame_input: None,
             step_input: None,
+            stream: StreamMonitor::new(vehicle.camera.rates()),
+            answers,
+            mode: Mode::Idle,
+            withheld: None,
+            odometry_fault: None,
         })
     }
 }
@@ -144,18 +159,28 @@ impl Pilot for Onboard<'_> {
         self.odometry = Some(odometry);
     }
 
-    fn plan(&mut self, stamp: Time, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
+    fn plan(&mut self, arrival: &Arrival, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
+        let stamp = arrival.stamp;
         self.frames += 1;
+        let flying = !matches!(self.mode, Mode::Idle | Mode::Ready | Mode::Landed | Mode::Fault);
+        let moving = self.odometry.as_ref().map_or(Moving::default(), |odometry| sensors::moving(flying, odometry));
+        if self.stream.judge(arrival, &image.rgb, &image.depth_mm, &moving).is_some() {
+            return Ok(None);
+        }
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);
         let seen = Seen { seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
         let (plan, input) = self.planner.plan(&seen, image)?;
+        let dead = self.answers.judge(stamp, self.stream.print(), &input.network);
+        self.withheld = dead.map(|_| plan.seq);
         self.frame_input = Some(input);
         Ok(Some(plan))
     }
 
     fn take_plan(&mut self, plan: Plan) {
-        self.plan = Some(plan);
+        if self.withheld != Some(plan.seq) {
+            self.plan = Some(plan);
+        }
     }
 
     fn odometry(&self) -> Option<&Odometry> {
@@ -169,7 +194,15 @@ impl Pilot for Onboard<'_> {
         self.step_input = Some(StepInput::of(&input));
         self.history.push_acceleration(now, output.acc_des_world);
         self.demand = output.planning;
+        self.mode = output.mode;
+        self.odometry_fault = output.odometry_fault;
         output
+    }
+
+    fn faults(&self) -> Vec<&'static str> {
+        let stream = self.stream.fault().map(|fault| fault.name());
+        let answers = self.answers.fault().map(|fault| fault.name());
+        stream.into_iter().chain(answers).chain(self.odometry_fault.map(OdometryFault::name)).collect()
     }
 
     fn frame_input(&self) -> Option<&FrameInput> {

@@ -21,6 +21,9 @@ const GOAL_RADIUS_M: f64 = 2.0;
 const TAKEOFF_S: f64 = 25.0;
 const NAVIGATION_GRACE_S: f64 = 20.0;
 
+/// After a fault the vehicle is down within this, or it flies on, s: the ladder holds for 20 s before it lands.
+const DOWN_AFTER_FAULT_S: f64 = 40.0;
+
 impl Lockstep<'_> {
     /// None: it goes on.
     pub(super) fn verdict(&mut self, now: Time) -> Option<(Outcome, Option<Contact>)> {
@@ -31,11 +34,19 @@ impl Lockstep<'_> {
         }
         let at = self.quad.state().pos_world;
         let evader = self.scene.evader_at(self.running_for(now));
+        // Whoever lands is to touch the ground.
+        let airborne = !matches!(self.mode, Mode::Stopping | Mode::Landed);
         if self.step.is_multiple_of(CLEARANCE_STEPS)
             && let Some(touched) =
-                contact(&self.scene.world, &self.moving, &at, self.clearance_m, evader.as_ref(), true)
+                contact(&self.scene.world, &self.moving, &at, self.clearance_m, evader.as_ref(), airborne)
         {
             return Some((Outcome::Collision, Some(touched)));
+        }
+        if let Some(begun) = self.injection.begun() {
+            let down = matches!(self.mode, Mode::Landed | Mode::Fault);
+            let outcome = if down { Some(Outcome::Success) } else { None };
+            let flew_on = now.since(begun) > DOWN_AFTER_FAULT_S;
+            return outcome.or(flew_on.then_some(Outcome::Timeout)).map(|outcome| (outcome, None));
         }
         let given_up = matches!(self.mode, Mode::Stopping | Mode::Landed | Mode::Fault);
         let outcome = match evader {
