@@ -47,7 +47,7 @@ const SHORT_PER_M: f32 = 0.006;
 /// Between the points of a ray, voxels.
 const STEP: f32 = 0.8;
 /// Between the places looked at for room, voxels: a look takes in its neighbours.
-const ROOM_STEP: f32 = 2.0;
+const ROOM_STEP: f32 = 1.5;
 
 /// A trajectory is looked at in so many instants.
 const LOOKS: u32 = 20;
@@ -193,7 +193,7 @@ impl Obstacles {
             let (sin, cos) = (heading as f32 * std::f32::consts::TAU / HEADINGS as f32).sin_cos();
             let way = Vector3::new(cos, sin, 0.0) * ROOM_STEP;
             // The vehicle's own place is free, whatever is remembered of it.
-            if let Some(step) = (2..=steps).find(|step| self.is_near(&low, &(at + way * *step as f32))) {
+            if let Some(step) = (1..=steps).find(|step| self.is_near(&low, &(at + way * *step as f32))) {
                 *free = step as f32 * ROOM_STEP * VOXEL as f32;
             }
         }

@@ -7,7 +7,7 @@
 //! target where the filter's covariance puts it at its worst.
 
 use crate::error::{ConfigError, within};
-use crate::obstacles::{HEADINGS, Room};
+use crate::obstacles::{FARTHEST_ROOM, HEADINGS, Room};
 use crate::target::LONGEST_CARRY;
 use crate::types::{TargetEstimate, Time, Vec3};
 use nalgebra::{Matrix3, Vector2};
@@ -42,8 +42,12 @@ const FORESEEN: f64 = 1.5;
 const ASIDE: (f64, f64) = (0.3, 7.0);
 /// The soonest that stepping aside can be of use, s.
 const SOONEST: f64 = 0.35;
-/// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s².
-const SHORT: (f64, f64) = (0.3, 4.0);
+/// A way backward or aside ends so far before what was seen there, m, braking like this, m/s²,
+const SHORT: (f64, f64) = (0.2, 4.0);
+/// and at the hardest like this, m/s².
+const BRAKES: f64 = 8.0;
+/// A command that is bent by more than this, m/s², is held against the obstacles anew.
+const BENT: f64 = 0.5;
 /// A target unseen for longer may be anywhere, s.
 const FORGOTTEN: f64 = 4.0;
 /// Standard deviations of the position that count, and the most that they come to, m.
@@ -171,16 +175,15 @@ impl Separation {
         let aside = if coming { self.aside(least, line, relative, room) } else { None };
         self.side = aside.map_or(0.0, |(side, _)| side);
         let bent = match aside {
-            Some((_, push)) => {
-                let toward = push.normalize();
-                backed + toward * (push.norm() - backed.dot(&toward)).max(0.0)
-            }
-            None => backed,
+            Some((_, push)) => stepped_aside(backed, push, config.max_acc),
+            None => backed * (config.max_acc / backed.norm().max(config.max_acc)),
         };
-        let within = if bent == flat { flat } else { within_room(bent, flat, vel_world.xy(), room) };
-        // What was commanded may be more than this rule may spend.
-        let most = config.max_acc.max(flat.norm());
-        let within = within * (most / within.norm().max(most));
+        let within = match room {
+            // What is flown is no longer the trajectory that was held against the obstacles.
+            Some(room) if (backed - flat).norm() > BENT || aside.is_some() => within_room(bent, vel_world.xy(), room),
+            _ if aside.is_none() && backed == flat => flat,
+            _ => bent,
+        };
         if within.iter().all(|x| x.is_finite()) { Vec3::new(within.x, within.y, acc_world.z) } else { acc_world }
     }
 
@@ -233,13 +236,24 @@ fn chosen_side(offset: f64, passes: f64, left: Flat, room: Option<&Room>) -> f64
     if missing(natural) > 0.0 && missing(-natural) < missing(natural) { -natural } else { natural }
 }
 
-/// What a push adds to the commanded acceleration `flat` must not fly into something: along it, the vehicle gets no
-/// faster than it can brake in the room that is left.
-fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
-    let (Some(room), Some(way)) = (room, (bent - flat).try_normalize(1e-6)) else { return bent };
-    let left = (toward(room, way) - SHORT.0).max(0.0);
-    let most = KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(&way));
-    bent - way * (bent.dot(&way) - most.max(flat.dot(&way))).max(0.0)
+/// The push aside first, and of backing away what is left of `most`: who has stepped aside need not run.
+fn stepped_aside(backed: Flat, push: Flat, most: f64) -> Flat {
+    let side = push.normalize();
+    let aside = backed.dot(&side).max(push.norm()).min(most);
+    let rest = backed - side * backed.dot(&side);
+    let left = (most * most - aside * aside).sqrt();
+    side * aside + rest * (left / rest.norm().max(left).max(1e-9))
+}
+
+/// `bent` such that in no heading the vehicle gets faster than it can brake in the room there.
+fn within_room(bent: Flat, vel: Flat, room: &Room) -> Flat {
+    room.iter().enumerate().filter(|(_, free)| **free < FARTHEST_ROOM).fold(bent, |acc, (heading, free)| {
+        let (sin, cos) = (heading as f64 * std::f64::consts::TAU / HEADINGS as f64).sin_cos();
+        let way = Flat::new(cos, sin);
+        let left = (f64::from(*free) - SHORT.0).max(0.0);
+        let most = KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(&way));
+        acc - way * (acc.dot(&way) - most.max(-BRAKES)).max(0.0)
+    })
 }
 
 /// Room in a direction, m.
