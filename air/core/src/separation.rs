@@ -247,3 +247,108 @@ fn toward(room: &Room, way: Flat) -> f64 {
     let turn = way.y.atan2(way.x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
     f64::from(room[(turn * HEADINGS as f64).round() as usize % HEADINGS])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::obstacles::FARTHEST_ROOM;
+    use proptest::prelude::*;
+
+    const CONFIG: SeparationConfig = SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 };
+
+    fn threat(pos_world: Vec3, vel_world: Vec3) -> Threat {
+        Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0 }
+    }
+
+    /// One step of a fresh rule for a vehicle in the origin.
+    fn keep(acc: Vec3, vel: Vec3, threat: &Threat, room: Option<&Room>) -> Vec3 {
+        Separation::default().keep(&CONFIG, 0.005, acc, [Vec3::zeros(), vel], threat, room)
+    }
+
+    /// The least distance of a vehicle that would fly at the target with all it has, from 8 m behind it. `flee` gives
+    /// the target's acceleration along the line, m/s²; it runs at 5 m/s at most.
+    fn least_distance(flee: impl Fn(f64) -> f64) -> f64 {
+        let (mut rule, dt) = (Separation::default(), 0.005);
+        let (mut pos, mut vel, mut acc) = (Vec3::zeros(), Vec3::x() * 5.0, Vec3::zeros());
+        let mut target = threat(Vec3::x() * 8.0, Vec3::x() * 5.0);
+        let mut least = f64::INFINITY;
+        for step in 0..1600 {
+            let wanted = rule.keep(&CONFIG, dt, (Vec3::x() * 9.0 - vel) * 2.0, [pos, vel], &target, None);
+            acc += (wanted - acc) * (dt / 0.08);
+            vel += acc * dt;
+            pos += vel * dt;
+            target.vel_world.x = (target.vel_world.x + flee(f64::from(step) * dt) * dt).clamp(-5.0, 5.0);
+            target.pos_world += target.vel_world * dt;
+            least = least.min((pos - target.pos_world).norm());
+        }
+        least
+    }
+
+    #[test]
+    fn a_target_that_runs_stops_or_turns_back_is_never_touched() {
+        let runs = least_distance(|_| 0.0);
+        let stops = least_distance(|t| if (2.0..3.0).contains(&t) { -5.0 } else { 0.0 });
+        let turns = least_distance(|t| if t < 2.0 { 0.0 } else { -5.0 });
+        assert!(runs > 2.0 && stops > 2.0 && turns > 1.5, "{runs} {stops} {turns}");
+    }
+
+    #[test]
+    fn far_off_nothing_changes_and_too_near_the_vehicle_backs_away() {
+        let acc = Vec3::new(3.0, 1.0, 0.5);
+        assert_eq!(keep(acc, Vec3::x() * 3.0, &threat(Vec3::x() * 30.0, Vec3::zeros()), None), acc);
+        let backs = keep(acc, Vec3::zeros(), &threat(Vec3::x() * 1.5, Vec3::zeros()), None);
+        assert!(backs.x < 0.0 && backs.y == acc.y && backs.z == acc.z, "{backs}");
+        let doubtful = Threat { pos_doubt: 0.8, ..threat(Vec3::x() * 2.5, Vec3::zeros()) };
+        assert!(keep(Vec3::zeros(), Vec3::zeros(), &doubtful, None).x < 0.0, "it may be nearer");
+    }
+
+    #[test]
+    fn it_steps_out_of_the_way_of_who_comes_to_the_side_where_there_is_room() {
+        let comes = threat(Vec3::new(4.0, -0.2, 0.0), Vec3::x() * -5.0);
+        assert!(keep(Vec3::zeros(), Vec3::zeros(), &comes, None).y > 1.0, "the nearer way out");
+        let mut room = [FARTHEST_ROOM; HEADINGS];
+        room[HEADINGS / 4] = 0.5;
+        assert!(keep(Vec3::zeros(), Vec3::zeros(), &comes, Some(&room)).y < -1.0, "something stands there");
+    }
+
+    #[test]
+    fn who_flies_above_the_target_is_free() {
+        let below = threat(Vec3::new(0.5, 0.0, -3.0), Vec3::zeros());
+        assert_eq!(keep(Vec3::x(), Vec3::zeros(), &below, None), Vec3::x());
+    }
+
+    #[test]
+    fn a_target_that_has_not_been_seen_for_long_is_no_threat() {
+        let estimate = |covariance: f64| TargetEstimate {
+            stamp: Time::from_secs(1.0),
+            pos_world: Vec3::x(),
+            vel_world: Vec3::zeros(),
+            covariance: nalgebra::Matrix6::identity() * covariance,
+            confirmed: true,
+            last_seen: Time::from_secs(1.0),
+        };
+        assert!(Threat::of(&estimate(0.1), Time::from_secs(1.1)).is_some());
+        assert!(Threat::of(&estimate(0.1), Time::from_secs(6.0)).is_none());
+        assert!(Threat::of(&estimate(f64::NAN), Time::from_secs(1.1)).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn it_asks_for_what_can_be_flown_and_never_vertically(
+            acc in prop::array::uniform3(-15.0..15.0f64), vel in prop::array::uniform3(-15.0..15.0f64),
+            at in prop::array::uniform3(-9.0..9.0f64), of in prop::array::uniform3(-9.0..9.0f64),
+        ) {
+            let acc = Vec3::from(acc);
+            let kept = keep(acc, Vec3::from(vel), &threat(Vec3::from(at), Vec3::from(of)), None);
+            prop_assert_eq!(kept.z, acc.z);
+            prop_assert!(kept.xy().norm() <= acc.xy().norm().max(CONFIG.max_acc) + 1e-9);
+        }
+
+        #[test]
+        fn any_input_gives_a_finite_answer_or_what_was_asked(bits in prop::array::uniform12(any::<u64>())) {
+            let v = |k: usize| Vec3::from_fn(|i, _| f64::from_bits(bits[k + i]));
+            let kept = Separation::default().keep(&CONFIG, 0.005, v(0), [v(3), v(6)], &threat(v(9), v(6)), None);
+            prop_assert!(kept.xy().iter().all(|x| x.is_finite()) || kept == v(0) || v(0).iter().any(|x| x.is_nan()));
+        }
+    }
+}
