@@ -88,7 +88,7 @@ fn highest_sight(top: f64) -> f64 {
     let mut highest = 0.0_f64;
     for _ in 0..800 {
         sim.haste = 3.0;
-        let target = sim.pos + Vec3::new(8.0, 0.0, 0.0);
+        let target = sim.pos + Vec3::new(14.0, 0.0, 0.0);
         sim.frames = Frames::Target(target);
         sim.tick(None);
         let line = sim.attitude.inverse() * (target - sim.pos);

@@ -386,7 +386,7 @@ impl Loop {
             stamp: self.now,
             pos_world: at,
             vel_world: self.target_vel,
-            covariance: nalgebra::Matrix6::identity(),
+            covariance: nalgebra::Matrix6::identity() * 0.04,
             confirmed: true,
             last_seen: self.now,
         });
