@@ -194,6 +194,8 @@ impl Trust {
             }
             return failed;
         };
+        // The velocity that comes back steps too, and says nothing of the heading.
+        self.heading = Heading::default();
         distrust.go_on(step, failed, holds, self.copied > COPIED);
         if distrust.is_over(step.new.stamp) {
             self.distrust = None;

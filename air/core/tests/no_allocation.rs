@@ -53,7 +53,7 @@ fn a_whole_flight_of_controller_steps_allocates_nothing() {
     assert_eq!(sim.out().odometry_fault, Some(OdometryFault::VelocityStepped));
     sim.velocity_offset = Vec3::zeros();
     sim.run(1.3);
-    assert!(sim.out().odometry_fault.is_none());
+    assert_eq!(sim.out().odometry_fault, None);
     sim.frames = Frames::None;
     sim.run(3.0);
     sim.stop();
