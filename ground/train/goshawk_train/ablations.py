@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
-from goshawk_train.flights import FlightsError, Row, fly
+from goshawk_train.flights import FAILURES, FlightsError, Row, fly
 
 MARKS = ("<!-- ablations: begin -->", "<!-- ablations: end -->")
-FAILURES = ("collision", "lost", "timeout", "too_close")
 METRICS = ("collide_cheapest", "aim_missed_p50", "cost_rank", "recall", "false_alarm_empty", "lateral_error_p50")
 """Of the held-out scenes, what the table shows (`validate`)."""
 

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+# Why a flight failed. A result from before a reason was counted has none of it.
+FAILURES = ("collision", "lost", "timeout", "too_close")
 MARKS = ("<!-- flights: begin -->", "<!-- flights: end -->")
 
 
@@ -100,8 +102,8 @@ def _run(row: Row, simulator: Path, arguments: list[str]) -> None:
 def markdown(rows: list[tuple[Row, dict[str, Any]]]) -> str:
     """The table of all cells."""
     lines = [
-        "| flight | speed, m/s | spacing, m | successes | 95 % | target | collision, lost, timeout, too close | clearance p5, m "
-        "| flown mean, m/s | in view | lateral, along error 5..95 %, m |",
+        "| flight | speed, m/s | spacing, m | successes | 95 % | target | collision, lost, timeout, too close "
+        "| clearance p5, m | flown mean, m/s | in view | lateral, along error 5..95 %, m |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row, report in rows:
@@ -121,7 +123,7 @@ def _line(row: Row, cell: dict[str, Any]) -> str:
     spacing = f"{cell['spacing_m']:g}" if cell["world"] == "forest" else ""
     cells = [
         *(row.name, f"{cell['speed_mps']:g}", spacing, f"{cell['successes']} of {cell['trials']}"),
-        *(f"{low:.0%} to {high:.0%}", verdict, ", ".join(str(failures[why]) for why in ("collision", "lost", "timeout", "too_close"))),
+        *(f"{low:.0%} to {high:.0%}", verdict, ", ".join(str(failures.get(why, 0)) for why in FAILURES)),
         *(f"{cell['clearance_m']['p5']:.2f}", f"{cell['flown_speed_mps']['mean']:.1f}", view, errors),
     ]
     return "| " + " | ".join(cells) + " |"
