@@ -8,7 +8,7 @@ use crate::landing::Phase;
 use crate::lead::lead;
 use crate::mission::{Fallback, Mode};
 use crate::motion::Commanded;
-use crate::separation::Threat;
+use crate::separation::{Separation, Threat};
 use crate::takeoff::{Stage, repeat};
 use crate::types::{AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3};
 use crate::yaw::{YawGoal, toward, wrap, yaw_of};
@@ -191,9 +191,18 @@ impl Controller {
 
     /// `acc_world` such that the least distance to the target is kept.
     fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
-        let Some(threat) = self.threat(now) else { return acc_world };
         let state = [odometry.pos_world, odometry.vel_world];
-        self.separation.keep(&self.config.separation, dt, acc_world, state, &threat, self.plans.room())
+        let (config, room) = (&self.config.separation, self.plans.room());
+        let mut kept = acc_world;
+        for (rule, mover) in self.evasion.iter_mut().zip(self.plans.movers()) {
+            if let Some(mover) = mover {
+                kept = rule.keep(&config.of(mover), dt, kept, state, &Threat::of_mover(mover, now, state[0].z), room);
+            } else {
+                *rule = Separation::default();
+            }
+        }
+        let Some(threat) = self.threat(now) else { return kept };
+        self.separation.keep(config, dt, kept, state, &threat, room)
     }
 
     /// The target, where it may have to be kept away from.

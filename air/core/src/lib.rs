@@ -24,6 +24,7 @@ pub mod lead;
 pub mod limits;
 pub mod mission;
 pub mod motion;
+pub mod movers;
 pub mod obstacles;
 pub mod planner;
 pub mod plans;

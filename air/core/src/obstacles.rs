@@ -4,9 +4,10 @@
 //! nearest depths of each image are kept in a voxel grid that rolls along, and the trajectories are held against it. One
 //! that meets something costs more, the sooner the more; none is forbidden, since one must be flown.
 
+use crate::movers::{Followed, Movers, New};
 use crate::quintic::Quintic;
-use crate::types::{Rot, Vec3};
-use nalgebra::Vector3;
+use crate::types::{Rot, Time, Vec3};
+use nalgebra::{Vector2, Vector3};
 
 /// Columns of [`Nearest`].
 pub const COLUMNS: usize = 40;
@@ -40,6 +41,8 @@ const MISS: i8 = 2;
 const OCCUPIED: i8 = 6;
 const LEAST: i8 = -4;
 const MOST: i8 = 24;
+/// What may move is forgotten sooner.
+const MOST_MOVED: i8 = 9;
 
 /// Looking through ends this far before the measured depth, m, and as much more as this times its square, 1/m: its noise.
 const SHORT: f32 = 0.25;
@@ -55,6 +58,9 @@ const LOOKS: u32 = 20;
 const MEETING: f64 = 30.0;
 /// Meeting it costs the less the later, and nothing after this time, s: till then there is another way.
 const HORIZON: f64 = 2.5;
+
+/// What moves is looked for from so far below the camera to so far above it, m.
+const LEVEL: (f32, f32) = (-1.0, 0.7);
 
 type Voxel = Vector3<i32>;
 
@@ -91,6 +97,11 @@ pub struct Obstacles {
     /// This frame: in what voxels its rays end, and through which they pass. Each voxel learns once a frame.
     ended: Bits,
     passed: Bits,
+    /// What came to be where the vehicle had looked through: it may move.
+    moved: Bits,
+    /// This frame's points of such voxels.
+    new: New,
+    followed: Followed,
 }
 
 impl Obstacles {
@@ -109,6 +120,9 @@ impl Obstacles {
             free: Box::new([0; ROW_COUNT]),
             ended: Box::new([0; ROW_COUNT]),
             passed: Box::new([0; ROW_COUNT]),
+            moved: Box::new([0; ROW_COUNT]),
+            new: New::new(COLUMNS * ROWS),
+            followed: Followed::new(),
         }
     }
 
@@ -118,14 +132,29 @@ impl Obstacles {
         self.evidence.fill(0);
         self.occupied.fill(0);
         self.free.fill(0);
+        self.moved.fill(0);
+        self.followed.reset();
+    }
+
+    /// What moves, at the height `z` (m).
+    #[must_use]
+    pub fn movers(&self, z: f64) -> Movers {
+        self.followed.movers(z)
     }
 
     /// Takes in what is seen from `cam_world` (m). Not finite: nothing is.
-    pub fn see(&mut self, cam_world: &Vec3, world_from_cam: &Rot, nearest: &Nearest, ignored: Option<&Ignored>) {
+    pub fn see(
+        &mut self,
+        stamp: Time,
+        (cam_world, world_from_cam): (&Vec3, &Rot),
+        nearest: &Nearest,
+        ignored: Option<&Ignored>,
+    ) {
         if self.range <= 0.0 || !cam_world.iter().chain(world_from_cam.coords.iter()).all(|x| x.is_finite()) {
             return;
         }
         let low = self.roll(cam_world);
+        self.new.clear();
         let lens = in_voxels(cam_world, &low);
         if !is_inside(&lens) {
             return;
@@ -143,9 +172,16 @@ impl Obstacles {
             if depth <= self.range && is_inside(&at) && !expected {
                 let (row, bit) = place(&low, &at);
                 self.ended[row] |= bit;
+                self.moved[row] |= self.free[row] & bit;
+                let level = (at.z - lens.z) * VOXEL as f32;
+                if self.moved[row] & bit != 0 && (LEVEL.0..LEVEL.1).contains(&level) {
+                    let place = (low.map(f64::from) + at.map(f64::from)) * VOXEL;
+                    self.new.push([at.x as u8, at.y as u8], Vector2::new(place.x, place.y));
+                }
             }
         }
         self.learn();
+        self.followed.step(stamp, cam_world, &mut self.new);
     }
 
     /// What the frame's rays say of the voxels.
@@ -163,10 +199,14 @@ impl Obstacles {
 
     fn change(&mut self, row: usize, bit: u32, change: i8) {
         let evidence = &mut self.evidence[64 * row + bit as usize];
-        *evidence = (*evidence + change).clamp(LEAST, MOST);
+        let most = if self.moved[row] >> bit & 1 == 1 { MOST_MOVED } else { MOST };
+        *evidence = (*evidence + change).clamp(LEAST, most);
         let set = |word: u64, on: bool| word & !(1 << bit) | u64::from(on) << bit;
         self.occupied[row] = set(self.occupied[row], *evidence >= OCCUPIED);
         self.free[row] = set(self.free[row], *evidence == LEAST);
+        if *evidence < OCCUPIED && change < 0 {
+            self.moved[row] &= !(1 << bit);
+        }
     }
 
     /// What a trajectory costs for what it would meet.
@@ -244,6 +284,7 @@ impl Obstacles {
         }
         self.occupied[row] &= !gone;
         self.free[row] &= !gone;
+        self.moved[row] &= !gone;
     }
 }
 
@@ -310,7 +351,7 @@ mod tests {
     }
 
     fn see(obstacles: &mut Obstacles, from: Vec3, nearest: &Nearest) {
-        obstacles.see(&from, &Rot::identity(), nearest, None);
+        obstacles.see(Time::from_secs(1.0), (&from, &Rot::identity()), nearest, None);
     }
 
     /// All blocks at 9 m, but the one right of and below the middle.
@@ -365,7 +406,9 @@ mod tests {
         let mut obstacles = obstacles();
         let ignored = Ignored { at_world: Vec3::new(4.0, 0.0, 1.0), radius: 0.8 };
         let way = ahead(Vec3::zeros(), 6.0, 1.0);
-        (0..4).for_each(|_| obstacles.see(&Vec3::zeros(), &Rot::identity(), &thing_at(4000), Some(&ignored)));
+        (0..4).for_each(|_| {
+            obstacles.see(Time::from_secs(1.0), (&Vec3::zeros(), &Rot::identity()), &thing_at(4000), Some(&ignored))
+        });
         assert_eq!(obstacles.meeting(&way, None), 0.0);
         (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
         assert!(obstacles.meeting(&way, None) > 0.0 && obstacles.meeting(&way, Some(&ignored)) == 0.0);

@@ -4,6 +4,7 @@ use crate::aim::{Chase, ChaseConfig, climbing, within_reach};
 use crate::decode::{Decoder, FramePose};
 use crate::error::{ConfigError, within};
 use crate::motion::jump;
+use crate::movers::meeting;
 use crate::obstacles::{Ignored, Nearest, Obstacles};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
@@ -195,22 +196,26 @@ impl Planner {
         let stamp = odometry.stamp;
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world };
         let duration = self.decoder.duration(alpha);
+        let movers = self.obstacles.movers(odometry.pos_world.z);
         let chosen = match self.config.policy.task {
             Task::Navigate => {
                 let avoided = |c: &Candidate| {
                     let climbing = input.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
-                    climbing + self.obstacles.meeting(&Quintic::new(&start, &c.end, duration), None)
+                    let trajectory = Quintic::new(&start, &c.end, duration);
+                    climbing + self.obstacles.meeting(&trajectory, None) + meeting(&movers, stamp, &trajectory)
                 };
                 select(Some(avoided), &[None; ANCHORS], &mut candidates)
             }
             Task::Track => {
                 let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);
                 let crowding = self.target(stamp).map(|target| {
-                    let (chase, obstacles) = (&self.config.chase, &self.obstacles);
+                    let (chase, obstacles, movers) = (&self.config.chase, &self.obstacles, &movers);
                     let ignored = about(&target);
                     move |c: &Candidate| {
                         let trajectory = Quintic::new(&start, &c.end, duration);
-                        chase.crowding(&trajectory, &target) + obstacles.meeting(&trajectory, Some(&ignored))
+                        chase.crowding(&trajectory, &target)
+                            + obstacles.meeting(&trajectory, Some(&ignored))
+                            + meeting(movers, stamp, &trajectory)
                     }
                 });
                 select(crowding, &unseen, &mut candidates)
@@ -226,7 +231,9 @@ impl Planner {
             candidates,
             chosen,
             target: self.filter.estimate(),
-            room: self.is_near_target(odometry).then(|| self.obstacles.room(&odometry.pos_world)),
+            room: (self.is_near_target(odometry) || movers.iter().any(Option::is_some))
+                .then(|| self.obstacles.room(&odometry.pos_world)),
+            movers,
         }
     }
 
@@ -242,7 +249,7 @@ impl Planner {
         let world_from_cam = odometry.world_from_body * self.config.camera.body_from_cam;
         let cam_world = odometry.pos_world + odometry.world_from_body * self.config.camera.pos_cam_body;
         let ignored = self.target(odometry.stamp).map(|target| about(&target));
-        self.obstacles.see(&cam_world, &world_from_cam, nearest, ignored.as_ref());
+        self.obstacles.see(odometry.stamp, (&cam_world, &world_from_cam), nearest, ignored.as_ref());
     }
 
     /// The target, if it is worth going after at `now`.

@@ -1,6 +1,7 @@
 //! Which plan is flown: the newest that chose a trajectory, for as long as it may be flown.
 
 use crate::config::LadderConfig;
+use crate::movers::{MOST, Movers};
 use crate::obstacles::Room;
 use crate::quintic::Quintic;
 use crate::target::LONGEST_CARRY;
@@ -35,13 +36,14 @@ pub struct Plans {
     glimpse: Option<(Time, Vec3)>,
     /// About the vehicle, when the last plan was made.
     room: Option<Room>,
+    movers: Movers,
 }
 
 impl Plans {
     /// Nothing yet; frames before `since` do not count.
     #[must_use]
     pub fn new(since: Time) -> Self {
-        Self { since, newest: None, flown: None, target: None, glimpse: None, room: None }
+        Self { since, newest: None, flown: None, target: None, glimpse: None, room: None, movers: [None; MOST] }
     }
 
     /// Takes the newest plan. One that is not finite counts as a frame without a choice.
@@ -52,6 +54,7 @@ impl Plans {
         self.newest = Some((plan.seq, plan.stamp));
         self.target = plan.target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
         self.room = plan.room;
+        self.movers = plan.movers;
         let likely = |candidate: &&Candidate| candidate.objectness >= GLIMPSE.0;
         let seen = plan.candidates.iter().filter(likely).max_by(|a, b| a.objectness.total_cmp(&b.objectness));
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
@@ -104,6 +107,12 @@ impl Plans {
     #[must_use]
     pub fn room(&self) -> Option<&Room> {
         self.room.as_ref()
+    }
+
+    /// What moves about the vehicle, as far as the newest plan tells it.
+    #[must_use]
+    pub fn movers(&self) -> &Movers {
+        &self.movers
     }
 
     /// The newest target estimate.
@@ -166,6 +175,7 @@ mod tests {
             chosen,
             target: None,
             room: None,
+            movers: [None; crate::movers::MOST],
         }
     }
 

@@ -150,6 +150,8 @@ pub struct Plan {
     pub target: Option<TargetEstimate>,
     /// The room about `start`, from what is remembered; none: no target is so near that it matters.
     pub room: Option<crate::obstacles::Room>,
+    /// What moves about the vehicle.
+    pub movers: crate::movers::Movers,
 }
 
 /// The target filter's state.

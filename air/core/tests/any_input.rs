@@ -33,6 +33,7 @@ prop_compose! {
             seq: 0, stamp: Time(0), start: state, world_from_cam: Rot::identity(), duration, alpha: 1.0,
             candidates: [candidate; ANCHORS], chosen, target: estimate,
             room: Some([distance as f32; HEADINGS]),
+            movers: [None; goshawk_core::movers::MOST],
         })
     }
 }

@@ -117,6 +117,7 @@ fn plan(seq: u64, stamp: Time, height: f64) -> Plan {
         chosen: Some(7),
         target: Some(target),
         room: Some([1.0; HEADINGS]),
+        movers: [None; goshawk_core::movers::MOST],
     }
 }
 

@@ -403,6 +403,7 @@ impl Loop {
             chosen: aim.map(|_| 7),
             target: estimate.or(kept),
             room: None,
+            movers: [None; goshawk_core::movers::MOST],
         })
     }
 

@@ -124,6 +124,7 @@ impl<'a> Classical<'a> {
             chosen: None,
             target: None,
             room: None,
+            movers: [None; goshawk_core::movers::MOST],
         })
     }
 

@@ -1,0 +1,278 @@
+//! What moves about the vehicle, and where it will be (beyond the paper).
+//!
+//! The network sees one image: it steers around where a thing is, not around where it will be. What comes to be where
+//! the vehicle had looked through is new there (`obstacles.rs` marks such voxels). New points that lie together are
+//! followed, seen from above, with a filter of constant velocity each. One that has gone a way of its own is a mover:
+//! trajectories that would meet it on its way cost more, and the controller keeps off it.
+
+use crate::quintic::Quintic;
+use crate::types::{Time, Vec3};
+use nalgebra::Vector2;
+
+/// So many are followed at once.
+pub const MOST: usize = 8;
+
+/// What is followed, each in a place of its own for as long as it is followed.
+pub type Movers = [Option<Mover>; MOST];
+
+/// Something that moves, as an upright cylinder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mover {
+    /// When it is true.
+    pub stamp: Time,
+    /// A point of its axis, at the camera's height, world frame, m.
+    pub pos_world: Vec3,
+    /// Level, m/s.
+    pub vel_world: Vec3,
+    /// Of the cylinder, m.
+    pub radius: f64,
+}
+
+/// A mover that is out of sight is carried on for so long, s.
+const LONGEST_CARRY: f64 = 1.5;
+
+impl Mover {
+    /// Where it should be, m.
+    #[must_use]
+    pub fn at(&self, now: Time) -> Vec3 {
+        self.pos_world + self.vel_world * now.since(self.stamp).clamp(0.0, LONGEST_CARRY)
+    }
+}
+
+/// A new point is followed together with others within so many cells.
+const CELLS: usize = 64;
+/// Fewer points are noise.
+const LEAST_POINTS: usize = 3;
+/// More than so many groups in a frame are not looked at.
+const MOST_GROUPS: usize = 16;
+/// From the middle of what is seen, its surface, to the axis, m.
+const BEHIND: f64 = 0.1;
+/// Radius of a mover, at least and at most, m.
+const RADIUS: (f64, f64) = (0.2, 0.7);
+
+/// Standard deviation of a group's middle, m, and white noise of the acceleration, m²/s³.
+const SIGHTING: f64 = 0.15;
+const RESTLESS: f64 = 0.6;
+/// Variance of the velocity of what is new, m²/s².
+const ANY_SPEED: f64 = 2.0;
+/// A group belongs to what should be within this, m.
+const GATE: f64 = 0.7;
+/// It moves once it was seen for so long, s, in so many frames, went so far, m, and is so fast, m/s.
+const PROVEN: (f64, u32, f64, f64) = (0.2, 5, 0.25, 0.35);
+/// What does not yet move, and what does, is forgotten when it was not seen for so long, s.
+const FORGOTTEN: (f64, f64) = (0.2, LONGEST_CARRY);
+
+/// A trajectory is looked at in so many instants, and no farther ahead than this, s.
+const LOOKS: u32 = 20;
+const HORIZON: f64 = 2.0;
+/// What it costs to fly into one at once, on the scale of the network's costs.
+const MEETING: f64 = 30.0;
+/// Kept between the vehicle's centre and a mover's surface, m, and what its place is in doubt by with time, m/s.
+const KEPT: f64 = 0.5;
+const DOUBT: f64 = 0.3;
+
+type Flat = Vector2<f64>;
+
+/// What has come to be where nothing was, in one frame, seen from above: points in cells of a grid.
+#[derive(Clone, Debug)]
+pub(crate) struct New {
+    /// Where (m) and in which cell.
+    points: Vec<([u8; 2], Flat)>,
+    /// A bit for each cell with a point.
+    cells: [u64; CELLS],
+}
+
+impl New {
+    pub(crate) fn new(most: usize) -> Self {
+        Self { points: Vec::with_capacity(most), cells: [0; CELLS] }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.points.clear();
+        self.cells = [0; CELLS];
+    }
+
+    /// A point at `at_world` in a cell of the grid, counted from its lowest.
+    pub(crate) fn push(&mut self, [x, y]: [u8; 2], at_world: Flat) {
+        if self.points.len() < self.points.capacity() && usize::from(x.max(y)) < CELLS {
+            self.points.push(([x, y], at_world));
+            self.cells[usize::from(y)] |= 1 << x;
+        }
+    }
+
+    /// Takes a group of cells that touch, corners and one cell between included; none: nothing is left.
+    fn take_group(&mut self) -> Option<[u64; CELLS]> {
+        let first = self.cells.iter().position(|row| *row != 0)?;
+        let mut group = [0_u64; CELLS];
+        group[first] = 1 << self.cells[first].trailing_zeros();
+        loop {
+            let mut grown = group;
+            for (y, row) in grown.iter_mut().enumerate() {
+                let about = y.saturating_sub(2)..=(y + 2).min(CELLS - 1);
+                let near = group[about].iter().fold(0, |bits, row| bits | row);
+                *row |= self.cells[y] & (near | near << 1 | near >> 1 | near << 2 | near >> 2);
+            }
+            if grown == group {
+                break;
+            }
+            group = grown;
+        }
+        self.cells.iter_mut().zip(&group).for_each(|(left, taken)| *left &= !taken);
+        Some(group)
+    }
+}
+
+/// Points that lie together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Group {
+    middle: Flat,
+    radius: f64,
+}
+
+/// One that is followed: the same filter for x and y.
+#[derive(Clone, Copy, Debug)]
+struct Track {
+    stamp: Time,
+    born: (Time, Flat),
+    seen: (Time, u32),
+    pos: Flat,
+    vel: Flat,
+    /// Variances of position and velocity, and between them.
+    var: [f64; 3],
+    radius: f64,
+    moves: bool,
+}
+
+impl Track {
+    fn new(stamp: Time, group: &Group) -> Self {
+        Self {
+            stamp,
+            born: (stamp, group.middle),
+            seen: (stamp, 1),
+            pos: group.middle,
+            vel: Flat::zeros(),
+            var: [SIGHTING * SIGHTING, 0.0, ANY_SPEED],
+            radius: group.radius,
+            moves: false,
+        }
+    }
+
+    fn predict(&mut self, now: Time) {
+        let dt = now.since(self.stamp).clamp(0.0, 1.0);
+        self.stamp = now;
+        self.pos += self.vel * dt;
+        let [pos, cross, vel] = self.var;
+        let (dt2, dt3) = (dt * dt, dt * dt * dt);
+        self.var = [
+            pos + 2.0 * dt * cross + dt2 * vel + RESTLESS * dt3 / 3.0,
+            cross + dt * vel + RESTLESS * dt2 / 2.0,
+            vel + RESTLESS * dt,
+        ];
+    }
+
+    fn update(&mut self, group: &Group) {
+        let [pos, cross, vel] = self.var;
+        let sum = pos + SIGHTING * SIGHTING;
+        let missed = group.middle - self.pos;
+        self.pos += missed * (pos / sum);
+        self.vel += missed * (cross / sum);
+        self.var = [pos - pos * pos / sum, cross - pos * cross / sum, vel - cross * cross / sum];
+        self.radius += 0.2 * (group.radius - self.radius);
+        self.seen = (self.stamp, self.seen.1 + 1);
+        let (time, count, way, speed) = PROVEN;
+        let long = self.stamp.since(self.born.0) >= time && self.seen.1 >= count;
+        self.moves |= long && (self.pos - self.born.1).norm() >= way && self.vel.norm() >= speed;
+    }
+
+    fn is_forgotten(&self) -> bool {
+        self.stamp.since(self.seen.0) > if self.moves { FORGOTTEN.1 } else { FORGOTTEN.0 }
+    }
+}
+
+/// Follows what moves.
+#[derive(Clone, Debug)]
+pub(crate) struct Followed {
+    tracks: [Option<Track>; MOST],
+}
+
+impl Followed {
+    pub(crate) fn new() -> Self {
+        Self { tracks: [None; MOST] }
+    }
+
+    pub(crate) fn reset(&mut self) {
+        self.tracks = [None; MOST];
+    }
+
+    /// Takes in what is new in a frame, seen from `cam_world`.
+    pub(crate) fn step(&mut self, stamp: Time, cam_world: &Vec3, new: &mut New) {
+        for slot in &mut self.tracks {
+            if let Some(track) = slot {
+                track.predict(stamp);
+            }
+            *slot = slot.filter(|track| !track.is_forgotten() && track.pos.iter().all(|x| x.is_finite()));
+        }
+        let mut taken = [false; MOST];
+        for _ in 0..MOST_GROUPS {
+            let Some(cells) = new.take_group() else { break };
+            if let Some(group) = group(&cells, &new.points, &cam_world.xy()) {
+                self.see(stamp, &group, &mut taken);
+            }
+        }
+    }
+
+    /// A group belongs to the nearest track, or begins one.
+    fn see(&mut self, stamp: Time, group: &Group, taken: &mut [bool; MOST]) {
+        let distance = |track: &Option<Track>| track.map_or(f64::INFINITY, |t| (t.pos - group.middle).norm());
+        let free = (0..MOST).filter(|k| !taken[*k]);
+        let nearest = free.min_by(|a, b| distance(&self.tracks[*a]).total_cmp(&distance(&self.tracks[*b])));
+        let Some(slot) = nearest else { return };
+        if let Some(track) = self.tracks[slot].as_mut().filter(|t| (t.pos - group.middle).norm() < GATE) {
+            track.update(group);
+            taken[slot] = true;
+        } else if let Some(slot) = (0..MOST).find(|k| self.tracks[*k].is_none()) {
+            self.tracks[slot] = Some(Track::new(stamp, group));
+            taken[slot] = true;
+        }
+    }
+
+    /// Those that move, at the height `z` (m).
+    pub(crate) fn movers(&self, z: f64) -> Movers {
+        let mover = |track: Track| Mover {
+            stamp: track.stamp,
+            pos_world: Vec3::new(track.pos.x, track.pos.y, z),
+            vel_world: Vec3::new(track.vel.x, track.vel.y, 0.0),
+            radius: track.radius,
+        };
+        self.tracks.map(|track| track.filter(|track| track.moves).map(mover))
+    }
+}
+
+fn group(cells: &[u64; CELLS], points: &[([u8; 2], Flat)], cam: &Flat) -> Option<Group> {
+    let within = || points.iter().filter(|([x, y], _)| cells[usize::from(*y)] >> x & 1 == 1).map(|(_, at)| at);
+    let count = within().count();
+    if count < LEAST_POINTS {
+        return None;
+    }
+    let surface = within().fold(Flat::zeros(), |sum, at| sum + at) / count as f64;
+    let away = (surface - cam).try_normalize(1e-3).unwrap_or_default();
+    let spread = within().map(|at| (at - surface).norm()).fold(0.0, f64::max);
+    Some(Group { middle: surface + away * BEHIND, radius: spread.clamp(RADIUS.0, RADIUS.1) })
+}
+
+/// What a trajectory that begins at `stamp` costs for those whose way it crosses.
+#[must_use]
+pub fn meeting(movers: &Movers, stamp: Time, trajectory: &Quintic) -> f64 {
+    let horizon = trajectory.duration().min(HORIZON);
+    let cost = |mover: &Mover| {
+        let from = mover.at(stamp);
+        let at = |k: u32| {
+            let time = horizon * f64::from(k) / f64::from(LOOKS);
+            let gap = (trajectory.at(time).pos - from - mover.vel_world * time).xy().norm() - mover.radius;
+            let kept = KEPT + DOUBT * time;
+            MEETING * (1.0 - time / HORIZON) * (1.0 - gap / kept).clamp(0.0, 1.0)
+        };
+        (1..=LOOKS).map(at).fold(0.0, f64::max)
+    };
+    movers.iter().flatten().map(cost).fold(0.0, f64::max)
+}
