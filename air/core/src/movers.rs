@@ -43,6 +43,8 @@ impl Mover {
 const CELLS: usize = 64;
 /// Fewer points are noise.
 const LEAST_POINTS: usize = 3;
+/// What is not so high is taken for leaves, m.
+const LEAST_HEIGHT: f64 = 0.5;
 /// More than so many groups in a frame are not looked at.
 const MOST_GROUPS: usize = 16;
 /// From the middle of what is seen, its surface, to the axis, m.
@@ -77,7 +79,7 @@ type Flat = Vector2<f64>;
 #[derive(Clone, Debug)]
 pub(crate) struct New {
     /// Where (m) and in which cell.
-    points: Vec<([u8; 2], Flat)>,
+    points: Vec<([u8; 2], Vec3)>,
     /// A bit for each cell with a point.
     cells: [u64; CELLS],
 }
@@ -93,7 +95,7 @@ impl New {
     }
 
     /// A point at `at_world` in a cell of the grid, counted from its lowest.
-    pub(crate) fn push(&mut self, [x, y]: [u8; 2], at_world: Flat) {
+    pub(crate) fn push(&mut self, [x, y]: [u8; 2], at_world: Vec3) {
         if self.points.len() < self.points.capacity() && usize::from(x.max(y)) < CELLS {
             self.points.push(([x, y], at_world));
             self.cells[usize::from(y)] |= 1 << x;
@@ -248,15 +250,16 @@ impl Followed {
     }
 }
 
-fn group(cells: &[u64; CELLS], points: &[([u8; 2], Flat)], cam: &Flat) -> Option<Group> {
+fn group(cells: &[u64; CELLS], points: &[([u8; 2], Vec3)], cam: &Flat) -> Option<Group> {
     let within = || points.iter().filter(|([x, y], _)| cells[usize::from(*y)] >> x & 1 == 1).map(|(_, at)| at);
     let count = within().count();
-    if count < LEAST_POINTS {
+    let (low, high) = within().fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at.z), high.max(at.z)));
+    if count < LEAST_POINTS || high - low < LEAST_HEIGHT {
         return None;
     }
-    let surface = within().fold(Flat::zeros(), |sum, at| sum + at) / count as f64;
+    let surface = within().fold(Flat::zeros(), |sum, at| sum + at.xy()) / count as f64;
     let away = (surface - cam).try_normalize(1e-3).unwrap_or_default();
-    let spread = within().map(|at| (at - surface).norm()).fold(0.0, f64::max);
+    let spread = within().map(|at| (at.xy() - surface).norm()).fold(0.0, f64::max);
     Some(Group { middle: surface + away * BEHIND, radius: spread.clamp(RADIUS.0, RADIUS.1) })
 }
 

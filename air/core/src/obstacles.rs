@@ -7,7 +7,7 @@
 use crate::movers::{Followed, Movers, New};
 use crate::quintic::Quintic;
 use crate::types::{Rot, Time, Vec3};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
 /// Columns of [`Nearest`].
 pub const COLUMNS: usize = 40;
@@ -172,16 +172,30 @@ impl Obstacles {
             if depth <= self.range && is_inside(&at) && !expected {
                 let (row, bit) = place(&low, &at);
                 self.ended[row] |= bit;
-                self.moved[row] |= self.free[row] & bit;
+                if self.free[row] & bit != 0 && !self.is_beside_fixed(row, bit) {
+                    self.moved[row] |= bit;
+                }
                 let level = (at.z - lens.z) * VOXEL as f32;
                 if self.moved[row] & bit != 0 && (LEVEL.0..LEVEL.1).contains(&level) {
                     let place = (low.map(f64::from) + at.map(f64::from)) * VOXEL;
-                    self.new.push([at.x as u8, at.y as u8], Vector2::new(place.x, place.y));
+                    self.new.push([at.x as u8, at.y as u8], place);
                 }
             }
         }
         self.learn();
         self.followed.step(stamp, cam_world, &mut self.new);
+    }
+
+    /// Something that does not move is in a voxel beside that of `bit` in `row`: what seems new there is its edge.
+    fn is_beside_fixed(&self, row: usize, bit: u64) -> bool {
+        let wide = bit | bit.rotate_left(1) | bit.rotate_right(1);
+        let [_, along_y, along_z] = SIZE.map(|n| n as usize);
+        let beside = |at: usize, by: usize, n: usize| (at + n + by - 1) & (n - 1);
+        let (y, z) = (row % along_y, row / along_y);
+        (0..9).any(|k| {
+            let row = beside(z, k / 3, along_z) * along_y + beside(y, k % 3, along_y);
+            self.occupied[row] & !self.moved[row] & wide != 0
+        })
     }
 
     /// What the frame's rays say of the voxels.
