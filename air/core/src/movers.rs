@@ -52,6 +52,9 @@ const BEHIND: f64 = 0.1;
 /// Radius of a mover, at least and at most, m.
 const RADIUS: (f64, f64) = (0.2, 0.7);
 
+/// What comes so near before one that is followed is it, m.
+const AHEAD: f64 = 0.3;
+
 /// Standard deviation of a group's middle, m, and white noise of the acceleration, m²/s³.
 const SIGHTING: f64 = 0.15;
 const RESTLESS: f64 = 0.6;
@@ -236,6 +239,12 @@ impl Followed {
             self.tracks[slot] = Some(Track::new(stamp, group));
             taken[slot] = true;
         }
+    }
+
+    /// A point is where one that moves was in the last frame, or about to be.
+    pub(crate) fn covers(&self, at_world: &Vec3) -> bool {
+        let covers = |track: &Track| track.moves && (track.pos - at_world.xy()).norm() < track.radius + AHEAD;
+        self.tracks.iter().flatten().any(covers)
     }
 
     /// Those that move, at the height `z` (m).

@@ -41,8 +41,6 @@ const MISS: i8 = 2;
 const OCCUPIED: i8 = 6;
 const LEAST: i8 = -4;
 const MOST: i8 = 24;
-/// What may move is forgotten sooner.
-const MOST_MOVED: i8 = 9;
 
 /// Looking through ends this far before the measured depth, m, and as much more as this times its square, 1/m: its noise.
 const SHORT: f32 = 0.25;
@@ -171,14 +169,18 @@ impl Obstacles {
             let expected = skipped.is_some_and(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) < radius);
             if depth <= self.range && is_inside(&at) && !expected {
                 let (row, bit) = place(&low, &at);
-                self.ended[row] |= bit;
-                if self.free[row] & bit != 0 && !self.is_beside_fixed(row, bit) {
-                    self.moved[row] |= bit;
-                }
+                self.moved[row] |= self.free[row] & bit;
                 let level = (at.z - lens.z) * VOXEL as f32;
-                if self.moved[row] & bit != 0 && (LEVEL.0..LEVEL.1).contains(&level) {
-                    let place = (low.map(f64::from) + at.map(f64::from)) * VOXEL;
+                let moves = self.moved[row] & bit != 0
+                    && (LEVEL.0..LEVEL.1).contains(&level)
+                    && !self.is_beside_fixed(row, bit);
+                let place = (low.map(f64::from) + at.map(f64::from)) * VOXEL;
+                if moves {
                     self.new.push([at.x as u8, at.y as u8], place);
+                }
+                // Who moves on leaves nothing to be remembered.
+                if !(moves && self.followed.covers(&place)) {
+                    self.ended[row] |= bit;
                 }
             }
         }
@@ -213,8 +215,7 @@ impl Obstacles {
 
     fn change(&mut self, row: usize, bit: u32, change: i8) {
         let evidence = &mut self.evidence[64 * row + bit as usize];
-        let most = if self.moved[row] >> bit & 1 == 1 { MOST_MOVED } else { MOST };
-        *evidence = (*evidence + change).clamp(LEAST, most);
+        *evidence = (*evidence + change).clamp(LEAST, MOST);
         let set = |word: u64, on: bool| word & !(1 << bit) | u64::from(on) << bit;
         self.occupied[row] = set(self.occupied[row], *evidence >= OCCUPIED);
         self.free[row] = set(self.free[row], *evidence == LEAST);
