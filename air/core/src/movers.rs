@@ -57,7 +57,7 @@ const AHEAD: f64 = 0.3;
 
 /// Standard deviation of a group's middle, m, and white noise of the acceleration, m²/s³.
 const SIGHTING: f64 = 0.15;
-const RESTLESS: f64 = 0.6;
+const RESTLESS: f64 = 2.0;
 /// Variance of the velocity of what is new, m²/s².
 const ANY_SPEED: f64 = 2.0;
 /// A group belongs to what should be within this, m.

@@ -219,9 +219,6 @@ impl Obstacles {
         let set = |word: u64, on: bool| word & !(1 << bit) | u64::from(on) << bit;
         self.occupied[row] = set(self.occupied[row], *evidence >= OCCUPIED);
         self.free[row] = set(self.free[row], *evidence == LEAST);
-        if *evidence < OCCUPIED && change < 0 {
-            self.moved[row] &= !(1 << bit);
-        }
     }
 
     /// What a trajectory costs for what it would meet.
