@@ -40,7 +40,7 @@ impl Mover {
 }
 
 /// A new point is followed together with others within so many cells.
-const CELLS: usize = 64;
+const CELLS: usize = 128;
 /// Fewer points are noise.
 const LEAST_POINTS: usize = 3;
 /// What is not so high is taken for leaves, m.
@@ -84,7 +84,7 @@ pub(crate) struct New {
     /// Where (m) and in which cell.
     points: Vec<([u8; 2], Vec3)>,
     /// A bit for each cell with a point.
-    cells: [u64; CELLS],
+    cells: [u128; CELLS],
 }
 
 impl New {
@@ -106,9 +106,9 @@ impl New {
     }
 
     /// Takes a group of cells that touch, corners and one cell between included; none: nothing is left.
-    fn take_group(&mut self) -> Option<[u64; CELLS]> {
+    fn take_group(&mut self) -> Option<[u128; CELLS]> {
         let first = self.cells.iter().position(|row| *row != 0)?;
-        let mut group = [0_u64; CELLS];
+        let mut group = [0_u128; CELLS];
         group[first] = 1 << self.cells[first].trailing_zeros();
         loop {
             let mut grown = group;
@@ -259,7 +259,7 @@ impl Followed {
     }
 }
 
-fn group(cells: &[u64; CELLS], points: &[([u8; 2], Vec3)], cam: &Flat) -> Option<Group> {
+fn group(cells: &[u128; CELLS], points: &[([u8; 2], Vec3)], cam: &Flat) -> Option<Group> {
     let within = || points.iter().filter(|([x, y], _)| cells[usize::from(*y)] >> x & 1 == 1).map(|(_, at)| at);
     let count = within().count();
     let (low, high) = within().fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at.z), high.max(at.z)));

@@ -30,9 +30,9 @@ pub const FARTHEST_ROOM: f32 = 4.0;
 /// Edge of a voxel, m.
 const VOXEL: f64 = 0.2;
 /// Voxels along x, y, z: powers of two, so that an index wraps by a mask. A row along x is one word of bits.
-const SIZE: [i32; 3] = [64, 64, 32];
-const VOXELS: usize = 64 * ROW_COUNT;
-const ROW_COUNT: usize = 64 * 32;
+const SIZE: [i32; 3] = [128, 128, 32];
+const VOXELS: usize = 128 * ROW_COUNT;
+const ROW_COUNT: usize = 128 * 32;
 
 /// Evidence for something in a voxel: a frame that ends in it gives `HIT`, one that looks through it takes `MISS`. Two
 /// frames make an obstacle, a stray pixel does not.
@@ -45,6 +45,8 @@ const MOST: i8 = 24;
 /// Looking through ends this far before the measured depth, m, and as much more as this times its square, 1/m: its noise.
 const SHORT: f32 = 0.25;
 const SHORT_PER_M: f32 = 0.006;
+/// And no farther than this, m: what comes nearer than is remembered came through what was seen to be free.
+const LOOKED: f32 = 10.0;
 /// Between the points of a ray, voxels.
 const STEP: f32 = 0.8;
 /// Between the places looked at for room, voxels: a look takes in its neighbours.
@@ -72,7 +74,7 @@ pub struct Ignored {
 }
 
 /// A bit for each voxel, a row along x being one word.
-type Bits = Box<[u64; ROW_COUNT]>;
+type Bits = Box<[u128; ROW_COUNT]>;
 
 /// A voxel's edge in steps of whole numbers.
 const FINE: f32 = (1 << FINE_BITS) as f32;
@@ -163,7 +165,7 @@ impl Obstacles {
         let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
         for (block, mm) in nearest.iter().enumerate().filter(|(_, mm)| **mm > 0) {
             let (ray, depth) = (turn * self.rays[block], f32::from(*mm) * 1e-3);
-            let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(self.range);
+            let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(LOOKED);
             pass(&mut self.passed, &fine, &ray, free);
             let at = lens + ray * depth;
             let expected = skipped.is_some_and(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) < radius);
@@ -189,7 +191,7 @@ impl Obstacles {
     }
 
     /// Something that does not move is in a voxel beside that of `bit` in `row`: what seems new there is its edge.
-    fn is_beside_fixed(&self, row: usize, bit: u64) -> bool {
+    fn is_beside_fixed(&self, row: usize, bit: u128) -> bool {
         let wide = bit | bit.rotate_left(1) | bit.rotate_right(1);
         let [_, along_y, along_z] = SIZE.map(|n| n as usize);
         let beside = |at: usize, by: usize, n: usize| (at + n + by - 1) & (n - 1);
@@ -214,9 +216,9 @@ impl Obstacles {
     }
 
     fn change(&mut self, row: usize, bit: u32, change: i8) {
-        let evidence = &mut self.evidence[64 * row + bit as usize];
+        let evidence = &mut self.evidence[128 * row + bit as usize];
         *evidence = (*evidence + change).clamp(LEAST, MOST);
-        let set = |word: u64, on: bool| word & !(1 << bit) | u64::from(on) << bit;
+        let set = |word: u128, on: bool| word & !(1 << bit) | u128::from(on) << bit;
         self.occupied[row] = set(self.occupied[row], *evidence >= OCCUPIED);
         self.free[row] = set(self.free[row], *evidence == LEAST);
     }
@@ -260,7 +262,7 @@ impl Obstacles {
         let inner = at.map(|x| x as i32);
         // The voxel's neighbours along x, but for those beyond the grid, where the rows wrap.
         let (first, last) = ((inner.x - 1).max(0), (inner.x + 1).min(SIZE[0] - 1));
-        let about = (first..=last).fold(0_u64, |bits, x| bits | 1 << bit_of(low.x + x));
+        let about = (first..=last).fold(0_u128, |bits, x| bits | 1 << bit_of(low.x + x));
         let rows = |axis: usize| (inner[axis] - 1).max(0)..=(inner[axis] + 1).min(SIZE[axis] - 1);
         rows(2).any(|z| rows(1).any(|y| self.occupied[row_of(&(low + Voxel::new(0, y, z)))] & about != 0))
     }
@@ -285,14 +287,14 @@ impl Obstacles {
         let [_, along_y, along_z] = SIZE.map(|n| n as usize);
         match axis {
             0 => (0..ROW_COUNT).for_each(|row| self.forget(row, 1 << at)),
-            1 => (0..along_z).for_each(|z| self.forget(z * along_y + at, u64::MAX)),
-            _ => (0..along_y).for_each(|y| self.forget(at * along_y + y, u64::MAX)),
+            1 => (0..along_z).for_each(|z| self.forget(z * along_y + at, u128::MAX)),
+            _ => (0..along_y).for_each(|y| self.forget(at * along_y + y, u128::MAX)),
         }
     }
 
-    fn forget(&mut self, row: usize, gone: u64) {
+    fn forget(&mut self, row: usize, gone: u128) {
         for bit in bits(gone) {
-            self.evidence[64 * row + bit as usize] = 0;
+            self.evidence[128 * row + bit as usize] = 0;
         }
         self.occupied[row] &= !gone;
         self.free[row] &= !gone;
@@ -301,7 +303,7 @@ impl Obstacles {
 }
 
 /// The bits that are set, from the lowest.
-fn bits(mut word: u64) -> impl Iterator<Item = u32> {
+fn bits(mut word: u128) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
         let bit = (word != 0).then(|| word.trailing_zeros())?;
         word &= word - 1;
@@ -324,7 +326,7 @@ fn pass(passed: &mut Bits, lens: &Vector3<i32>, ray: &Vector3<f32>, free: f32) {
 }
 
 /// Row and bit of the voxel that a point inside lies in.
-fn place(low: &Voxel, at: &Vector3<f32>) -> (usize, u64) {
+fn place(low: &Voxel, at: &Vector3<f32>) -> (usize, u128) {
     let voxel = low + at.map(|x| x as i32);
     (row_of(&voxel), 1 << bit_of(voxel.x))
 }
