@@ -26,10 +26,15 @@ pub struct Mover {
     pub vel_world: Vec3,
     /// Of the cylinder, m.
     pub radius: f64,
+    /// It may be nearer by so much, m.
+    pub pos_doubt: f64,
 }
 
-/// A mover that is out of sight is carried on for so long, s.
-const LONGEST_CARRY: f64 = 1.5;
+/// Between frames a mover is carried on for so long, s.
+const LONGEST_CARRY: f64 = 0.3;
+/// Out of sight its velocity fades with this time constant, s, and its place is in doubt by so much more, m/s, up to m.
+const FADES: f64 = 0.8;
+const STRAYS: (f64, f64) = (0.5, 1.0);
 
 impl Mover {
     /// Where it should be, m.
@@ -65,7 +70,9 @@ const GATE: f64 = 0.7;
 /// It moves once it was seen for so long, s, in so many frames, went so far, m, and is so fast, m/s.
 const PROVEN: (f64, u32, f64, f64) = (0.2, 5, 0.25, 0.35);
 /// What does not yet move, and what does, is forgotten when it was not seen for so long, s.
-const FORGOTTEN: (f64, f64) = (0.2, LONGEST_CARRY);
+const FORGOTTEN: (f64, f64) = (0.2, 3.0);
+/// What should be seen and is not, since something behind it is, is gone after this, s.
+const GONE: f64 = 0.2;
 
 /// A trajectory is looked at in so many instants, and no farther ahead than this, s.
 const LOOKS: u32 = 20;
@@ -146,6 +153,8 @@ struct Track {
     var: [f64; 3],
     radius: f64,
     moves: bool,
+    /// For how long one has looked through where it should be, s.
+    gone: f64,
 }
 
 impl Track {
@@ -159,6 +168,7 @@ impl Track {
             var: [SIGHTING * SIGHTING, 0.0, ANY_SPEED],
             radius: group.radius,
             moves: false,
+            gone: 0.0,
         }
     }
 
@@ -166,6 +176,9 @@ impl Track {
         let dt = now.since(self.stamp).clamp(0.0, 1.0);
         self.stamp = now;
         self.pos += self.vel * dt;
+        if self.unseen() > FORGOTTEN.0 {
+            self.vel *= (-dt / FADES).exp();
+        }
         let [pos, cross, vel] = self.var;
         let (dt2, dt3) = (dt * dt, dt * dt * dt);
         self.var = [
@@ -184,13 +197,18 @@ impl Track {
         self.var = [pos - pos * pos / sum, cross - pos * cross / sum, vel - cross * cross / sum];
         self.radius += 0.2 * (group.radius - self.radius);
         self.seen = (self.stamp, self.seen.1 + 1);
+        self.gone = 0.0;
         let (time, count, way, speed) = PROVEN;
         let long = self.stamp.since(self.born.0) >= time && self.seen.1 >= count;
         self.moves |= long && (self.pos - self.born.1).norm() >= way && self.vel.norm() >= speed;
     }
 
+    fn unseen(&self) -> f64 {
+        self.stamp.since(self.seen.0)
+    }
+
     fn is_forgotten(&self) -> bool {
-        self.stamp.since(self.seen.0) > if self.moves { FORGOTTEN.1 } else { FORGOTTEN.0 }
+        self.gone > GONE || self.unseen() > if self.moves { FORGOTTEN.1 } else { FORGOTTEN.0 }
     }
 }
 
@@ -209,11 +227,13 @@ impl Followed {
         self.tracks = [None; MOST];
     }
 
-    /// Takes in what is new in a frame, seen from `cam_world`.
-    pub(crate) fn step(&mut self, stamp: Time, cam_world: &Vec3, new: &mut New) {
+    /// Takes in what is new in a frame, seen from `cam_world`. `through`: one looks through a place.
+    pub(crate) fn step(&mut self, stamp: Time, cam_world: &Vec3, new: &mut New, through: impl Fn(&Flat) -> bool) {
         for slot in &mut self.tracks {
             if let Some(track) = slot {
+                let dt = stamp.since(track.stamp).clamp(0.0, 1.0);
                 track.predict(stamp);
+                track.gone = if through(&track.pos) { track.gone + dt } else { 0.0 };
             }
             *slot = slot.filter(|track| !track.is_forgotten() && track.pos.iter().all(|x| x.is_finite()));
         }
@@ -254,6 +274,7 @@ impl Followed {
             pos_world: Vec3::new(track.pos.x, track.pos.y, z),
             vel_world: Vec3::new(track.vel.x, track.vel.y, 0.0),
             radius: track.radius,
+            pos_doubt: (STRAYS.0 * track.unseen()).min(STRAYS.1),
         };
         self.tracks.map(|track| track.filter(|track| track.moves).map(mover))
     }
@@ -281,7 +302,7 @@ pub fn meeting(movers: &Movers, stamp: Time, trajectory: &Quintic) -> f64 {
         let at = |k: u32| {
             let time = horizon * f64::from(k) / f64::from(LOOKS);
             let gap = (trajectory.at(time).pos - from - mover.vel_world * time).xy().norm() - mover.radius;
-            let kept = KEPT + DOUBT * time;
+            let kept = KEPT + mover.pos_doubt + DOUBT * time;
             MEETING * (1.0 - time / HORIZON) * (1.0 - gap / kept).clamp(0.0, 1.0)
         };
         (1..=LOOKS).map(at).fold(0.0, f64::max)

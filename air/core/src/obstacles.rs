@@ -7,7 +7,7 @@
 use crate::movers::{Followed, Movers, New};
 use crate::quintic::Quintic;
 use crate::types::{Rot, Time, Vec3};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 /// Columns of [`Nearest`].
 pub const COLUMNS: usize = 40;
@@ -61,6 +61,9 @@ const HORIZON: f64 = 2.5;
 
 /// What moves is looked for from so far below the camera to so far above it, m.
 const LEVEL: (f32, f32) = (-1.0, 0.7);
+/// It is gone if one sees this much farther, m, where it should be, at the camera's height and so far below, m.
+const BEYOND: f64 = 0.8;
+const BELOW: f64 = -0.5;
 
 type Voxel = Vector3<i32>;
 
@@ -85,6 +88,8 @@ const FINE_BITS: u32 = 16;
 pub struct Obstacles {
     /// Rays of the blocks' middles, camera frame, 1 along the optical axis.
     rays: Vec<Vector3<f32>>,
+    /// Tangents of half the fields of view.
+    half: [f32; 2],
     /// Nothing farther is remembered, m along the optical axis.
     range: f32,
     /// Lowest voxel; none: nothing was seen.
@@ -113,6 +118,7 @@ impl Obstacles {
         let ray = |k: usize| Vector3::new(1.0, middle(k % COLUMNS, COLUMNS, hfov), middle(k / COLUMNS, ROWS, vfov));
         Self {
             rays: (0..COLUMNS * ROWS).map(ray).collect(),
+            half: [hfov, vfov].map(|fov| (fov / 2.0).tan() as f32),
             range: range as f32,
             low: None,
             evidence: vec![0; VOXELS],
@@ -187,7 +193,14 @@ impl Obstacles {
             }
         }
         self.learn();
-        self.followed.step(stamp, cam_world, &mut self.new);
+        let (cam_from_world, half) = (world_from_cam.inverse(), self.half);
+        let through = |at: &Vector2<f64>| {
+            [BELOW, 0.0].iter().all(|up| {
+                let line = cam_from_world * Vec3::new(at.x - cam_world.x, at.y - cam_world.y, *up);
+                depth_toward(nearest, half, &line).is_some_and(|depth| depth > line.x + BEYOND)
+            })
+        };
+        self.followed.step(stamp, cam_world, &mut self.new, through);
     }
 
     /// Something that does not move is in a voxel beside that of `bit` in `row`: what seems new there is its edge.
@@ -300,6 +313,17 @@ impl Obstacles {
         self.free[row] &= !gone;
         self.moved[row] &= !gone;
     }
+}
+
+/// The depth measured toward a point of the camera's frame, m, `half` being the tangents of half the fields of view; none: it is out of the image, or none was.
+fn depth_toward(nearest: &Nearest, half: [f32; 2], line: &Vec3) -> Option<f64> {
+    let index = |along: f64, half: f32, n: usize| {
+        let share = (1.0 - along / line.x / f64::from(half)) * 0.5 * n as f64;
+        (line.x > 0.1 && share >= 0.0 && share < n as f64).then_some(share as usize)
+    };
+    let column = index(line.y, half[0], COLUMNS)?;
+    let row = index(line.z, half[1], ROWS)?;
+    Some(nearest[row * COLUMNS + column]).filter(|mm| *mm > 0).map(|mm| f64::from(mm) * 1e-3)
 }
 
 /// The bits that are set, from the lowest.
