@@ -195,7 +195,7 @@ impl Controller {
         let (config, room) = (&self.config.separation, self.plans.room());
         let mut kept = acc_world;
         for (rule, mover) in self.evasion.iter_mut().zip(self.plans.movers()) {
-            if let Some(mover) = mover {
+            if let Some(mover) = mover.as_ref().filter(|mover| mover.threatens(now, &state)) {
                 kept = rule.keep(&config.of(mover), dt, kept, state, &Threat::of_mover(mover, now, state[0].z), room);
             } else {
                 *rule = Separation::default();

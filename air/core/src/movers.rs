@@ -42,8 +42,19 @@ impl Mover {
     pub fn at(&self, now: Time) -> Vec3 {
         self.pos_world + self.vel_world * now.since(self.stamp).clamp(0.0, LONGEST_CARRY)
     }
+
+    /// A vehicle of this position and velocity is about to be met, or is.
+    #[must_use]
+    pub fn threatens(&self, now: Time, [pos_world, vel_world]: &[Vec3; 2]) -> bool {
+        let line = (self.at(now) - pos_world).xy();
+        let relative = (vel_world - self.vel_world).xy();
+        let soon = (line.dot(&relative) / relative.norm_squared().max(1e-6)).clamp(0.0, IMMINENT.0);
+        (line - relative * soon).norm() < self.radius + self.pos_doubt + IMMINENT.1
+    }
 }
 
+/// Who will be met within this, s, nearer than this to the surface, m, is stepped aside from.
+const IMMINENT: (f64, f64) = (0.8, 0.35);
 /// A new point is followed together with others within so many cells.
 const CELLS: usize = 128;
 /// Fewer points are noise.
