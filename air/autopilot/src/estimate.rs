@@ -1,6 +1,7 @@
 //! The autopilot's estimate of its motion, from whichever messages tell it.
 
 use crate::clock::ClockMap;
+use crate::contradiction::Contradiction;
 use crate::messages::{ATTITUDE_QUATERNION_DATA, MavMessage, ODOMETRY_DATA};
 use crate::pose::{self, Position, Unusable};
 use crate::status::Imu;
@@ -25,6 +26,7 @@ pub(crate) struct Estimate {
     /// When ODOMETRY last came.
     odometry_arrival: Option<Time>,
     position: Option<Position>,
+    contradiction: Contradiction,
     imu: Option<Imu>,
 }
 
@@ -37,13 +39,26 @@ impl Estimate {
         self.imu
     }
 
+    /// ODOMETRY and LOCAL_POSITION_NED tell of two motions at `now`.
+    pub(crate) fn contradicts(&self, now: Time) -> bool {
+        self.contradiction.is_there(now)
+    }
+
+    /// A new contact: what was compared before does not belong to what comes.
+    pub(crate) fn compare_anew(&mut self) {
+        self.contradiction = Contradiction::default();
+    }
+
     /// Takes a message that arrived `now`; what does not tell of motion changes nothing.
     pub(crate) fn take(&mut self, clock: &mut ClockMap, now: Time, message: &MavMessage) -> Result<(), Unusable> {
         match message {
             MavMessage::ODOMETRY(odometry) => self.odometry_message(clock, now, odometry),
             MavMessage::LOCAL_POSITION_NED(local) => {
                 let stamp = clock.local(u64::from(local.time_boot_ms) * 1_000_000, now);
-                pose::position(local, stamp).map(|position| self.position = Some(position))
+                let position = pose::position(local, stamp)?;
+                self.position = Some(position);
+                self.contradiction.local(position);
+                Ok(())
             }
             MavMessage::ATTITUDE_QUATERNION(attitude) => self.attitude_message(clock, now, attitude),
             MavMessage::HIGHRES_IMU(imu) => {
@@ -58,6 +73,7 @@ impl Estimate {
         let remote_ns = message.time_usec.saturating_mul(1000);
         let odometry = pose::odometry(message, clock.local(remote_ns, now))?;
         self.odometry_arrival = Some(now);
+        self.contradiction.odometry(now, &odometry);
         self.keep(remote_ns, odometry);
         Ok(())
     }

@@ -10,6 +10,7 @@ mod arming;
 pub mod clock;
 pub mod commands;
 pub mod config;
+mod contradiction;
 pub mod copter;
 mod endpoint;
 pub mod error;

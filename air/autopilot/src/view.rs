@@ -14,7 +14,7 @@ use crate::mode::FlightMode;
 use crate::parameters::{self, Parameter};
 use crate::pose::Unusable;
 use crate::status::{Counters, Imu, Status, StatusText};
-use crate::validity::Validity;
+use crate::validity::{PositionFault, Validity};
 use crate::wire::{Packet, Reject};
 use goshawk_core::types::{Odometry, Time};
 use mavlink::MavHeader;
@@ -189,6 +189,8 @@ impl View {
     #[must_use]
     pub fn status(&self, now: Time) -> Status {
         let heartbeat_age_s = self.heartbeat.map(|heard| now.since(heard));
+        let contradiction = self.estimate.contradicts(now).then_some(PositionFault::Contradiction);
+        let position_fault = self.validity.fault(now).or(contradiction);
         let mut status = Status {
             firmware: self.firmware,
             identity: self.identity,
@@ -201,8 +203,8 @@ impl View {
             mode: self.mode,
             intended_mode: self.intended_mode,
             battery_fraction: self.battery_fraction,
-            position: self.validity.position(now),
-            position_fault: self.validity.fault(now),
+            position: position_fault.map_or_else(|| self.validity.position(now), |_| Some(false)),
+            position_fault,
             would_arm: if self.armed { None } else { self.arming.would_arm(self.mode) },
             unanswered: false,
             other: self.other,
@@ -258,6 +260,7 @@ impl View {
             // After a restart they may be others.
             self.parameters.clear();
             (self.validity, self.arming) = (Validity::default(), Arming::default());
+            self.estimate.compare_anew();
         }
         self.heartbeat = Some(now);
         self.identity = Some(Identity { autopilot: heartbeat.autopilot, vehicle: heartbeat.mavtype });
