@@ -2,9 +2,11 @@
 
 use crate::clock::ClockMap;
 use crate::contradiction::Contradiction;
+use crate::inertial::Inertial;
 use crate::messages::{ATTITUDE_QUATERNION_DATA, MavMessage, ODOMETRY_DATA};
 use crate::pose::{self, Position, Unusable};
 use crate::status::Imu;
+use crate::validity::PositionFault;
 use goshawk_core::types::{Odometry, Time};
 
 /// Without ODOMETRY for this long, position and attitude messages are joined instead.
@@ -27,6 +29,7 @@ pub(crate) struct Estimate {
     odometry_arrival: Option<Time>,
     position: Option<Position>,
     contradiction: Contradiction,
+    inertial: Inertial,
     imu: Option<Imu>,
 }
 
@@ -39,14 +42,15 @@ impl Estimate {
         self.imu
     }
 
-    /// ODOMETRY and LOCAL_POSITION_NED tell of two motions at `now`.
-    pub(crate) fn contradicts(&self, now: Time) -> bool {
-        self.contradiction.is_there(now)
+    /// What contradicts ODOMETRY at `now`; none: nothing that is told.
+    pub(crate) fn contradiction(&self, now: Time) -> Option<PositionFault> {
+        let felt = self.inertial.contradicts(now).then_some(PositionFault::Unfelt);
+        self.contradiction.is_there(now).then_some(PositionFault::Contradiction).or(felt)
     }
 
     /// A new contact: what was compared before does not belong to what comes.
     pub(crate) fn compare_anew(&mut self) {
-        self.contradiction = Contradiction::default();
+        (self.contradiction, self.inertial) = (Contradiction::default(), Inertial::default());
     }
 
     /// Takes a message that arrived `now`; what does not tell of motion changes nothing.
@@ -63,7 +67,10 @@ impl Estimate {
             MavMessage::ATTITUDE_QUATERNION(attitude) => self.attitude_message(clock, now, attitude),
             MavMessage::HIGHRES_IMU(imu) => {
                 let stamp = clock.local(imu.time_usec.saturating_mul(1000), now);
-                pose::imu(imu, stamp).map(|imu| self.imu = Some(imu))
+                let imu = pose::imu(imu, stamp)?;
+                self.imu = Some(imu);
+                self.inertial.imu(imu);
+                Ok(())
             }
             _ => Ok(()),
         }
@@ -74,6 +81,7 @@ impl Estimate {
         let odometry = pose::odometry(message, clock.local(remote_ns, now))?;
         self.odometry_arrival = Some(now);
         self.contradiction.odometry(now, &odometry);
+        self.inertial.odometry(now, &odometry);
         self.keep(remote_ns, odometry);
         Ok(())
     }

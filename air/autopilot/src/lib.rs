@@ -18,6 +18,7 @@ mod estimate;
 pub mod events;
 pub mod firmware;
 pub mod frames;
+mod inertial;
 mod line;
 pub mod link;
 pub mod mode;

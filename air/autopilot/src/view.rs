@@ -14,7 +14,7 @@ use crate::mode::FlightMode;
 use crate::parameters::{self, Parameter};
 use crate::pose::Unusable;
 use crate::status::{Counters, Imu, Status, StatusText};
-use crate::validity::{PositionFault, Validity};
+use crate::validity::Validity;
 use crate::wire::{Packet, Reject};
 use goshawk_core::types::{Odometry, Time};
 use mavlink::MavHeader;
@@ -189,8 +189,7 @@ impl View {
     #[must_use]
     pub fn status(&self, now: Time) -> Status {
         let heartbeat_age_s = self.heartbeat.map(|heard| now.since(heard));
-        let contradiction = self.estimate.contradicts(now).then_some(PositionFault::Contradiction);
-        let position_fault = self.validity.fault(now).or(contradiction);
+        let position_fault = self.validity.fault(now).or_else(|| self.estimate.contradiction(now));
         let mut status = Status {
             firmware: self.firmware,
             identity: self.identity,

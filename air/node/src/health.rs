@@ -101,7 +101,7 @@ fn odometry_problem(facts: &Facts, autopilot: &Status, age_s: Option<f64>, refus
 #[must_use]
 pub fn position_problem(source: OdometrySource, autopilot: &Status) -> Option<String> {
     let fault = autopilot.position_fault.filter(|_| source == OdometrySource::Autopilot)?;
-    if fault == PositionFault::Contradiction {
+    if matches!(fault, PositionFault::Contradiction | PositionFault::Unfelt) {
         return Some(format!(
             "the autopilot's position is false: {fault}; start it again, and see what its estimator fuses"
         ));
