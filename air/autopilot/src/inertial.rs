@@ -20,8 +20,9 @@ const BIAS_TIME_S: f64 = 5.0;
 const BIAS_MPS2: f64 = 1.5;
 /// Less force than this is no accelerometer that works, or a fall, m/s²; more is an impact.
 const FELT_MPS2: std::ops::Range<f64> = 1.0..60.0;
-/// How long the check must hold before the velocity is believed again, s: longer than a descent without it takes.
-const AGAIN_S: f64 = 3.0;
+/// How long the check must hold before the velocity is believed again, s. An offset that stays is for the controller,
+/// to which the position contradicts it.
+const AGAIN_S: f64 = 1.0;
 
 /// What velocity and accelerometer say of each other.
 #[derive(Clone, Copy, Debug, Default)]
