@@ -125,7 +125,7 @@ fn a_local_position_at_a_third_of_the_rate_shows_it_as_well() {
     let (first, _) = play(|at, message| {
         let local = matches!(message, MavMessage::LOCAL_POSITION_NED(_));
         count.set(count.get() + u32::from(local));
-        falsified(at, message) && (!local || count.get() % 3 == 0)
+        falsified(at, message) && (!local || count.get().is_multiple_of(3))
     });
     assert!(first.is_some_and(|(fault, after)| fault == PositionFault::Contradiction && after < 2.0), "{first:?}");
 }

@@ -26,9 +26,12 @@ fn odometry_that_contradicts_the_local_position_is_known_in_flight_and_on_the_gr
         bench.run(3.0);
         assert_eq!(bench.status().position_fault, None);
         bench.px4.logic.set_odometry_fault(Some(OdometryFault::Contradictory));
-        let took = bench.until("contradiction", |bench| bench.status().position == Some(false));
+        let took = bench.until("not valid", |bench| bench.status().position == Some(false));
+        assert!(took < 0.1, "{took}");
+        assert_eq!(bench.status().position_fault, Some(PositionFault::Unfelt), "the accelerometer tells first");
+        let fault = Some(PositionFault::Contradiction);
+        let took = bench.until("contradiction", |bench| bench.status().position_fault == fault);
         assert!(took < 1.0, "{took}");
-        assert_eq!(bench.status().position_fault, Some(PositionFault::Contradiction));
         bench.px4.logic.set_odometry_fault(None);
         let took = bench.until("agreement", |bench| bench.status().position == Some(true));
         assert!((0.9..3.0).contains(&took), "{took}");
