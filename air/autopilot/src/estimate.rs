@@ -1,9 +1,12 @@
 //! The autopilot's estimate of its motion, from whichever messages tell it.
 
 use crate::clock::ClockMap;
+use crate::contradiction::Contradiction;
+use crate::inertial::Inertial;
 use crate::messages::{ATTITUDE_QUATERNION_DATA, MavMessage, ODOMETRY_DATA};
 use crate::pose::{self, Position, Unusable};
 use crate::status::Imu;
+use crate::validity::PositionFault;
 use goshawk_core::types::{Odometry, Time};
 
 /// Without ODOMETRY for this long, position and attitude messages are joined instead.
@@ -25,6 +28,8 @@ pub(crate) struct Estimate {
     /// When ODOMETRY last came.
     odometry_arrival: Option<Time>,
     position: Option<Position>,
+    contradiction: Contradiction,
+    inertial: Inertial,
     imu: Option<Imu>,
 }
 
@@ -37,18 +42,35 @@ impl Estimate {
         self.imu
     }
 
+    /// What contradicts ODOMETRY at `now`; none: nothing that is told.
+    pub(crate) fn contradiction(&self, now: Time) -> Option<PositionFault> {
+        let felt = self.inertial.contradicts(now).then_some(PositionFault::Unfelt);
+        self.contradiction.is_there(now).then_some(PositionFault::Contradiction).or(felt)
+    }
+
+    /// A new contact: what was compared before does not belong to what comes.
+    pub(crate) fn compare_anew(&mut self) {
+        (self.contradiction, self.inertial) = (Contradiction::default(), Inertial::default());
+    }
+
     /// Takes a message that arrived `now`; what does not tell of motion changes nothing.
     pub(crate) fn take(&mut self, clock: &mut ClockMap, now: Time, message: &MavMessage) -> Result<(), Unusable> {
         match message {
             MavMessage::ODOMETRY(odometry) => self.odometry_message(clock, now, odometry),
             MavMessage::LOCAL_POSITION_NED(local) => {
                 let stamp = clock.local(u64::from(local.time_boot_ms) * 1_000_000, now);
-                pose::position(local, stamp).map(|position| self.position = Some(position))
+                let position = pose::position(local, stamp)?;
+                self.position = Some(position);
+                self.contradiction.local(position);
+                Ok(())
             }
             MavMessage::ATTITUDE_QUATERNION(attitude) => self.attitude_message(clock, now, attitude),
             MavMessage::HIGHRES_IMU(imu) => {
                 let stamp = clock.local(imu.time_usec.saturating_mul(1000), now);
-                pose::imu(imu, stamp).map(|imu| self.imu = Some(imu))
+                let imu = pose::imu(imu, stamp)?;
+                self.imu = Some(imu);
+                self.inertial.imu(imu);
+                Ok(())
             }
             _ => Ok(()),
         }
@@ -58,6 +80,8 @@ impl Estimate {
         let remote_ns = message.time_usec.saturating_mul(1000);
         let odometry = pose::odometry(message, clock.local(remote_ns, now))?;
         self.odometry_arrival = Some(now);
+        self.contradiction.odometry(now, &odometry);
+        self.inertial.odometry(now, &odometry);
         self.keep(remote_ns, odometry);
         Ok(())
     }

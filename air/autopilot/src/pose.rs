@@ -46,8 +46,8 @@ pub(crate) fn odometry(message: &ODOMETRY_DATA, stamp: Time) -> Result<Odometry,
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Position {
     pub(crate) stamp: Time,
-    pos_world: Vec3,
-    vel_world: Vec3,
+    pub(crate) pos_world: Vec3,
+    pub(crate) vel_world: Vec3,
 }
 
 pub(crate) fn position(message: &LOCAL_POSITION_NED_DATA, stamp: Time) -> Result<Position, Unusable> {

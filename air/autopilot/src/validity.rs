@@ -1,6 +1,7 @@
 //! Whether the autopilot's estimator stands by its horizontal position and velocity. It goes on sending numbers when it
 //! does not: a PX4 without GPS invents a standstill and flies on it. Three messages tell: ESTIMATOR_STATUS in its flags,
-//! ODOMETRY in its variances and its quality, and LOCAL_POSITION_NED by its absence.
+//! ODOMETRY in its variances and its quality, and LOCAL_POSITION_NED by its absence. A fourth kind of fault is that the
+//! two tell of two motions (`contradiction`), or that the accelerometer does (`inertial`).
 
 use crate::firmware::Firmware;
 use crate::messages::{ESTIMATOR_STATUS_DATA, EstimatorStatusFlags, MavMessage, ODOMETRY_DATA};
@@ -30,6 +31,10 @@ pub enum PositionFault {
     Variance,
     /// LOCAL_POSITION_NED has stopped.
     LocalPosition,
+    /// ODOMETRY and LOCAL_POSITION_NED tell of two motions.
+    Contradiction,
+    /// ODOMETRY's velocity changes as the accelerometer did not feel.
+    Unfelt,
 }
 
 impl fmt::Display for PositionFault {
@@ -37,6 +42,8 @@ impl fmt::Display for PositionFault {
         f.write_str(match self {
             Self::Flags => "its estimator says that the horizontal position is not valid",
             Self::Variance => "its odometry calls itself failed, or is uncertain by more than 5 m or 2 m/s",
+            Self::Contradiction => "its ODOMETRY and its LOCAL_POSITION_NED contradict each other",
+            Self::Unfelt => "its velocity changes as its accelerometer does not feel",
             Self::LocalPosition => "it has stopped telling its local position, which it does without a valid one",
         })
     }

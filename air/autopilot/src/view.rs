@@ -189,6 +189,7 @@ impl View {
     #[must_use]
     pub fn status(&self, now: Time) -> Status {
         let heartbeat_age_s = self.heartbeat.map(|heard| now.since(heard));
+        let position_fault = self.validity.fault(now).or_else(|| self.estimate.contradiction(now));
         let mut status = Status {
             firmware: self.firmware,
             identity: self.identity,
@@ -201,8 +202,8 @@ impl View {
             mode: self.mode,
             intended_mode: self.intended_mode,
             battery_fraction: self.battery_fraction,
-            position: self.validity.position(now),
-            position_fault: self.validity.fault(now),
+            position: position_fault.map_or_else(|| self.validity.position(now), |_| Some(false)),
+            position_fault,
             would_arm: if self.armed { None } else { self.arming.would_arm(self.mode) },
             unanswered: false,
             other: self.other,
@@ -258,6 +259,7 @@ impl View {
             // After a restart they may be others.
             self.parameters.clear();
             (self.validity, self.arming) = (Validity::default(), Arming::default());
+            self.estimate.compare_anew();
         }
         self.heartbeat = Some(now);
         self.identity = Some(Identity { autopilot: heartbeat.autopilot, vehicle: heartbeat.mavtype });

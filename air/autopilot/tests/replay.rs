@@ -60,6 +60,7 @@ fn the_view_takes_it_all_without_a_reproach() {
         for_each_packet(frame, |packet: Result<Packet, _>| {
             let packet = packet.unwrap();
             view.accept(now, &packet);
+            assert_eq!(view.status(now).position_fault, None);
             if matches!(packet.message, MavMessage::HEARTBEAT(_)) && view.is_target(&packet) {
                 let status = view.status(now);
                 seen.push((status.mode.unwrap().to_string(), status.armed));

@@ -286,9 +286,12 @@ impl Controller {
         let live = self.motion.age(now).is_some_and(|age| age <= ladder.odometry_stale);
         let distrust = self.motion.distrust().filter(|_| live);
         let disturbance = distrust.map_or_else(|| self.motion.observer().disturbance(), |d| d.disturbance);
-        let moving = distrust.and_then(|d| d.vel_world).filter(|vel| vel.xy().norm() > hold.stopped_speed);
+        let moving = distrust.and_then(|d| d.moving(hold.stopped_speed).map(|vel_world| (*d, vel_world)));
         let (acc_world, disturbance, fallback) = match moving {
-            Some(vel_world) => (brake(hold, vel_world), disturbance, Fallback::OdometryFalseBrake),
+            Some((distrust, vel_world)) => {
+                let turn = distrust.loop_from_world();
+                (turn * brake(hold, vel_world), turn * disturbance, Fallback::OdometryFalseBrake)
+            }
             // Of the disturbance only the vertical part stays: it corrects the hover thrust and tilts nothing.
             None => (
                 Vec3::new(0.0, 0.0, -ladder.descend_acc),
@@ -298,8 +301,10 @@ impl Controller {
         };
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let mut command = flat_command(&vehicle, acc_world, disturbance, yaw);
-        if let Some(odometry) = self.motion.last().filter(|_| moving.is_some()) {
-            command.force = command.force_along(&vehicle, &odometry.world_from_body);
+        // Where the attitude is not known the thrust is that of the attitude which is on its way.
+        let tilted = moving.filter(|(distrust, _)| !distrust.attitude_stands);
+        if let Some((odometry, (distrust, _))) = self.motion.last().zip(tilted) {
+            command.force = command.force_along(&vehicle, &distrust.loop_from_body(&odometry.world_from_body));
         }
         let reference = FlatState { acc: acc_world, ..FlatState::default() };
         let intent = Intent { reference, acc_world, fallback, plan: None };

@@ -31,6 +31,21 @@ pub struct Commanded {
     pub airborne: bool,
 }
 
+/// Where the body z axis has come to by what was commanded, world frame: a first-order lag.
+#[derive(Clone, Copy, Debug, Default)]
+struct Followed {
+    /// Since when which axis is commanded, and how far the vehicle had come by then; none: nothing is commanded.
+    at: Option<(Time, Vec3, Vec3)>,
+}
+
+/// The velocity has repeated itself for so long, s, while the model came to so much, m/s: a slow estimate that is sent
+/// more often than it is new.
+#[derive(Clone, Copy, Debug, Default)]
+struct Repeated {
+    time: f64,
+    model_world: Vec3,
+}
+
 /// Last accepted odometry, and what was learnt.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
@@ -38,6 +53,8 @@ pub struct Motion {
     observer: Observer,
     hover_thrust: HoverThrust,
     lag: AttitudeLag,
+    followed: Followed,
+    repeated: Repeated,
     trust: Trust,
     /// Of the last sample.
     fault: Option<OdometryFault>,
@@ -60,6 +77,8 @@ impl Motion {
             observer: Observer::new(config.observer),
             hover_thrust: HoverThrust::new(config.thrust, config.vehicle.hover_thrust),
             lag: AttitudeLag::new(config.lag, config.lead.tau),
+            followed: Followed::default(),
+            repeated: Repeated::default(),
             trust: Trust::default(),
             fault: None,
         }
@@ -89,6 +108,7 @@ impl Motion {
         self.observer.reset();
         self.hover_thrust.skip();
         self.lag.skip();
+        self.followed = Followed::default();
     }
 
     /// The vehicle has just left the ground at `thrust`.
@@ -98,7 +118,9 @@ impl Motion {
 
     /// From `now` on the attitude is commanded to be `world_from_body`.
     pub fn command(&mut self, now: Time, world_from_body: &Rot) {
-        self.lag.command(now, world_from_body * Vec3::z());
+        let axis_world = world_from_body * Vec3::z();
+        self.lag.command(now, axis_world);
+        self.followed.command(now, axis_world, self.lag.get());
     }
 
     /// Accepts `odometry` if it is finite and newer. Returns a jump of the frame.
@@ -118,14 +140,27 @@ impl Motion {
         if self.fault == Some(OdometryFault::AttitudeTurned) {
             jump = jump.or(Some(Jump::default()));
             jump = jump.zip(self.last).map(|(jump, last)| Jump { yaw: turned(&last, odometry), ..jump });
+            self.followed.turn(jump.map_or(0.0, |jump| jump.yaw));
         }
+        let Repeated { time, model_world } = self.repeated;
+        let repeats = commanded.free && self.last.is_some_and(|last| last.vel_world == odometry.vel_world);
+        self.repeated = if repeats {
+            Repeated { time: time + dt, model_world: model_world + model * dt }
+        } else {
+            Repeated::default()
+        };
         if jump.is_some() || dt > LONGEST_STEP || self.trust.distrust().is_some() {
             self.observer.rebase(odometry.vel_world);
             self.hover_thrust.skip();
             self.lag.skip();
+        } else if repeats {
+            // Numbers that are not new say nothing, least of all that something holds the vehicle back.
+            self.hover_thrust.skip();
         } else {
-            self.observer.step(dt, odometry.vel_world, model);
-            self.learn(odometry, dt, commanded);
+            let since = time + dt;
+            let mean = if time > 0.0 { (model_world + model * dt) / since } else { model };
+            self.observer.step(since, odometry.vel_world, mean);
+            self.learn(odometry, dt, commanded, time > 0.0);
         }
         self.last = Some(*odometry);
         jump
@@ -150,15 +185,20 @@ impl Motion {
             new: odometry,
             dt,
             acc_model,
+            acc_followed: self
+                .followed
+                .axis(odometry.stamp, self.lag.get())
+                .map_or(acc_model, |axis_world| axis_world * commanded.acc - Vec3::z() * GRAVITY),
             disturbance: self.observer.disturbance(),
             free: commanded.free,
             jumped: jump.is_some(),
         })
     }
 
-    fn learn(&mut self, odometry: &Odometry, dt: f64, commanded: &Commanded) {
+    /// `repeated`: the last velocity is older than the last sample.
+    fn learn(&mut self, odometry: &Odometry, dt: f64, commanded: &Commanded, repeated: bool) {
         let axis_world = odometry.world_from_body * Vec3::z();
-        let Some(last) = self.last.filter(|_| commanded.free) else {
+        let Some(last) = self.last.filter(|_| commanded.free && !repeated) else {
             self.hover_thrust.skip();
             return;
         };
@@ -210,6 +250,26 @@ impl Motion {
     #[must_use]
     pub fn age(&self, now: Time) -> Option<f64> {
         self.last.map(|last| now.since(last.stamp).abs())
+    }
+}
+
+impl Followed {
+    fn command(&mut self, now: Time, axis_world: Vec3, lag: f64) {
+        let come = self.axis(now, lag).unwrap_or(axis_world);
+        self.at = Some((now, axis_world, come));
+    }
+
+    /// At `now`, the loop's lag being `lag` s.
+    fn axis(&self, now: Time, lag: f64) -> Option<Vec3> {
+        self.at.map(|(since, axis_world, come)| {
+            axis_world + (come - axis_world) * (-now.since(since).max(0.0) / lag.max(1e-3)).exp()
+        })
+    }
+
+    /// The frame that attitudes are told in has turned by `yaw` rad.
+    fn turn(&mut self, yaw: f64) {
+        let turn = Rot::from_axis_angle(&Vec3::z_axis(), yaw);
+        self.at = self.at.map(|(since, axis_world, come)| (since, turn * axis_world, turn * come));
     }
 }
 

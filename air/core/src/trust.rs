@@ -16,9 +16,11 @@
 //! itself moves the frame and no more: velocity and attitude are good, and nothing that is flown needs the place itself.
 //! All else is distrust: from the sample on in which a check fails, until all of them have held for [`AGAIN`].
 
+mod distrust;
 mod heading;
 
-use crate::types::{Odometry, Rot, Time, Vec3};
+use crate::types::{Odometry, Rot, Vec3};
+pub use distrust::Distrust;
 use heading::Heading;
 
 /// What is false about the odometry; displays as a sentence.
@@ -100,6 +102,8 @@ const VELOCITY_TIME: f64 = 0.2;
 const VELOCITY_GATE: f64 = 1.5;
 /// One sample's turn that the rates do not explain, rad, and so much more for each second between samples.
 const TURN_GATE: (f64, f64) = (0.35, 2.0);
+/// A vehicle turns no faster, rad/s.
+const FASTEST_TURN: f64 = 6.0;
 /// Equal numbers for so long are no estimate, s.
 const FROZEN: f64 = 0.3;
 /// Jumps of the position: each counts one, which fades with this time constant, s; more than this is no single jump.
@@ -116,28 +120,16 @@ pub(crate) struct Step<'a> {
     pub(crate) new: &'a Odometry,
     /// Between them, s; above 0.
     pub(crate) dt: f64,
-    /// What attitude and thrust give, m/s².
+    /// What the measured attitude and the thrust give, m/s².
     pub(crate) acc_model: Vec3,
+    /// What the attitude that was commanded, come to with the loop's lag, and the thrust give, m/s².
+    pub(crate) acc_followed: Vec3,
     /// Disturbance before this step, m/s².
     pub(crate) disturbance: Vec3,
     /// The vehicle flies freely and follows what is sent.
     pub(crate) free: bool,
     /// The frame jumped without a word.
     pub(crate) jumped: bool,
-}
-
-/// What is flown on while the odometry is not believed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Distrust {
-    /// The check that failed first.
-    pub fault: OdometryFault,
-    /// When.
-    pub since: Time,
-    /// Dead reckoning from the last velocity that was believed, m/s; none: the attitude cannot be believed either.
-    pub vel_world: Option<Vec3>,
-    /// As it was before, m/s².
-    pub disturbance: Vec3,
-    held_since: Option<Time>,
 }
 
 /// The checks' state.
@@ -149,6 +141,9 @@ pub struct Trust {
     /// How long the position or the velocity has repeated itself, and how long all of the estimate, s.
     repeated: f64,
     copied: f64,
+    /// What the velocity has changed while it repeated itself, m/s, and the disturbance of before, m/s².
+    unseen: Vec3,
+    disturbance: Vec3,
     jumps: f64,
     /// By how much the attitude turned without its rates, all in all.
     turned: Rot,
@@ -169,9 +164,10 @@ impl Trust {
 
     /// What came before does not belong to what comes: an announced jump, or samples that are missing. Distrust stays.
     pub fn skip(&mut self) {
-        *self = Self { jumps: self.jumps, turned: self.turned, distrust: self.distrust, ..Self::default() };
+        let Self { jumps, turned, distrust, disturbance, .. } = *self;
+        *self = Self { jumps, turned, distrust, disturbance, ..Self::default() };
         if let Some(distrust) = &mut self.distrust {
-            distrust.vel_world = None;
+            distrust.lose();
         }
     }
 
@@ -185,33 +181,60 @@ impl Trust {
 
     /// Takes a step in flight. Returns a fault that was not known before it.
     pub(crate) fn step(&mut self, step: &Step) -> Option<OdometryFault> {
-        let failed = self.check(step);
+        let upright = self.distrust.as_ref().map_or(*step, |distrust| distrust.corrected(step));
+        let before = self.velocity_before(&upright);
+        let failed = self.check(&upright);
         let holds = failed.is_none() && self.turned.angle() < TURN_GATE.0 && self.doubt() < HYSTERESIS;
+        let turn = self.heading.turn();
         let Some(distrust) = &mut self.distrust else {
-            self.distrust = failed.filter(|fault| !fault.is_passing()).map(|fault| Distrust::new(fault, step));
-            if self.distrust.is_some() {
+            self.distrust = failed.filter(|fault| !fault.is_passing()).map(|fault| {
+                let stepped = fault == OdometryFault::VelocityStepped;
+                // A velocity that stepped is not believed from its step on; one that only the position contradicts
+                // changed as thrust and tilt say.
+                let vel_world = if stepped { before } else { step.new.vel_world + self.unseen };
+                Distrust::new(fault, step.new.stamp, vel_world, self.disturbance, turn)
+            });
+            if let Some(distrust) = &mut self.distrust {
+                distrust.attitude_stands = self.copied > 0.0;
+                distrust.turn(&self.turned);
                 self.heading = Heading::default();
             }
             return failed;
         };
         // The velocity that comes back steps too, and says nothing of the heading.
         self.heading = Heading::default();
-        distrust.go_on(step, failed, holds, self.copied > COPIED);
+        distrust.turn(&self.turned);
+        distrust.go_on(step, failed, holds, self.copied > 0.0);
         if distrust.is_over(step.new.stamp) {
             self.distrust = None;
         }
         None
     }
 
+    /// What the velocity must be after the step by what it was before, whatever the step says, m/s. Notes what it must
+    /// have changed while it repeats itself.
+    fn velocity_before(&mut self, step: &Step) -> Vec3 {
+        let Step { last, new, dt, .. } = *step;
+        let same = step.free && new.vel_world == last.vel_world;
+        if !same && self.unseen == Vec3::zeros() {
+            self.disturbance = step.disturbance;
+        }
+        let acc_world = if is_copy(last, new) { step.acc_followed } else { step.acc_model };
+        let unseen = self.unseen + (acc_world + self.disturbance) * dt;
+        self.unseen = if same { unseen } else { Vec3::zeros() };
+        last.vel_world + unseen
+    }
+
     /// The most telling check that fails.
     fn check(&mut self, step: &Step) -> Option<OdometryFault> {
         // Before the step: a velocity that steps is no motion that the heading could explain.
-        let suspected = self.heading.is_suspected();
+        let (suspected, stood) = (self.heading.is_suspected(), self.copied);
         let away = self.sum(step);
         let Step { last, new, dt, .. } = *step;
         let rates = (last.ang_vel_body + new.ang_vel_body) * (0.5 * dt);
         let turned = (last.world_from_body * Rot::from_scaled_axis(rates)).rotation_to(&new.world_from_body);
-        if turned.angle() > TURN_GATE.0 + TURN_GATE.1 * dt {
+        // An attitude that stood still has turned meanwhile, and its rates do not say how.
+        if turned.angle() > TURN_GATE.0 + TURN_GATE.1 * dt + FASTEST_TURN * stood {
             self.turned = turned * self.turned;
             Some(OdometryFault::AttitudeTurned)
         } else if self.copied > COPIED {
@@ -243,46 +266,16 @@ impl Trust {
         }
         let same = new.pos_world == last.pos_world || new.vel_world == last.vel_world;
         self.repeated = if same { self.repeated + dt } else { 0.0 };
-        let copy = Odometry { stamp: new.stamp, ..*last } == *new;
-        self.copied = if copy { self.copied + dt } else { 0.0 };
+        self.copied = if is_copy(last, new) { self.copied + dt } else { 0.0 };
         let changed = new.vel_world - last.vel_world;
         self.velocity += changed - (step.acc_model + step.disturbance) * dt;
         self.heading.step(dt, step.acc_model, changed)
     }
 }
 
-impl Distrust {
-    fn new(fault: OdometryFault, step: &Step) -> Self {
-        // A velocity that stepped is not believed from its step on; one that only the position contradicts changed as
-        // thrust and tilt say.
-        let stepped = fault == OdometryFault::VelocityStepped;
-        let vel_world =
-            if stepped { reckoned(step.last.vel_world, step, step.disturbance) } else { step.new.vel_world };
-        Self {
-            fault,
-            since: step.new.stamp,
-            vel_world: Some(vel_world).filter(|_| !fault.is_of_attitude()),
-            disturbance: step.disturbance,
-            held_since: None,
-        }
-    }
-
-    fn go_on(&mut self, step: &Step, failed: Option<OdometryFault>, holds: bool, copied: bool) {
-        let attitude = !copied && !failed.is_some_and(OdometryFault::is_of_attitude);
-        self.vel_world = self.vel_world.filter(|_| attitude).map(|vel| reckoned(vel, step, self.disturbance));
-        // A heading that is wrong shows only while the vehicle tilts, which it does not any more.
-        let may_hold = self.fault != OdometryFault::HeadingDisagrees && failed != Some(OdometryFault::HeadingDisagrees);
-        self.held_since = self.held_since.or(Some(step.new.stamp)).filter(|_| holds && may_hold);
-    }
-
-    fn is_over(&self, now: Time) -> bool {
-        self.held_since.is_some_and(|since| now.since(since) >= AGAIN)
-    }
-}
-
-/// A velocity after the step, from thrust, tilt and `disturbance` alone, m/s.
-fn reckoned(vel_world: Vec3, step: &Step, disturbance: Vec3) -> Vec3 {
-    vel_world + (step.acc_model + disturbance) * step.dt
+/// Nothing is new but the stamp.
+fn is_copy(last: &Odometry, new: &Odometry) -> bool {
+    Odometry { stamp: new.stamp, ..*last } == *new
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Readiness and health: what is known of every part, and what to do where one is not right.
 
-use goshawk_autopilot::Status;
+use goshawk_autopilot::{PositionFault, Status};
 use goshawk_core::{OdometryFault, Time};
 use goshawk_policy::{AnswerFault, StreamFault};
 use goshawk_proto::keys::Key;
@@ -101,6 +101,11 @@ fn odometry_problem(facts: &Facts, autopilot: &Status, age_s: Option<f64>, refus
 #[must_use]
 pub fn position_problem(source: OdometrySource, autopilot: &Status) -> Option<String> {
     let fault = autopilot.position_fault.filter(|_| source == OdometrySource::Autopilot)?;
+    if matches!(fault, PositionFault::Contradiction | PositionFault::Unfelt) {
+        return Some(format!(
+            "the autopilot's position is false: {fault}; start it again, and see what its estimator fuses"
+        ));
+    }
     Some(format!("the autopilot has no valid position: {fault}; give it GPS, optical flow or VIO, and wait"))
 }
 
@@ -159,7 +164,7 @@ pub fn latencies(facts: &mut Facts) -> Vec<v1::Latency> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use goshawk_autopilot::{Firmware, Guided, PositionFault};
+    use goshawk_autopilot::{Firmware, Guided};
 
     fn good() -> (Facts, Status, Time) {
         let now = Time::from_secs(10.0);
@@ -198,7 +203,9 @@ mod tests {
         only(&Facts { answer_fault: Some(AnswerFault::Constant), ..good().0 }, &status, now, "policy");
         only(&Facts { warm_up_failed: Some("it answers NaN".to_owned()), ..good().0 }, &status, now, "policy");
         only(&facts, &Status { connected: false, heartbeat_age_s: None, ..status }, now, "autopilot");
-        let lost = Status { position: Some(false), position_fault: Some(PositionFault::Flags), ..status };
+        let without = |fault| Status { position: Some(false), position_fault: Some(fault), ..status };
+        only(&facts, &without(PositionFault::Contradiction), now, "odometry");
+        let lost = without(PositionFault::Flags);
         only(&facts, &lost, now, "odometry");
         let ours = Facts { source: OdometrySource::Zenoh, ..good().0 };
         assert_eq!(failing(&ours, &lost, now), vec![], "odometry of our own holds without it");

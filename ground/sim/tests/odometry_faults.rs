@@ -61,6 +61,18 @@ fn an_estimate_that_stands_still_is_handed_back() {
 }
 
 #[test]
+fn an_estimate_of_which_nothing_lives_and_a_heading_turned_about_touch_nothing() {
+    for error in [OdometryError::Frozen, OdometryError::Heading] {
+        for flight in flights(error) {
+            let (_, after) = first_name(&flight);
+            assert!(after < 0.2, "after {after} s");
+            assert_eq!((flight.outcome, flight.contact), (Outcome::Success, None));
+            assert_eq!(flight.modes.last().map(|m| (m.1, m.2)), Some((Mode::Fault, Cause::OdometryFalse)));
+        }
+    }
+}
+
+#[test]
 fn jumps_of_5_m_and_of_1_m_in_height_are_named_and_flown_on() {
     for error in [OdometryError::Jump, OdometryError::Height] {
         for flight in flights(error) {

@@ -45,6 +45,7 @@ impl View {
             (self.boot_ms, self.heard, self.clock, self.estimate) =
                 (boot_ms, before.heard, before.clock, before.estimate);
             (self.texts, self.events, self.counters) = (before.texts, before.events, before.counters);
+            self.estimate.compare_anew();
             self.counters.restarts += 1;
         }
         restarted

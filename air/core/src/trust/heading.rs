@@ -70,6 +70,12 @@ impl Heading {
         self.away > 0
     }
 
+    /// By how much the motion is turned away from the model, rad, anticlockwise; 0 as long as nothing is known.
+    pub(super) fn turn(&self) -> f64 {
+        let [_, _, along, across] = self.sums;
+        across.atan2(along)
+    }
+
     fn is_away(&self) -> bool {
         let [uu, ww, along, across] = self.sums;
         let common = along.hypot(across);

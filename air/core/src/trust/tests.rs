@@ -1,4 +1,5 @@
 use super::*;
+use crate::types::Time;
 use proptest::prelude::*;
 
 const DT: f64 = 0.01;
@@ -32,6 +33,7 @@ fn feed(
             new: &new,
             dt: DT,
             acc_model: Vec3::zeros(),
+            acc_followed: Vec3::zeros(),
             disturbance: Vec3::zeros(),
             free: true,
             jumped: moved.norm() > 0.4,
@@ -120,7 +122,69 @@ fn an_attitude_that_turned_is_believed_again_only_if_it_turns_back() {
         let mut trust = Trust::default();
         feed(&mut trust, 1..400, turned);
         assert_eq!(trust.distrust().is_none(), back);
-        assert!(trust.distrust().is_none_or(|d| d.vel_world.is_none()), "nothing to brake by");
+        let vel_world = trust.distrust().map(|d| d.vel_world.unwrap());
+        assert!(vel_world.is_none_or(|vel| (vel - Vec3::x() * 4.0).norm() < 0.1), "the rates say how it leans");
+    }
+}
+
+/// Steps with accelerations of model and of what is commanded; the disturbance is `drag`.
+fn step(
+    trust: &mut Trust,
+    [last, new]: [&Odometry; 2],
+    acc_model: Vec3,
+    acc_followed: Vec3,
+    drag: Vec3,
+) -> Option<OdometryFault> {
+    trust.step(&Step { last, new, dt: DT, acc_model, acc_followed, disturbance: drag, free: true, jumped: false })
+}
+
+#[test]
+fn a_velocity_that_stands_still_is_reckoned_on_from_before_it_stood() {
+    let mut trust = Trust::default();
+    feed(&mut trust, 1..100, good);
+    let braking = -Vec3::x() * 3.0;
+    for k in 100..140 {
+        let still = |k| Odometry { vel_world: good(99).vel_world, ..good(k) };
+        // What the disturbance would be if the velocity were believed.
+        step(&mut trust, [&still(k - 1), &still(k)], braking, Vec3::zeros(), -braking);
+    }
+    let vel_world = trust.distrust().and_then(|d| d.vel_world).unwrap();
+    assert!((vel_world.x - 2.8).abs() < 0.1, "{vel_world}");
+}
+
+#[test]
+fn an_estimate_that_stands_still_is_reckoned_on_by_what_is_commanded_and_the_doubt_grows() {
+    let mut trust = Trust::default();
+    feed(&mut trust, 1..100, good);
+    let dead = |k| Odometry { stamp: good(k).stamp, ..good(99) };
+    for k in 100..150 {
+        step(&mut trust, [&dead(k - 1), &dead(k)], Vec3::y() * 9.0, -Vec3::x() * 4.0, Vec3::zeros());
+    }
+    let distrust = trust.distrust().unwrap();
+    let vel_world = distrust.vel_world.unwrap();
+    assert!((vel_world - Vec3::x() * 2.0).norm() < 0.15, "{vel_world}");
+    assert!(distrust.attitude_stands && (0.6..0.9).contains(&distrust.doubt), "{}", distrust.doubt);
+    assert!(distrust.moving(0.5).is_some() && distrust.moving(2.5).is_none());
+}
+
+#[test]
+fn a_loop_that_flies_by_the_true_heading_is_found_to() {
+    for own in [false, true] {
+        let mut trust = Trust::default();
+        let turned = |k: u32| {
+            let yaw = if k >= 100 { std::f64::consts::PI } else { 0.0 };
+            Odometry { world_from_body: Rot::from_axis_angle(&Vec3::z_axis(), yaw), ..good(k) }
+        };
+        feed(&mut trust, 1..101, turned);
+        let away = trust.distrust().unwrap().loop_from_world() * Vec3::x();
+        assert!(away.x < -0.99, "at first it is taken for the estimate's");
+        for k in 101..200 {
+            let commanded = Vec3::x() * 3.0;
+            let told = if own { -commanded } else { commanded };
+            step(&mut trust, [&turned(k - 1), &turned(k)], told, commanded, Vec3::zeros());
+        }
+        let away = trust.distrust().unwrap().loop_from_world() * Vec3::x();
+        assert_eq!(away.x > 0.0, own);
     }
 }
 

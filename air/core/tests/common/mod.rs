@@ -179,6 +179,10 @@ pub struct Loop {
     pub velocity_offset: Vec3,
     /// Turns the odometry's attitude alone about the vertical; the autopilot flies by the same.
     pub heading_error: f64,
+    /// The autopilot flies by the true heading instead.
+    pub loop_knows: bool,
+    /// The odometry repeats itself under new stamps.
+    pub frozen: bool,
     pub reset_counter: u32,
     pub ready: bool,
     pub ground: f64,
@@ -227,6 +231,8 @@ impl Loop {
             odometry_turn: 0.0,
             velocity_offset: Vec3::zeros(),
             heading_error: 0.0,
+            loop_knows: false,
+            frozen: false,
             reset_counter: 0,
             ready: true,
             ground: 0.0,
@@ -262,7 +268,10 @@ impl Loop {
     pub fn tick(&mut self, command: Option<Command>) -> ControllerOutput {
         self.now = self.now.plus(DT);
         self.ticks += 1;
-        if self.ticks.is_multiple_of(2) && self.odometry_works {
+        let stands = self.odometry.filter(|_| self.frozen);
+        if let (true, Some(odometry)) = (self.ticks.is_multiple_of(2), stands) {
+            self.odometry = Some(Odometry { stamp: self.now, ..odometry });
+        } else if self.ticks.is_multiple_of(2) && self.odometry_works {
             self.odometry = Some(Odometry {
                 stamp: self.now,
                 pos_world: self.turn() * self.pos + self.odometry_offset,
@@ -343,7 +352,8 @@ impl Loop {
         let setpoint = output.setpoint.filter(|_| self.autopilot.offboard);
         let running = self.autopilot.armed && setpoint.is_some();
         if let (Some(setpoint), true) = (setpoint, running) {
-            let wanted = (self.heading() * self.turn()).inverse() * setpoint.world_from_body;
+            let heading = if self.loop_knows { Rot::identity() } else { self.heading() };
+            let wanted = (heading * self.turn()).inverse() * setpoint.world_from_body;
             let before = self.attitude;
             self.attitude = before.slerp(&wanted, DT / self.lag);
             self.rates = (before.inverse() * self.attitude).scaled_axis() / DT;

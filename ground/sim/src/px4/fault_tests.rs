@@ -1,7 +1,7 @@
 //! The faults that the stand-in can have, against the vehicle's own link over real UDP.
 
 use super::link_tests::Bench;
-use super::{Px4Config, StickOverride};
+use super::{OdometryFault, Px4Config, StickOverride};
 use goshawk_autopilot::{AutopilotEvent, Command, Firmware, Outcome, PositionFault, Px4Mode};
 use goshawk_core::Request;
 
@@ -17,6 +17,25 @@ fn a_position_that_is_lost_in_flight_is_known_within_a_second() {
     bench.px4.logic.faults.no_position = false;
     let took = bench.until("position back", |bench| bench.status().position == Some(true));
     assert!((0.9..2.0).contains(&took), "{took}");
+}
+
+#[test]
+fn odometry_that_contradicts_the_local_position_is_known_in_flight_and_on_the_ground_within_a_second() {
+    for mut bench in [Bench::airborne(Px4Config::default()), Bench::new(Px4Config::default())] {
+        bench.until("a position", |bench| bench.status().position == Some(true));
+        bench.run(3.0);
+        assert_eq!(bench.status().position_fault, None);
+        bench.px4.logic.set_odometry_fault(Some(OdometryFault::Contradictory));
+        let took = bench.until("not valid", |bench| bench.status().position == Some(false));
+        assert!(took < 0.1, "{took}");
+        assert_eq!(bench.status().position_fault, Some(PositionFault::Unfelt), "the accelerometer tells first");
+        let fault = Some(PositionFault::Contradiction);
+        let took = bench.until("contradiction", |bench| bench.status().position_fault == fault);
+        assert!(took < 1.0, "{took}");
+        bench.px4.logic.set_odometry_fault(None);
+        let took = bench.until("agreement", |bench| bench.status().position == Some(true));
+        assert!((0.9..3.0).contains(&took), "{took}");
+    }
 }
 
 #[test]

@@ -86,6 +86,8 @@ pub enum OdometryFault {
     Silent,
     /// Positions and velocities are NaN.
     NotFinite,
+    /// ODOMETRY's velocity is 3 m/s too fast to the east; LOCAL_POSITION_NED's is right.
+    Contradictory,
 }
 
 /// Which parameter says whether moving a stick takes the mode from whoever flies offboard.

@@ -16,6 +16,8 @@ const FULL_V: f64 = 16.8;
 const ESTIMATE_STANDING: u16 = 1023;
 const ESTIMATE_FLYING: u16 = 895;
 const ESTIMATE_LOST: u16 = 1 | 4 | 32 | 128;
+/// How much faster a contradictory ODOMETRY is, m/s.
+const CONTRADICTORY_MPS: f32 = 3.0;
 /// Variances that its odometry had in the recording, m² and (m/s)².
 const POSITION_VARIANCE: [f32; 3] = [0.045, 0.045, 0.09];
 const VELOCITY_VARIANCE: [f32; 3] = [0.017, 0.017, 0.014];
@@ -262,7 +264,10 @@ impl Facts<'_> {
     }
 
     fn odometry(&self) -> MavMessage {
-        let [[x, y, z], [vx, vy, vz]] = self.wire_motion();
+        let [[x, y, z], [vx, mut vy, vz]] = self.wire_motion();
+        if self.fault == Some(OdometryFault::Contradictory) {
+            vy += CONTRADICTORY_MPS;
+        }
         let [rollspeed, pitchspeed, yawspeed] = self.wire_rates();
         MavMessage::ODOMETRY(ODOMETRY_DATA {
             time_usec: self.boot_ns / 1000,

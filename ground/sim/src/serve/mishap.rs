@@ -6,7 +6,7 @@ use clap::Args;
 use color_eyre::eyre::{Result, ensure};
 use goshawk_core::types::Time;
 
-use crate::px4::{Px4Udp, StickOverride};
+use crate::px4::{OdometryFault, Px4Udp, StickOverride};
 use crate::quadrotor::LoopParameters;
 
 /// How long a restart takes, s: what PX4's own simulator takes at least.
@@ -22,7 +22,8 @@ const LAGS_S: std::ops::RangeInclusive<f64> = 0.07..=0.4;
 #[derive(Debug, Args)]
 pub(super) struct AutopilotArgs {
     /// What goes wrong with the autopilot, and how long after lift-off, s; without @S from the start. Repeatable:
-    /// unarmable (it refuses to arm and says why), no-position (no GPS), position-back, restart, late-arming (it arms
+    /// unarmable (it refuses to arm and says why), no-position (no GPS), position-back,
+    /// two-motions (ODOMETRY is 3 m/s faster than LOCAL_POSITION_NED), one-motion (no more), restart, late-arming (it arms
     /// 2 s after it is asked), deaf (it answers no command, as one that wants signatures), unknown-messages,
     /// sticks=SPEED (the pilot moves the sticks so fast, travels a second).
     #[arg(long = "mishap", value_name = "WHAT[@S]")]
@@ -54,6 +55,8 @@ enum What {
     Unarmable,
     NoPosition,
     PositionBack,
+    TwoMotions,
+    OneMotion,
     Restart,
     LateArming,
     Deaf,
@@ -79,6 +82,8 @@ impl FromStr for Mishap {
             "unarmable" => What::Unarmable,
             "no-position" => What::NoPosition,
             "position-back" => What::PositionBack,
+            "two-motions" => What::TwoMotions,
+            "one-motion" => What::OneMotion,
             "restart" => What::Restart,
             "late-arming" => What::LateArming,
             "deaf" => What::Deaf,
@@ -123,6 +128,8 @@ impl What {
             Self::Unarmable => faults.unarmable = true,
             Self::NoPosition => faults.no_position = true,
             Self::PositionBack => faults.no_position = false,
+            Self::TwoMotions => px4.logic.set_odometry_fault(Some(OdometryFault::Contradictory)),
+            Self::OneMotion => px4.logic.set_odometry_fault(None),
             Self::LateArming => faults.arming_delay_s = LATE_S,
             Self::Deaf => faults.deaf = true,
             Self::Restart => px4.logic.restart(BOOT_S),
