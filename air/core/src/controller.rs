@@ -13,7 +13,6 @@ use crate::interface::{
 use crate::landing::Landing;
 use crate::mission::{Cause, Mode, StopAction};
 use crate::motion::{Commanded, Motion};
-use crate::movers::MOST;
 use crate::plans::Plans;
 use crate::separation::Separation;
 use crate::takeoff::{Abandoned, Stage, Takeoff};
@@ -34,8 +33,6 @@ pub struct Controller {
     pub(crate) yaw: YawPlanner,
     pub(crate) hover: Hover,
     pub(crate) separation: Separation,
-    /// From each of what moves.
-    pub(crate) evasion: [Separation; MOST],
     pub(crate) flight: Option<Flight>,
     /// Commanded in the last step.
     pub(crate) commanded: Commanded,
@@ -127,7 +124,6 @@ impl Controller {
             yaw: YawPlanner::new(config.yaw),
             hover: Hover::default(),
             separation: Separation::default(),
-            evasion: [Separation::default(); MOST],
             flight: None,
             commanded: Commanded::default(),
             sweep: 1.0,

@@ -8,7 +8,7 @@ use crate::landing::Phase;
 use crate::lead::lead;
 use crate::mission::{Fallback, Mode};
 use crate::motion::Commanded;
-use crate::separation::{Separation, Threat};
+use crate::separation::Threat;
 use crate::takeoff::{Stage, repeat};
 use crate::types::{AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3};
 use crate::yaw::{YawGoal, toward, wrap, yaw_of};
@@ -137,9 +137,18 @@ impl Controller {
         let (hold, mission) = (&self.config.hold, &self.config.mission);
         let task = self.flight.as_ref().map_or(Task::Track, |f| f.profile.task);
         let mut fallback = Fallback::None;
+        let stays = matches!(self.mode, Mode::Hold | Mode::Search);
+        if let Some(flown) = self.plans.evading(&self.config.ladder, now).filter(|_| stays) {
+            self.hover.reset();
+            let age = now.since(flown.stamp);
+            let reference = flown.quintic.at(age);
+            let acc_world = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
+            return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
+        }
         let reference = match (self.mode, self.flight.as_ref()) {
             (Mode::Track | Mode::Navigate, _) => {
-                if let Some(flown) = self.plans.flyable(&self.config.ladder, task, now) {
+                let evading = self.plans.evading(&self.config.ladder, now);
+                if let Some(flown) = evading.or_else(|| self.plans.flyable(&self.config.ladder, task, now)) {
                     self.hover.reset();
                     let age = now.since(flown.stamp);
                     let reference = flown.quintic.at(age);
@@ -193,16 +202,8 @@ impl Controller {
     fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
         let state = [odometry.pos_world, odometry.vel_world];
         let (config, room) = (&self.config.separation, self.plans.room());
-        let mut kept = acc_world;
-        for (rule, mover) in self.evasion.iter_mut().zip(self.plans.movers()) {
-            if let Some(mover) = mover.as_ref().filter(|mover| mover.threatens(now, &state)) {
-                kept = rule.keep(&config.of(mover), dt, kept, state, &Threat::of_mover(mover, now, state[0].z), room);
-            } else {
-                *rule = Separation::default();
-            }
-        }
-        let Some(threat) = self.threat(now) else { return kept };
-        self.separation.keep(config, dt, kept, state, &threat, room)
+        let Some(threat) = self.threat(now) else { return acc_world };
+        self.separation.keep(config, dt, acc_world, state, &threat, room)
     }
 
     /// The target, where it may have to be kept away from.

@@ -12,6 +12,7 @@ pub mod decode;
 mod detour;
 pub mod disturbance;
 pub mod error;
+pub mod evade;
 pub mod flatness;
 mod flight;
 pub mod history;

@@ -5,7 +5,6 @@
 //! followed, seen from above, with a filter of constant velocity each. One that has gone a way of its own is a mover:
 //! trajectories that would meet it on its way cost more, and the controller keeps off it.
 
-use crate::quintic::Quintic;
 use crate::types::{Time, Vec3};
 use nalgebra::Vector2;
 
@@ -42,19 +41,8 @@ impl Mover {
     pub fn at(&self, now: Time) -> Vec3 {
         self.pos_world + self.vel_world * now.since(self.stamp).clamp(0.0, LONGEST_CARRY)
     }
-
-    /// A vehicle of this position and velocity is about to be met, or is.
-    #[must_use]
-    pub fn threatens(&self, now: Time, [pos_world, vel_world]: &[Vec3; 2]) -> bool {
-        let line = (self.at(now) - pos_world).xy();
-        let relative = (vel_world - self.vel_world).xy();
-        let soon = (line.dot(&relative) / relative.norm_squared().max(1e-6)).clamp(0.0, IMMINENT.0);
-        (line - relative * soon).norm() < self.radius + self.pos_doubt + IMMINENT.1
-    }
 }
 
-/// Who will be met within this, s, nearer than this to the surface, m, is stepped aside from.
-const IMMINENT: (f64, f64) = (0.8, 0.35);
 /// A new point is followed together with others within so many cells.
 const CELLS: usize = 128;
 /// Fewer points are noise.
@@ -304,15 +292,16 @@ fn group(cells: &[u128; CELLS], points: &[([u8; 2], Vec3)], cam: &Flat) -> Optio
     Some(Group { middle: surface + away * BEHIND, radius: spread.clamp(RADIUS.0, RADIUS.1) })
 }
 
-/// What a trajectory that begins at `stamp` costs for those whose way it crosses.
+/// What a way that begins at `stamp` costs for those whose way it crosses: `way` gives the place (m) at a time, s, up to
+/// `horizon`, s.
 #[must_use]
-pub fn meeting(movers: &Movers, stamp: Time, trajectory: &Quintic) -> f64 {
-    let horizon = trajectory.duration().min(HORIZON);
+pub fn meeting(movers: &Movers, stamp: Time, way: &impl Fn(f64) -> Vec3, horizon: f64) -> f64 {
+    let horizon = horizon.min(HORIZON);
     let cost = |mover: &Mover| {
         let from = mover.at(stamp);
         let at = |k: u32| {
             let time = horizon * f64::from(k) / f64::from(LOOKS);
-            let gap = (trajectory.at(time).pos - from - mover.vel_world * time).xy().norm() - mover.radius;
+            let gap = (way(time) - from - mover.vel_world * time).xy().norm() - mover.radius;
             let kept = KEPT + mover.pos_doubt + DOUBT * time;
             MEETING * (1.0 - time / HORIZON) * (1.0 - gap / kept).clamp(0.0, 1.0)
         };

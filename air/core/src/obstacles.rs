@@ -239,14 +239,29 @@ impl Obstacles {
     /// What a trajectory costs for what it would meet.
     #[must_use]
     pub fn meeting(&self, trajectory: &Quintic, ignored: Option<&Ignored>) -> f64 {
+        self.meeting_on(&|time| trajectory.at(time).pos, trajectory.duration(), ignored)
+    }
+
+    /// As [`Obstacles::meeting`], of a `way` that gives the place (m) at a time, s, up to `horizon`, s.
+    pub(crate) fn meeting_on(&self, way: &impl Fn(f64) -> Vec3, horizon: f64, ignored: Option<&Ignored>) -> f64 {
         let Some(low) = self.low else { return 0.0 };
-        let horizon = trajectory.duration().min(HORIZON);
+        let horizon = horizon.min(HORIZON);
         let met = (1..=LOOKS).map(|k| horizon * f64::from(k) / f64::from(LOOKS)).find(|time| {
-            let pos = trajectory.at(*time).pos;
+            let pos = way(*time);
             let expected = ignored.is_some_and(|c| (pos.xy() - c.at_world.xy()).norm() < c.radius);
             !expected && self.is_near(&low, &in_voxels(&pos, &low))
         });
         met.map_or(0.0, |time| MEETING * (1.0 - time / HORIZON).powi(2))
+    }
+
+    /// The place was looked through once.
+    pub(crate) fn is_known(&self, pos_world: &Vec3) -> bool {
+        let Some(low) = self.low else { return false };
+        let at = in_voxels(pos_world, &low);
+        is_inside(&at) && {
+            let (row, bit) = place(&low, &at);
+            (self.free[row] | self.moved[row]) & bit != 0
+        }
     }
 
     /// The room about a place, m. What was never seen counts as free.

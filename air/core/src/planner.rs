@@ -3,6 +3,7 @@
 use crate::aim::{Chase, ChaseConfig, climbing, within_reach};
 use crate::decode::{Decoder, FramePose};
 use crate::error::{ConfigError, within};
+use crate::evade::{Evader, Scene};
 use crate::motion::jump;
 use crate::movers::meeting;
 use crate::obstacles::{Ignored, Nearest, Obstacles};
@@ -106,6 +107,7 @@ pub struct Planner {
     filter: TargetFilter,
     obstacles: Obstacles,
     chase: Chase,
+    evader: Evader,
     /// The last frame's motion: stamp, position, velocity, reset counter.
     last: Option<Odometry>,
 }
@@ -134,7 +136,7 @@ impl Planner {
         let filter = TargetFilter::new(config.target);
         let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.remember);
         let chase = Chase::new(config.chase);
-        Ok(Self { config, decoder, filter, obstacles, chase, last: None })
+        Ok(Self { config, decoder, filter, obstacles, chase, evader: Evader::default(), last: None })
     }
 
     /// The configuration that it plans with.
@@ -197,30 +199,41 @@ impl Planner {
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world };
         let duration = self.decoder.duration(alpha);
         let movers = self.obstacles.movers(odometry.pos_world.z);
+        let moving = |way: &Quintic| meeting(&movers, stamp, &|time| way.at(time).pos, way.duration());
         let chosen = match self.config.policy.task {
             Task::Navigate => {
                 let avoided = |c: &Candidate| {
                     let climbing = input.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
                     let trajectory = Quintic::new(&start, &c.end, duration);
-                    climbing + self.obstacles.meeting(&trajectory, None) + meeting(&movers, stamp, &trajectory)
+                    climbing + self.obstacles.meeting(&trajectory, None) + moving(&trajectory)
                 };
                 select(Some(avoided), &[None; ANCHORS], &mut candidates)
             }
             Task::Track => {
                 let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);
                 let crowding = self.target(stamp).map(|target| {
-                    let (chase, obstacles, movers) = (&self.config.chase, &self.obstacles, &movers);
+                    let (chase, obstacles, moving) = (&self.config.chase, &self.obstacles, &moving);
                     let ignored = about(&target);
                     move |c: &Candidate| {
                         let trajectory = Quintic::new(&start, &c.end, duration);
                         chase.crowding(&trajectory, &target)
                             + obstacles.meeting(&trajectory, Some(&ignored))
-                            + meeting(movers, stamp, &trajectory)
+                            + moving(&trajectory)
                     }
                 });
                 select(crowding, &unseen, &mut candidates)
             }
         };
+        let flown = chosen.map(|index| Quintic::new(&start, &candidates[index].end, duration));
+        let ignored = self.target(stamp).map(|target| about(&target));
+        let scene = Scene {
+            stamp,
+            obstacles: &self.obstacles,
+            movers: &movers,
+            ignored: ignored.as_ref(),
+            max_acc: self.config.max_acc,
+        };
+        let evasion = self.evader.step(&start, flown.as_ref(), &scene);
         Plan {
             seq: input.seq,
             stamp,
@@ -231,9 +244,9 @@ impl Planner {
             candidates,
             chosen,
             target: self.filter.estimate(),
-            room: (self.is_near_target(odometry) || movers.iter().any(Option::is_some))
-                .then(|| self.obstacles.room(&odometry.pos_world)),
+            room: self.is_near_target(odometry).then(|| self.obstacles.room(&odometry.pos_world)),
             movers,
+            evasion,
         }
     }
 
@@ -262,6 +275,7 @@ impl Planner {
         self.filter.reset();
         self.obstacles.reset();
         self.chase = Chase::new(self.config.chase);
+        self.evader = Evader::default();
         self.last = None;
     }
 

@@ -1,7 +1,6 @@
 //! Which plan is flown: the newest that chose a trajectory, for as long as it may be flown.
 
 use crate::config::LadderConfig;
-use crate::movers::{MOST, Movers};
 use crate::obstacles::Room;
 use crate::quintic::Quintic;
 use crate::target::LONGEST_CARRY;
@@ -31,19 +30,20 @@ pub struct Plans {
     since: Time,
     newest: Option<(u64, Time)>,
     flown: Option<Flown>,
+    /// Out of the way of what moves, of the newest plan.
+    evaded: Option<Flown>,
     target: Option<TargetEstimate>,
     /// When and where something last looked like the target.
     glimpse: Option<(Time, Vec3)>,
     /// About the vehicle, when the last plan was made.
     room: Option<Room>,
-    movers: Movers,
 }
 
 impl Plans {
     /// Nothing yet; frames before `since` do not count.
     #[must_use]
     pub fn new(since: Time) -> Self {
-        Self { since, newest: None, flown: None, target: None, glimpse: None, room: None, movers: [None; MOST] }
+        Self { since, newest: None, flown: None, evaded: None, target: None, glimpse: None, room: None }
     }
 
     /// Takes the newest plan. One that is not finite counts as a frame without a choice.
@@ -54,21 +54,22 @@ impl Plans {
         self.newest = Some((plan.seq, plan.stamp));
         self.target = plan.target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
         self.room = plan.room;
-        self.movers = plan.movers;
         let likely = |candidate: &&Candidate| candidate.objectness >= GLIMPSE.0;
         let seen = plan.candidates.iter().filter(likely).max_by(|a, b| a.objectness.total_cmp(&b.objectness));
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
             self.glimpse = Some((plan.stamp, pos_world));
         }
+        let flown = |end: &FlatState, duration: f64| {
+            let whole = [&plan.start, end].iter().all(|s| finite(&s.pos) && finite(&s.vel) && finite(&s.acc));
+            (whole && duration.is_finite() && duration > 1e-3).then(|| Flown {
+                seq: plan.seq,
+                stamp: plan.stamp,
+                quintic: Quintic::new(&plan.start, end, duration),
+            })
+        };
+        self.evaded = plan.evasion.and_then(|evasion| flown(&evasion.end, evasion.duration));
         let chosen = plan.chosen.and_then(|index| plan.candidates.get(index));
-        if let Some(candidate) = chosen {
-            let states = [&plan.start, &candidate.end];
-            let whole = states.iter().all(|s| finite(&s.pos) && finite(&s.vel) && finite(&s.acc));
-            if whole && plan.duration.is_finite() && plan.duration > 1e-3 {
-                let quintic = Quintic::new(&plan.start, &candidate.end, plan.duration);
-                self.flown = Some(Flown { seq: plan.seq, stamp: plan.stamp, quintic });
-            }
-        }
+        self.flown = chosen.and_then(|candidate| flown(&candidate.end, plan.duration)).or(self.flown);
     }
 
     /// Moves what is known of the target by `jump_world`, m. The trajectory needs no move: only its acceleration is flown.
@@ -91,6 +92,15 @@ impl Plans {
         })
     }
 
+    /// The way aside of the newest plan, while it may be flown.
+    #[must_use]
+    pub fn evading(&self, ladder: &LadderConfig, now: Time) -> Option<&Flown> {
+        self.evaded.as_ref().filter(|flown| {
+            let age = now.since(flown.stamp);
+            age >= 0.0 && age <= flown.quintic.duration() && self.frames_arrive(ladder, now)
+        })
+    }
+
     /// Plans arrive, whether they choose or not.
     #[must_use]
     pub fn frames_arrive(&self, ladder: &LadderConfig, now: Time) -> bool {
@@ -107,12 +117,6 @@ impl Plans {
     #[must_use]
     pub fn room(&self) -> Option<&Room> {
         self.room.as_ref()
-    }
-
-    /// What moves about the vehicle, as far as the newest plan tells it.
-    #[must_use]
-    pub fn movers(&self) -> &Movers {
-        &self.movers
     }
 
     /// The newest target estimate.
@@ -176,6 +180,7 @@ mod tests {
             target: None,
             room: None,
             movers: [None; crate::movers::MOST],
+            evasion: None,
         }
     }
 

@@ -7,7 +7,6 @@
 //! target where the filter's covariance puts it at its worst.
 
 use crate::error::{ConfigError, within};
-use crate::movers::Mover;
 use crate::obstacles::{HEADINGS, Room};
 use crate::target::LONGEST_CARRY;
 use crate::types::{TargetEstimate, Time, Vec3};
@@ -52,9 +51,6 @@ const DOUBT: (f64, f64) = (2.0, 0.8);
 /// The most that one standard deviation of the velocity comes to, m/s.
 const MOST_SPEED_DOUBT: f64 = 1.0;
 
-/// To keep from the surface of something that moves, m, and its greatest acceleration, m/s².
-const MOVER: (f64, f64) = (0.45, 2.0);
-
 type Flat = Vector2<f64>;
 
 /// The target as it may be at its worst.
@@ -90,15 +86,6 @@ impl Threat {
     }
 }
 
-impl Threat {
-    /// Something that moves, where it should be at `now`; `z`: the vehicle's height, m.
-    #[must_use]
-    pub fn of_mover(mover: &Mover, now: Time, z: f64) -> Self {
-        let at = mover.at(now);
-        Self { pos_world: Vec3::new(at.x, at.y, z), vel_world: mover.vel_world, pos_doubt: 0.0, vel_doubt: 0.0 }
-    }
-}
-
 /// How much nearer a target of this covariance (m²) may be, m.
 #[must_use]
 pub fn pos_doubt(covariance: &Matrix3<f64>) -> f64 {
@@ -129,12 +116,6 @@ impl SeparationConfig {
         )?;
         within("planner.target_max_acc_mps2", self.target_acc, 0.5..=50.0, "nobody turns harder")?;
         within("planner.max_acc_mps2", self.max_acc, 0.1..=100.0, "no airframe brakes harder")
-    }
-
-    /// To keep off something that moves, which turns less than a target does.
-    #[must_use]
-    pub fn of(&self, mover: &Mover) -> Self {
-        Self { min_distance: mover.radius + MOVER.0, target_acc: MOVER.1, max_acc: self.max_acc }
     }
 
     /// The greatest speed at which to close in on the least distance, m/s, which is `gap` m away: `gap` is what reaction

@@ -152,6 +152,8 @@ pub struct Plan {
     pub room: Option<crate::obstacles::Room>,
     /// What moves about the vehicle.
     pub movers: crate::movers::Movers,
+    /// What is flown instead of what is chosen, out of the way of what moves; none: nothing comes in the way.
+    pub evasion: Option<crate::evade::Evasion>,
 }
 
 /// The target filter's state.

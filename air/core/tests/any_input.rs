@@ -34,6 +34,7 @@ prop_compose! {
             candidates: [candidate; ANCHORS], chosen, target: estimate,
             room: Some([distance as f32; HEADINGS]),
             movers: [None; goshawk_core::movers::MOST],
+            evasion: None,
         })
     }
 }

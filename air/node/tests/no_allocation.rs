@@ -118,6 +118,7 @@ fn plan(seq: u64, stamp: Time, height: f64) -> Plan {
         target: Some(target),
         room: Some([1.0; HEADINGS]),
         movers: [None; goshawk_core::movers::MOST],
+        evasion: None,
     }
 }
 

@@ -414,6 +414,7 @@ impl Loop {
             target: estimate.or(kept),
             room: None,
             movers: [None; goshawk_core::movers::MOST],
+            evasion: None,
         })
     }
 

@@ -125,6 +125,7 @@ impl<'a> Classical<'a> {
             target: None,
             room: None,
             movers: [None; goshawk_core::movers::MOST],
+            evasion: None,
         })
     }
 
