@@ -44,6 +44,8 @@ const ASIDE: (f64, f64) = (0.3, 7.0);
 const SOONEST: f64 = 0.35;
 /// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s².
 const SHORT: (f64, f64) = (0.3, 4.0);
+/// A slower vehicle goes nowhere, m/s.
+const CREEPS: f64 = 0.3;
 /// A target unseen for longer may be anywhere, s.
 const FORGOTTEN: f64 = 4.0;
 /// Standard deviations of the position that count, and the most that they come to, m.
@@ -233,13 +235,18 @@ fn chosen_side(offset: f64, passes: f64, left: Flat, room: Option<&Room>) -> f64
     if missing(natural) > 0.0 && missing(-natural) < missing(natural) { -natural } else { natural }
 }
 
-/// What a push adds to the commanded acceleration `flat` must not fly into something: along it, the vehicle gets no
-/// faster than it can brake in the room that is left.
+/// What a push adds to the commanded acceleration `flat` must not fly into something, nor keep the vehicle from flying
+/// around it: along the push, and along its own way, the vehicle gets no faster than it can brake in the room that is
+/// left.
 fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
-    let (Some(room), Some(way)) = (room, (bent - flat).try_normalize(1e-6)) else { return bent };
-    let left = (toward(room, way) - SHORT.0).max(0.0);
-    let most = KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(&way));
-    bent - way * (bent.dot(&way) - most.max(flat.dot(&way))).max(0.0)
+    let (Some(room), Some(push)) = (room, (bent - flat).try_normalize(1e-6)) else { return bent };
+    let most = |way: &Flat| {
+        let left = (toward(room, *way) - SHORT.0).max(0.0);
+        KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(way))
+    };
+    let slowed = bent - push * (bent.dot(&push) - most(&push).max(flat.dot(&push))).max(0.0);
+    let Some(ahead) = vel.try_normalize(CREEPS) else { return slowed };
+    slowed - ahead * (slowed.dot(&ahead) - most(&ahead)).max(0.0)
 }
 
 /// Room in a direction, m.
