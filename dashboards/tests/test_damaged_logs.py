@@ -102,7 +102,7 @@ def repacked(data: bytes, at: int, dice: random.Random, share: float) -> bytes:
         if dice.random() < share:
             # Mostly the begin: channel and time of a message, ids and the lengths of texts.
             size = min(length, dice.choice([22, 22, 200]))
-            inside[place : place + size] = spoil(inside[place : place + size], dice, dice.choice([1, 8]))
+            inside[place : place + size] = spoil(bytes(inside[place : place + size]), dice, dice.choice([1, 8]))
         place += length
     crc = zlib.crc32(inside) if dice.random() < 0.5 else 0
     packed = zstandard.compress(bytes(inside))
