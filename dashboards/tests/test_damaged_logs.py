@@ -14,6 +14,7 @@ import zstandard
 from goshawk_dashboards.flight import CHANNELS, Flight, LogError
 from goshawk_dashboards.mcap_log import CHUNK_LIMIT, MAGIC
 from goshawk_dashboards.recover import recover
+from goshawk_dashboards.report.report import make_report, write_page
 from goshawk_dashboards.report.summary import card
 from mcap.opcode import Opcode
 
@@ -134,6 +135,17 @@ def test_records_spoiled_before_their_checksum_was_made_are_survived(whole: byte
     dice = random.Random(seed)
     at = dice.choice([chunks(whole)[0], dice.choice(chunks(whole))])
     survives(repacked(whole, at, dice, dice.choice([0.03, 0.3, 1.0])), tmp_path)
+
+
+def test_a_log_that_lost_the_controllers_steps_is_reported(tmp_path: Path) -> None:
+    log = rec.LogFile(tmp_path / "lost.mcap")
+    for step in range(60):
+        log.write("plan", rec.START_NS + step * 33_000_000, rec.plan(step * 0.033, step))
+        log.write("sim_truth", rec.START_NS + step * 33_000_000, rec.truth(step * 0.033))
+    log.close()
+    page = tmp_path / "report.html"
+    write_page(make_report(Flight.open(tmp_path / "lost.mcap")), page)
+    assert "</html>" in page.read_text()
 
 
 def test_a_time_that_no_clock_tells_is_damage(tmp_path: Path) -> None:
