@@ -46,6 +46,8 @@ _CHUNK = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
 _TIMES = struct.Struct("<QQ")
 _LAST_OPCODE = Opcode.DATA_END
+_LAST_NS = 2**63 - 1
+"""A later time, three centuries after the vehicle's start, is damage."""
 _ZSTD = b"\x04\0\0\0zstd"
 """The compression's name as it stands in a chunk's header,"""
 _TO_ZSTD = _RECORD.size + 28
@@ -114,7 +116,7 @@ class McapLog:
     @property
     def topics(self) -> tuple[str, ...]:
         """Every topic with at least one record, in the order of the file."""
-        return tuple(self._records)
+        return tuple(topic for topic, records in self._records.items() if records)
 
     def times_ns(self, topic: str) -> NDArray[np.int64]:
         """The time of each record, ascending; empty if there are none."""
@@ -136,7 +138,7 @@ class McapLog:
                 if opcode != Opcode.MESSAGE or length < _MESSAGE_HEADER:
                     continue
                 channel_id, sequence, time_ns = _SEQUENCE.unpack_from(data, begin)
-                if channel_id in self._channels:
+                if channel_id in self._channels and time_ns <= _LAST_NS:
                     payload = data[begin + _MESSAGE_HEADER : begin + length]
                     yield self._channels[channel_id], sequence, time_ns, payload
 
@@ -247,34 +249,30 @@ class McapLog:
     def _read_summary(self, begin: int, end: int) -> None:
         """The summary repeats the channels: for those whose first chunk is lost."""
         for opcode, at, length in _records(self._file, begin, end):
-            content = self._file[at : at + length]
-            try:
-                if opcode == Opcode.SCHEMA:
-                    self._take_schema(content)
-                elif opcode == Opcode.CHANNEL:
-                    channel = Channel.read(ReadDataStream(BytesIO(content)))
-                    self._summary[channel.id] = channel
-            except (McapError, ValueError, struct.error):
-                continue
+            if opcode == Opcode.SCHEMA:
+                self._take_schema(self._file[at : at + length])
+            elif opcode == Opcode.CHANNEL and (channel := _channel(self._file[at : at + length])) is not None:
+                self._summary[channel.id] = channel
 
     def _index_chunk(self, data: bytes, number: int) -> None:
         for opcode, begin, length in _records(data, 0, len(data)):
             if opcode == Opcode.MESSAGE and length >= _MESSAGE_HEADER:
                 channel_id, time_ns = _MESSAGE.unpack_from(data, begin)
                 sink = self._sinks.get(channel_id) or self._declare(self._summary.get(channel_id))
-                if sink is None:
-                    continue  # its channel was lost with what was damaged or cut off before
+                if sink is None or time_ns > _LAST_NS:
+                    continue  # its channel was lost with what was damaged or cut off before, or its time is none
                 end, begin = begin + length, begin + _MESSAGE_HEADER
                 sink[0].append(time_ns)
                 sink[1].append(data[begin:end] if end - begin <= KEPT_BYTES else (number, begin, end - begin))
             elif opcode == Opcode.SCHEMA:
                 self._take_schema(data[begin : begin + length])
             elif opcode == Opcode.CHANNEL:
-                self._declare(Channel.read(ReadDataStream(BytesIO(data[begin : begin + length]))))
+                self._declare(_channel(data[begin : begin + length]))
 
     def _take_schema(self, content: bytes) -> None:
-        schema = Schema.read(ReadDataStream(BytesIO(content)))
-        self._schemas[schema.id] = schema
+        schema = _schema(content)
+        if schema is not None:
+            self._schemas[schema.id] = schema
 
     def _declare(self, channel: Channel | None) -> tuple[list[int], list[bytes | Place]] | None:
         if channel is None:
@@ -298,6 +296,22 @@ class McapLog:
             times_ns.setflags(write=False)
             self._sorted_times[topic] = times_ns
         self._times.clear()
+
+
+def _channel(content: bytes) -> Channel | None:
+    """None if the record is damaged."""
+    try:
+        return Channel.read(ReadDataStream(BytesIO(content)))
+    except (McapError, ValueError, struct.error):
+        return None
+
+
+def _schema(content: bytes) -> Schema | None:
+    """None if the record is damaged."""
+    try:
+        return Schema.read(ReadDataStream(BytesIO(content)))
+    except (McapError, ValueError, struct.error):
+        return None
 
 
 def _records(data: bytes | mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 import signal
 import struct
 import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from goshawk_dashboards.flight import Flight
 from goshawk_dashboards.recover import recover
 from goshawk_dashboards.snapshot import Snapshot
@@ -21,6 +24,8 @@ from rig import BIN, VEHICLE, Rig
 FLYING = {"track", "search", "hold"}
 #: What the file system lets the vehicle write into one file.
 DISK_BYTES = 12_000_000
+#: A file system of its own for the logs: its size, and what is left of it beside a file that is no log.
+SMALL_BYTES, SMALL_FREE_BYTES = 64 << 20, 14 << 20
 
 
 def fly(rig: Rig, *, disk_bytes: int | None = None) -> None:
@@ -120,6 +125,60 @@ def test_once_a_full_disk_is_freed_the_next_flight_starts_and_is_recorded(rig: R
     rig.close()
     _, second = sorted(rig.logs.glob("*.mcap"))
     assert "no difference" in replays(second)
+
+
+@pytest.fixture
+def ballast(rig: Rig) -> Iterator[Path]:
+    """Logs go to a small file system; the file that fills most of it."""
+    if os.geteuid() != 0:
+        pytest.skip("only root may mount a file system")
+    rig.logs.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={SMALL_BYTES}", "goshawk-test", str(rig.logs)]
+    done = subprocess.run(mount, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        pytest.skip(f"no file system can be mounted here: {done.stderr.strip()}")
+    ballast = rig.logs / "film.bin"
+    try:
+        ballast.write_bytes(bytes(SMALL_BYTES - SMALL_FREE_BYTES))
+        yield ballast
+    finally:
+        rig.close()
+        subprocess.run(["umount", str(rig.logs)], check=True)
+
+
+def test_on_a_file_system_that_is_full_it_flies_on_and_records_again_once_there_is_space(
+    rig: Rig, ballast: Path
+) -> None:
+    def recorder_failed(s: Snapshot) -> bool:
+        return s.health is not None and any("recorder" in fault for fault in s.health.faults)
+
+    fly(rig)
+    (first,) = rig.logs.glob("*.mcap")
+    with rig.link() as link:
+        told = link.wait_for(recorder_failed, 40.0)
+        assert told is not None and told.plan is not None, rig.output("air")
+        assert "No space left on device" in rig.output("air")
+        assert shutil.disk_usage(rig.logs).free < 1 << 20
+        seq = told.plan.seq
+        assert link.wait_for(lambda s: s.plan is not None and s.plan.seq > seq + 60 and s.mode in FLYING, 10.0)
+        assert link.stop().accepted
+        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        time.sleep(4.0)  # the disk was tried again, and is full
+        refused = link.start()
+        assert not refused.accepted and "ready" in refused.text, refused
+        ballast.unlink()
+        assert link.wait_for(lambda s: s.health is not None and s.health.ready and not recorder_failed(s), 20.0)
+        assert link.start().accepted
+        assert link.wait_for(lambda s: s.mode in FLYING, 30.0), rig.output("air")
+        assert link.stop().accepted
+        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        assert not recorder_failed(link.snapshot())
+    rig.close()
+    _, second = sorted(rig.logs.glob("*.mcap"))
+    for log in [first, second]:
+        assert len(controls(log)) > 200
+        assert "no difference" in replays(log)
+    assert Flight.open(second).completeness == "complete"
 
 
 def test_a_log_with_a_hole_is_replayed_around_it_and_called_damaged(rig: Rig) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from goshawk_dashboards.exports import Exported, ExportError, Format, export_log
 from goshawk_dashboards.flight import Flight
+from goshawk_proto import goshawk_pb2 as pb
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder
 from mcap_ros2.decoder import DecoderFactory as Ros2Decoder
@@ -30,13 +31,14 @@ def test_csv_has_every_record_of_every_channel(flight: Flight, exported: Exports
     done = exported(Format.CSV)
     assert {name: len(rows(done.path / name)) for name in done.counts} == done.counts
     control = rows(done.path / "tel_control.csv")
-    columns = flight.columns("control", ["pos_world", "plan_age_s"])
+    columns = flight.columns("control", ["pos_world", "plan_age_s", "mode"])
     # The first steps come before the first odometry: no place, so an empty cell.
     assert [float(row["pos_world.x"] or 0.0) for row in control] == columns["pos_world"][:, 0].tolist()
     assert control[0]["pos_world.x"] == ""
     ages = np.array([float(row["plan_age_s"] or "nan") for row in control])
     assert np.array_equal(ages, columns["plan_age_s"], equal_nan=True)
-    assert control[-1]["mode"] == "MODE_TRACK"
+    assert [row["mode"] for row in control] == [pb.Mode.Name(int(mode)) for mode in columns["mode"]]
+    assert {"MODE_TAKEOFF", "MODE_TRACK"} < {row["mode"] for row in control}
     assert done.counts["tel_plan.candidates.csv"] == 15 * flight.count("plan")
 
 

@@ -22,8 +22,12 @@ STREAMS = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
     mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS,
 }
+EKF_PREDICTED = mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_PRED_POS_HORIZ_ABS
+"""It has just started, and GPS is there."""
+EKF_HAS = EKF_PREDICTED | mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
 
 
 class Port(Protocol):
@@ -107,6 +111,7 @@ class Copter:
     armed: bool = False
     heading_rad: float = 0.0
     north_m: float = 0.0
+    ekf_flags: int = EKF_HAS
     intervals_us: dict[int, float] = field(default_factory=lambda: {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1e6})
     counts: Counter[str] = field(default_factory=Counter)
     denied: list[int] = field(default_factory=list)
@@ -157,6 +162,8 @@ class Copter:
         if message_id == mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE:
             landed = mavlink.MAV_LANDED_STATE_IN_AIR if self.armed else mavlink.MAV_LANDED_STATE_ON_GROUND
             return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
+        if message_id == mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT:
+            return mavlink.MAVLink_ekf_status_report_message(self.ekf_flags, 0.1, 0.1, 0.1, 0.1, 0.0)
         return mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 12_600, 150, 87, 0, 0, 0, 0, 0, 0)
 
     def tell(self, name: str) -> None:

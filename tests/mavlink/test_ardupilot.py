@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from copter import GUIDED, GUIDED_NOGPS, LAND, LOITER, Copter, Port, Serial, Tcp
+from copter import EKF_HAS, EKF_PREDICTED, GUIDED, GUIDED_NOGPS, LAND, LOITER, Copter, Port, Serial, Tcp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire import Wire
 
@@ -125,6 +125,20 @@ def test_motion_battery_and_clock_come_from_what_ardupilot_has(copter: Copter, l
     copter.until(lambda: link.read()["odometry"]["reset_counter"] == 1)
 
 
+def test_its_estimators_word_on_the_position_counts(copter: Copter, link: Wire) -> None:
+    copter.ekf_flags = EKF_PREDICTED  # it will have one as soon as it moves
+    copter.until(lambda: link.read()["position"] is True)
+    copter.armed = True  # it flies
+    copter.until(lambda: link.read()["position"] is False)
+    assert "its estimator says that the horizontal position is not valid" in link.read()["position_fault"]
+    copter.ekf_flags = EKF_HAS
+    copter.until(lambda: link.read()["position"] is True)
+    copter.ekf_flags = EKF_HAS | mavlink.EKF_CONST_POS_MODE
+    copter.until(lambda: link.read()["position"] is False)
+    assert copter.intervals_us[mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT] == 100_000
+    assert link.read()["position_fault"] is not None and copter.denied == []
+
+
 def test_guided_without_gps_is_a_mode_of_its_own(example: Callable[[str], Path]) -> None:
     port = Tcp()
     copter, link = Copter(port=port), Wire(example("wire"), port.address, "ardupilot-nogps")
@@ -190,6 +204,7 @@ def test_check_reads_what_ardupilot_is_set_to(
     levels = {name: found[name]["level"] for name in ["autopilot", "GUID_OPTIONS", "GUID_TIMEOUT"]}
     assert levels == dict.fromkeys(levels, "ok" if well else "failed"), found
     assert found["clocks"]["level"] == found["battery"]["level"] == found["odometry"]["level"] == "ok", found
+    assert found["position"]["level"] == "ok", found
     if well:
         assert "ArduPilot, mode STABILIZE" in found["autopilot"]["text"]
     else:

@@ -94,6 +94,8 @@ fn read(link: &AutopilotLink, now: Time) -> Value {
         "failsafe": status.failsafe,
         "landed": status.landed,
         "mode": status.mode.map(|mode| mode.to_string()),
+        "position": status.position,
+        "position_fault": status.position_fault.map(|fault| fault.to_string()),
         "battery_fraction": status.battery_fraction,
         "round_trip_s": status.round_trip_s,
         "unsigned": status.counters.unsigned,

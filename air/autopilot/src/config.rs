@@ -25,8 +25,8 @@ pub struct StreamRates {
     pub attitude_hz: f64,
     /// HIGHRES_IMU, of PX4.
     pub imu_hz: f64,
-    /// CURRENT_MODE (of ArduPilot: HEARTBEAT), EXTENDED_SYS_STATE and PX4's ESTIMATOR_STATUS: how late a lost mode is
-    /// noticed at worst.
+    /// CURRENT_MODE (of ArduPilot: HEARTBEAT), EXTENDED_SYS_STATE and ESTIMATOR_STATUS (of ArduPilot:
+    /// EKF_STATUS_REPORT): how late a lost mode is noticed at worst.
     pub state_hz: f64,
 }
 

@@ -4,8 +4,9 @@ use crate::commands::Command;
 use crate::config::StreamRates;
 use crate::copter::CopterMode;
 use crate::messages::{
-    ATTITUDE_QUATERNION_DATA, CURRENT_MODE_DATA, ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA,
-    HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavType, ODOMETRY_DATA, SYS_STATUS_DATA,
+    ATTITUDE_QUATERNION_DATA, CURRENT_MODE_DATA, EKF_STATUS_REPORT_DATA, ESTIMATOR_STATUS_DATA,
+    EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavType,
+    ODOMETRY_DATA, SYS_STATUS_DATA,
 };
 use crate::mode::{FlightMode, Px4Mode};
 use goshawk_core::Request;
@@ -92,6 +93,7 @@ impl Firmware {
                 (LOCAL_POSITION_NED_DATA::ID, rates.odometry_hz),
                 (ATTITUDE_QUATERNION_DATA::ID, rates.attitude_hz),
                 (EXTENDED_SYS_STATE_DATA::ID, rates.state_hz),
+                (EKF_STATUS_REPORT_DATA::ID, rates.state_hz),
                 (SYS_STATUS_DATA::ID, BATTERY_HZ),
             ],
         }

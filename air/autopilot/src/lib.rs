@@ -47,5 +47,5 @@ pub use status::{Counters, Imu, Status, StatusText};
 pub use validity::PositionFault;
 pub use view::View;
 
-/// The generated MAVLink messages that the link and the stand-in speak.
-pub use mavlink::dialects::common as messages;
+/// The generated MAVLink messages that the link and the stand-in speak: the common ones and ArduPilot's own.
+pub use mavlink::dialects::ardupilotmega as messages;

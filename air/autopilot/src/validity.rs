@@ -1,10 +1,11 @@
 //! Whether the autopilot's estimator stands by its horizontal position and velocity. It goes on sending numbers when it
-//! does not: a PX4 without GPS invents a standstill and flies on it. Three messages tell: ESTIMATOR_STATUS in its flags,
-//! ODOMETRY in its variances and its quality, and LOCAL_POSITION_NED by its absence. A fourth kind of fault is that the
-//! two tell of two motions (`contradiction`), or that the accelerometer does (`inertial`).
+//! does not: a PX4 without GPS invents a standstill and flies on it. Of PX4 three messages tell: ESTIMATOR_STATUS in its
+//! flags, ODOMETRY in its variances and its quality, and LOCAL_POSITION_NED by its absence. Of ArduPilot one does:
+//! EKF_STATUS_REPORT in its flags. Two more faults are that the motions told contradict each other (`contradiction`),
+//! or the accelerometer (`inertial`).
 
 use crate::firmware::Firmware;
-use crate::messages::{ESTIMATOR_STATUS_DATA, EstimatorStatusFlags, MavMessage, ODOMETRY_DATA};
+use crate::messages::{ESTIMATOR_STATUS_DATA, EkfStatusFlags, EstimatorStatusFlags, MavMessage, ODOMETRY_DATA};
 use goshawk_core::types::Time;
 use std::fmt;
 
@@ -25,7 +26,8 @@ const HORIZONTAL: [usize; 2] = [0, 6];
 /// What its position lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PositionFault {
-    /// ESTIMATOR_STATUS: no horizontal velocity or no horizontal position, or one that is held constant in the air.
+    /// ESTIMATOR_STATUS or EKF_STATUS_REPORT: no horizontal velocity or no horizontal position, or one that is held
+    /// constant in the air.
     Flags,
     /// ODOMETRY calls itself failed, or its variances are not there or too large.
     Variance,
@@ -90,6 +92,7 @@ impl Validity {
     pub(crate) fn take(&mut self, now: Time, message: &MavMessage, firmware: Firmware, flies: bool) {
         match message {
             MavMessage::ESTIMATOR_STATUS(status) => self.flags.says(now, solved(status, flies)),
+            MavMessage::EKF_STATUS_REPORT(report) => self.flags.says(now, navigates(report.flags, flies)),
             MavMessage::ODOMETRY(odometry) => {
                 self.odometry = Some(now);
                 if firmware == Firmware::Px4 {
@@ -134,6 +137,19 @@ fn solved(status: &ESTIMATOR_STATUS_DATA, flies: bool) -> bool {
     has(EstimatorStatusFlags::ESTIMATOR_VELOCITY_HORIZ) && position && !invented
 }
 
+/// As ArduPilot judges by itself: before the take-off a position that it will have is enough, in the air it must have
+/// one, and not one that is held constant (`Copter::position_ok`).
+fn navigates(flags: EkfStatusFlags, flies: bool) -> bool {
+    let any = |wanted| flags.intersects(wanted);
+    let position = any(EkfStatusFlags::EKF_POS_HORIZ_REL | EkfStatusFlags::EKF_POS_HORIZ_ABS);
+    let predicted = any(EkfStatusFlags::EKF_PRED_POS_HORIZ_REL | EkfStatusFlags::EKF_PRED_POS_HORIZ_ABS);
+    if flies {
+        position && any(EkfStatusFlags::EKF_VELOCITY_HORIZ) && !any(EkfStatusFlags::EKF_CONST_POS_MODE)
+    } else {
+        position || predicted
+    }
+}
+
 fn certain(odometry: &ODOMETRY_DATA) -> bool {
     let within = |covariance: &[f32; 21], largest: f32| {
         // A NaN fails this comparison too.
@@ -148,7 +164,7 @@ fn certain(odometry: &ODOMETRY_DATA) -> bool {
 mod tests {
     use super::*;
     use crate::firmware::Guided;
-    use crate::messages::LOCAL_POSITION_NED_DATA;
+    use crate::messages::{EKF_STATUS_REPORT_DATA, LOCAL_POSITION_NED_DATA};
 
     /// As recorded of a real PX4: on the ground, in flight, and in flight without a range to the ground.
     const HEALTHY: [(u16, bool); 3] = [(1023, false), (895, true), (831, true)];
@@ -207,6 +223,35 @@ mod tests {
         hear(&mut validity, 1.0, 1.0, &flags(1023), false);
         hear(&mut validity, 2.0, 1.0, &flags(1023), true);
         assert_eq!(validity.position(Time::from_secs(3.0)), Some(false));
+    }
+
+    fn report(bits: u16) -> MavMessage {
+        let flags = EkfStatusFlags::from_bits_retain(bits);
+        MavMessage::EKF_STATUS_REPORT(EKF_STATUS_REPORT_DATA { flags, ..EKF_STATUS_REPORT_DATA::default() })
+    }
+
+    #[test]
+    fn of_ardupilot_a_position_to_come_is_enough_on_the_ground_and_one_that_is_there_in_the_air() {
+        const HAS: u16 = 1 | 2 | 4 | 8 | 16 | 32 | 256 | 512;
+        for (bits, ground, air) in [
+            (HAS, true, true),
+            (HAS | 1 << 15, true, true),     // its GPS glitches, and it flies on what it has
+            (HAS & !(16 | 512), true, true), // optical flow: relative
+            (1 | 4 | 32 | 128 | 512, true, false), // just started, GPS is there
+            (1 | 4 | 32 | 128, false, false), // no GPS
+            (HAS | 128, true, false),
+            (HAS & !2, true, false),
+            (HAS & !(8 | 16), true, false),
+            (1024, false, false),
+            (0, false, false),
+        ] {
+            for (flies, valid) in [(false, ground), (true, air)] {
+                let mut validity = Validity::default();
+                hear(&mut validity, 1.0, 1.0, &report(HAS), flies);
+                hear(&mut validity, 2.0, 1.0, &report(bits), flies);
+                assert_eq!(validity.position(Time::from_secs(3.0)), Some(valid), "{bits}, in the air: {flies}");
+            }
+        }
     }
 
     #[test]

@@ -37,7 +37,8 @@ impl ChaseConfig {
         within("planner.above_target_m", self.height, 0.0..=20.0, "the camera does not look down")?;
         let gone = "by then it may be anywhere";
         within("planner.pursue_until_s", self.pursue_until, 0.0..=30.0, gone)?;
-        within("planner.keep_off_m", self.keep_off, 0.1..=20.0, "a person is that wide, and no way leads around more")
+        let wide = "a person is that wide, and no way leads around more";
+        within("limits.min_target_distance_m", self.keep_off, 0.1..=20.0, wide)
     }
 
     /// The target is worth going after.

@@ -114,3 +114,57 @@ fn then(quintic: &Quintic, time: f64) -> Vec3 {
     let end = quintic.at(time.min(DURATION));
     end.pos + end.vel * (time - DURATION).max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::movers::{MOST, Mover};
+    use crate::obstacles::{COLUMNS, ROWS};
+
+    const STAMP: Time = Time(1_000_000_000);
+
+    /// One looks at a wall 9 m ahead.
+    fn open_space() -> Obstacles {
+        let mut obstacles = Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0);
+        for _ in 0..4 {
+            obstacles.see(STAMP, (&Vec3::zeros(), &Rot::identity()), &[9000; COLUMNS * ROWS], None);
+        }
+        obstacles
+    }
+
+    fn mover(pos_world: Vec3, vel_world: Vec3) -> Movers {
+        let mut movers = [None; MOST];
+        movers[0] = Some(Mover { stamp: STAMP, pos_world, vel_world, radius: 0.3, pos_doubt: 0.0 });
+        movers
+    }
+
+    fn step(start: &FlatState, movers: &Movers) -> Option<Evasion> {
+        let obstacles = open_space();
+        let ahead = FlatState { pos: start.pos + start.vel * 2.0, ..*start };
+        let flown = Quintic::new(start, &ahead, 2.0);
+        let scene = Scene { stamp: STAMP, obstacles: &obstacles, movers, ignored: None, max_acc: 10.0 };
+        Evader::default().step(start, Some(&flown), &scene)
+    }
+
+    #[test]
+    fn a_mover_on_the_way_is_evaded_by_its_back_or_by_a_stop_and_one_that_passes_is_not() {
+        let start = FlatState { vel: Vec3::x() * 2.0, ..FlatState::default() };
+        let crossing = mover(Vec3::new(2.2, -1.2, 0.0), Vec3::y() * 1.2);
+        let evasion = step(&start, &crossing).expect("they would meet");
+        let way = Quintic::new(&start, &evasion.end, evasion.duration);
+        let gap = (1..=20).map(|k| f64::from(k) * 0.09).map(|time| {
+            let it = crossing[0].unwrap();
+            (then(&way, time) - it.pos_world - it.vel_world * time).xy().norm()
+        });
+        let least = gap.fold(f64::INFINITY, f64::min);
+        assert!(least > 0.6, "{least} {evasion:?}");
+        assert_eq!(step(&start, &mover(Vec3::new(2.2, -1.2, 0.0), Vec3::y() * -1.2)), None);
+        assert_eq!(step(&start, &[None; MOST]), None);
+    }
+
+    #[test]
+    fn whatever_is_not_finite_is_not_flown() {
+        let start = FlatState { vel: Vec3::x() * f64::NAN, ..FlatState::default() };
+        assert_eq!(step(&start, &mover(Vec3::x(), Vec3::x() * -2.0)), None);
+    }
+}

@@ -55,7 +55,7 @@ pub use interface::{
 pub use lag::LagConfig;
 pub use limits::LimitsConfig;
 pub use mission::{Cause, Fallback, Mode, StopAction};
-pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PolicyModel};
+pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PlanningConfig, PolicyModel};
 pub use select::SelectConfig;
 pub use separation::SeparationConfig;
 pub use target::TargetConfig;

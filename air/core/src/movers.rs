@@ -309,3 +309,108 @@ pub fn meeting(movers: &Movers, stamp: Time, way: &impl Fn(f64) -> Vec3, horizon
     };
     movers.iter().flatten().map(cost).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// What a camera in the origin sees new of a post of 0.2 m that stands at `at`: its near side, 1.2 m of it.
+    fn see(followed: &mut Followed, time: f64, at: Flat) {
+        let mut new = New::new(256);
+        for (k, z) in [-0.6, -0.2, 0.2, 0.6].iter().enumerate() {
+            let side = Flat::new(-0.15, 0.1 * (k as f64 - 1.5));
+            let place = at + side;
+            let cell = [place.x, place.y].map(|x| (x / 0.2 + 64.0) as u8);
+            new.push(cell, Vec3::new(place.x, place.y, *z));
+        }
+        followed.step(Time::from_secs(time), &Vec3::zeros(), &mut new, |_| false);
+    }
+
+    /// Seen at 30 Hz for so many frames, from (5, -1) at `vel`.
+    fn followed(vel: Flat, frames: u32) -> Followed {
+        let mut followed = Followed::new();
+        for k in 0..frames {
+            let time = f64::from(k) / 30.0;
+            see(&mut followed, 1.0 + time, Flat::new(5.0, -1.0) + vel * time);
+        }
+        followed
+    }
+
+    #[test]
+    fn what_goes_a_way_of_its_own_is_known_with_its_velocity_within_half_a_second() {
+        let vel = Flat::new(-0.5, 1.2);
+        let movers = followed(vel, 15).movers(1.5);
+        let mover = movers.iter().flatten().next().expect("it moves");
+        assert!((mover.vel_world.xy() - vel).norm() < 0.35, "{}", mover.vel_world);
+        let at = Flat::new(5.0, -1.0) + vel * (14.0 / 30.0);
+        assert!((mover.pos_world.xy() - at).norm() < 0.25 && mover.pos_world.z == 1.5, "{}", mover.pos_world);
+    }
+
+    #[test]
+    fn what_stands_is_none() {
+        assert!(followed(Flat::zeros(), 60).movers(0.0).iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn out_of_sight_it_fades_is_in_doubt_and_is_forgotten() {
+        let mut followed = followed(Flat::new(0.0, 1.2), 15);
+        let mut step = |from: u32, to: u32| {
+            for k in from..to {
+                let stamp = Time::from_secs(1.0 + f64::from(k) / 30.0);
+                followed.step(stamp, &Vec3::zeros(), &mut New::new(1), |_| false);
+            }
+            followed.movers(0.0).into_iter().flatten().next()
+        };
+        let late = step(15, 75).expect("2 s later it is still about");
+        assert!(late.vel_world.norm() < 0.3 && late.pos_doubt > 0.7, "{late:?}");
+        assert_eq!(step(75, 120), None);
+    }
+
+    #[test]
+    fn where_one_looks_through_it_is_gone() {
+        let mut followed = followed(Flat::new(0.0, 1.2), 15);
+        for k in 15..24 {
+            let stamp = Time::from_secs(1.0 + f64::from(k) / 30.0);
+            followed.step(stamp, &Vec3::zeros(), &mut New::new(1), |_| true);
+        }
+        assert!(followed.movers(0.0).iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn who_crosses_the_way_costs_the_more_the_sooner_and_who_has_passed_nothing() {
+        let stamp = Time::from_secs(1.0);
+        let mover = |at: f64, vel: f64| {
+            let mut movers: Movers = [None; MOST];
+            movers[3] = Some(Mover {
+                stamp,
+                pos_world: Vec3::new(4.0, at, 1.0),
+                vel_world: Vec3::y() * vel,
+                radius: 0.3,
+                pos_doubt: 0.0,
+            });
+            movers
+        };
+        let cost = |movers: &Movers, speed: f64| meeting(movers, stamp, &|time| Vec3::x() * (speed * time), 3.0);
+        let [late, soon] = [cost(&mover(-2.0, 1.0), 2.1), cost(&mover(-1.0, 1.0), 4.0)];
+        assert!(late > 0.0 && soon > 2.0 * late, "{late} {soon}");
+        assert_eq!(cost(&mover(2.0, 1.5), 4.0), 0.0, "it goes away from the way");
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_comes_nothing_panics(
+            points in prop::collection::vec((any::<[u8; 2]>(), prop::array::uniform3(prop::num::f64::ANY)), 0..64),
+            times in prop::collection::vec(-1e9..1e9f64, 1..6), at in prop::array::uniform3(prop::num::f64::ANY)
+        ) {
+            let mut followed = Followed::new();
+            for time in times {
+                let mut new = New::new(64);
+                points.iter().for_each(|(cell, at)| new.push(*cell, Vec3::from(*at)));
+                followed.step(Time::from_secs(time), &Vec3::from(at), &mut new, |_| false);
+                let cost = meeting(&followed.movers(0.0), Time::from_secs(time), &|_| Vec3::from(at), 2.0);
+                prop_assert!((0.0..=MEETING).contains(&cost));
+            }
+        }
+    }
+}

@@ -63,6 +63,13 @@ pub struct PlannerConfig {
     pub camera: CameraModel,
     /// The policy's contract.
     pub policy: PolicyModel,
+    /// How to plan with them.
+    pub planning: PlanningConfig,
+}
+
+/// How to plan, whatever the policy and the camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanningConfig {
     /// The target filter.
     pub target: TargetConfig,
     /// Which detections count.
@@ -75,6 +82,22 @@ pub struct PlannerConfig {
     pub max_agility: f64,
     /// What is nearer than this is remembered and flown around, m (6; 0: nothing is).
     pub remember: f64,
+}
+
+impl PlanningConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        self.target.validate()?;
+        self.select.validate()?;
+        self.chase.validate()?;
+        within("planner.max_acc_mps2", self.max_acc, 1.0..=30.0, "less turns nowhere, more no airframe gives")?;
+        within("planner.max_agility", self.max_agility, 0.05..=1.0, "1 is all that the training asks for")?;
+        let grid = "the grid of what was seen reaches no farther";
+        within("planner.remember_within_m", self.remember, 0.0..=6.4, grid)
+    }
 }
 
 /// One frame.
@@ -125,17 +148,11 @@ impl Planner {
     /// # Errors
     /// A value out of range, or a camera that does not match the policy.
     pub fn new(config: PlannerConfig) -> Result<Self, ConfigError> {
-        config.target.validate()?;
-        config.select.validate()?;
-        config.chase.validate()?;
-        within("planner.max_acc_mps2", config.max_acc, 1.0..=30.0, "less turns nowhere, more no airframe gives")?;
-        within("planner.max_agility", config.max_agility, 0.05..=1.0, "1 is all that the training asks for")?;
-        let grid = "the grid of what was seen reaches no farther";
-        within("planner.remember_within_m", config.remember, 0.0..=6.4, grid)?;
+        config.planning.validate()?;
         let decoder = Decoder::new(config.policy, &config.camera)?;
-        let filter = TargetFilter::new(config.target);
-        let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.remember);
-        let chase = Chase::new(config.chase);
+        let filter = TargetFilter::new(config.planning.target);
+        let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.planning.remember);
+        let chase = Chase::new(config.planning.chase);
         Ok(Self { config, decoder, filter, obstacles, chase, evader: Evader::default(), last: None })
     }
 
@@ -163,7 +180,7 @@ impl Planner {
         goal_world: Option<Vec3>,
     ) -> [f32; 13] {
         self.follow_jumps(odometry);
-        let p = &self.config.policy;
+        let (p, how) = (&self.config.policy, &self.config.planning);
         let alpha = self.alpha(speed);
         let cam_from_world = (odometry.world_from_body * self.config.camera.body_from_cam).inverse();
         let vel_cam = cam_from_world * odometry.vel_world / (alpha * p.v_max);
@@ -182,7 +199,7 @@ impl Planner {
                 state[3 * i + axis] = *x as f32;
             }
         }
-        state[12] = (self.config.max_acc / (alpha * alpha * p.a_max)).min(self.config.max_agility) as f32;
+        state[12] = (how.max_acc / (alpha * alpha * p.a_max)).min(how.max_agility) as f32;
         state
     }
 
@@ -210,9 +227,9 @@ impl Planner {
                 select(Some(avoided), &[None; ANCHORS], &mut candidates)
             }
             Task::Track => {
-                let unseen = detect(&self.config.select, stamp, cam_world, &mut self.filter, &candidates);
+                let unseen = detect(&self.config.planning.select, stamp, cam_world, &mut self.filter, &candidates);
                 let crowding = self.target(stamp).map(|target| {
-                    let (chase, obstacles, moving) = (&self.config.chase, &self.obstacles, &moving);
+                    let (chase, obstacles, moving) = (&self.config.planning.chase, &self.obstacles, &moving);
                     let ignored = about(&target);
                     move |c: &Candidate| {
                         let trajectory = Quintic::new(&start, &c.end, duration);
@@ -231,7 +248,7 @@ impl Planner {
             obstacles: &self.obstacles,
             movers: &movers,
             ignored: ignored.as_ref(),
-            max_acc: self.config.max_acc,
+            max_acc: self.config.planning.max_acc,
         };
         let evasion = self.evader.step(&start, flown.as_ref(), &scene);
         Plan {
@@ -267,14 +284,14 @@ impl Planner {
 
     /// The target, if it is worth going after at `now`.
     fn target(&self, now: Time) -> Option<Expected> {
-        self.filter.expected(now).filter(|target| self.config.chase.pursues(target))
+        self.filter.expected(now).filter(|target| self.config.planning.chase.pursues(target))
     }
 
     /// Forgets the target.
     pub fn reset(&mut self) {
         self.filter.reset();
         self.obstacles.reset();
-        self.chase = Chase::new(self.config.chase);
+        self.chase = Chase::new(self.config.planning.chase);
         self.evader = Evader::default();
         self.last = None;
     }

@@ -8,7 +8,7 @@ use goshawk_core::*;
 use proptest::prelude::*;
 
 fn config() -> TargetConfig {
-    common::planner_config(Task::Track).target
+    common::planner_config(Task::Track).planning.target
 }
 
 fn seen(pos_world: Vec3) -> [Option<Detection>; 2] {

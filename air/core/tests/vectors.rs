@@ -149,12 +149,14 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
     let config = PlannerConfig {
         camera,
         policy,
-        target: target_config(&load("target")),
-        select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
-        chase: ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 },
-        max_acc: 8.0,
-        max_agility: 1.0,
-        remember: 6.0,
+        planning: PlanningConfig {
+            target: target_config(&load("target")),
+            select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
+            chase: ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 },
+            max_acc: 8.0,
+            max_agility: 1.0,
+            remember: 6.0,
+        },
     };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };

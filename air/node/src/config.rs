@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use goshawk_core::{
     CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
-    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PolicyModel, Profile, Rot, SelectConfig,
-    SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig, YawConfig, within,
+    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PlanningConfig, PolicyModel, Profile, Rot,
+    SelectConfig, SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig,
+    YawConfig, within,
 };
 use goshawk_policy::{Provider, RateLimits};
 use serde::Deserialize;
@@ -246,6 +247,7 @@ impl Vehicle {
         if self.network.listen.is_empty() {
             return Err("network.listen is empty; name at least one endpoint, such as \"tcp/0.0.0.0:7447\"".to_owned());
         }
+        self.planning_config().validate().map_err(|e| e.to_string())?;
         let config = self.controller_config();
         config.validate().map_err(|e| e.to_string())?;
         self.validate_profiles(&config.limits)
@@ -341,7 +343,6 @@ impl Vehicle {
     /// The planner's configuration with the policy's contract.
     #[must_use]
     pub fn planner_config(&self, policy: PolicyModel) -> PlannerConfig {
-        let p = &self.planner;
         PlannerConfig {
             camera: CameraModel {
                 hfov: self.camera.hfov_deg.to_radians(),
@@ -352,6 +353,13 @@ impl Vehicle {
                 pos_cam_body: Vec3::from(self.camera.position_m),
             },
             policy,
+            planning: self.planning_config(),
+        }
+    }
+
+    fn planning_config(&self) -> PlanningConfig {
+        let p = &self.planner;
+        PlanningConfig {
             target: TargetConfig {
                 acc_variance: p.acc_variance_mps2,
                 lateral_variance: p.lateral_variance_m2,

@@ -93,7 +93,8 @@ fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u6
 fn odometry_problem(facts: &Facts, autopilot: &Status, age_s: Option<f64>, refused: u64) -> Option<String> {
     let stale = stale("odometry sample", "the odometry source", age_s, ODOMETRY_STALE_S, refused);
     let falsehood = facts.odometry_fault.filter(|fault| !fault.is_passing());
-    stale.or_else(|| falsehood.map(|fault| fault.to_string())).or_else(|| position_problem(facts.source, autopilot))
+    // The autopilot's own word comes before what we conclude from its numbers, which are made up then.
+    stale.or_else(|| position_problem(facts.source, autopilot)).or_else(|| falsehood.map(|fault| fault.to_string()))
 }
 
 /// The autopilot does not stand by the position that is flown by. One that is not flown by is no concern: odometry of
@@ -207,6 +208,8 @@ mod tests {
         only(&facts, &without(PositionFault::Contradiction), now, "odometry");
         let lost = without(PositionFault::Flags);
         only(&facts, &lost, now, "odometry");
+        let doubted = failing(&Facts { odometry_fault: fault, ..good().0 }, &lost, now);
+        assert!(doubted[0].1.contains("the autopilot has no valid position"), "{doubted:?}");
         let ours = Facts { source: OdometrySource::Zenoh, ..good().0 };
         assert_eq!(failing(&ours, &lost, now), vec![], "odometry of our own holds without it");
         only(&facts, &Status { unanswered: true, ..status }, now, "autopilot");

@@ -78,6 +78,8 @@ pub struct Telemetry {
     checks: Vec<v1::Check>,
     /// Of the autopilot, as far as they have been told.
     restarts: u64,
+    /// The autopilot does not stand by the position that is flown by.
+    position_lost: bool,
     last_control: Time,
     last_check: Time,
     last_health: Time,
@@ -113,6 +115,7 @@ impl Telemetry {
             flight: 0,
             checks: Vec::new(),
             restarts: 0,
+            position_lost: false,
             last_control: Time(0),
             last_check: Time(0),
             last_health: Time(0),
@@ -330,6 +333,8 @@ impl Telemetry {
             self.event(v1::Severity::Error, "autopilot", text.to_owned());
         }
         let checks = health::checks(&self.facts, &status, refused, battery_start, now);
+        let position = health::position_problem(self.facts.source, &status);
+        let newly_lost = position.as_ref().filter(|_| !self.position_lost);
         for check in &checks {
             let before = self.checks.iter().find(|c| c.name == check.name).map(|c| c.ok);
             match (before, check.ok) {
@@ -337,9 +342,16 @@ impl Telemetry {
                     self.event(v1::Severity::Warning, "readiness", format!("{}: {}", check.name, check.reason));
                 }
                 (Some(false), true) => self.event(v1::Severity::Info, "readiness", format!("{}: good", check.name)),
+                // Odometry was doubted already; that the autopilot now says so itself is news.
+                (Some(false), false) if check.name == "odometry" => {
+                    if let Some(why) = newly_lost {
+                        self.event(v1::Severity::Warning, "readiness", format!("odometry: {why}"));
+                    }
+                }
                 _ => {}
             }
         }
+        self.position_lost = position.is_some();
         shared.ready.store(checks.iter().all(|check| check.ok), Ordering::Relaxed);
         self.checks = checks;
     }

@@ -42,14 +42,15 @@ fn open(bytes: &[u8]) -> LogReader {
     LogReader::open(Path::new(&path)).unwrap()
 }
 
-/// What is read back; every message is as it was written.
+/// What is read back; every message is as it was written. Where the first chunk is lost and the summary is spoiled as
+/// well, the channel may have a topic that is none of ours: its records are nobody's.
 fn times(log: &LogReader) -> Vec<u64> {
     let whole = |entry: goshawk_recorder::Entry| {
         let back: v1::Preview = entry.decode(noise()).unwrap();
         assert_eq!(back, preview(entry.time_ns));
         entry.time_ns
     };
-    log.entries().map(whole).collect()
+    log.entries().filter(|entry| entry.topic == noise().topic).map(whole).collect()
 }
 
 #[test]

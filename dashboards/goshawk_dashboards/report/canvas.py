@@ -123,7 +123,9 @@ def _saved(figure: Figure, palette: Palette, kind: str) -> bytes:
 
 
 def mark_phases(axes: Axes, phases: Sequence[Phase], palette: Palette, *, named: bool) -> None:
-    """A line where each phase begins, and its name above where there is room."""
+    """A line where each phase begins, and its name above where there is room. None: the controller's steps are lost."""
+    if not phases:
+        return
     start_s, end_s = phases[0].start_s, phases[-1].end_s
     for phase in phases:
         if phase.duration_s > 0.005 * (end_s - start_s):

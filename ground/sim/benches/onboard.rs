@@ -1,6 +1,7 @@
 //! Speed of the vehicle's own way from a frame to a command, on one thread: on the frames of a flight in lockstep, with
 //! the shipped policy. `target/bench.json`: `frame_to_command_ms`, `post_network_us`, `controller_step_us`, and what the
-//! recorder costs, `recorder_core_fraction`.
+//! monitors of the camera's stream and of the network's answers cost, `monitors_us`, and the recorder,
+//! `recorder_core_fraction`.
 //!
 //! The thread is scheduled as the vehicle's planner, where that is permitted: what else runs then counts as little as on
 //! board. The yardstick, measured in the same run, is the network alone. What comes after the network is measured twice:
@@ -24,7 +25,7 @@ use goshawk_air::sensors;
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
 use goshawk_core::types::{Plan, Task, Time};
 use goshawk_core::{ControllerOutput, Odometry, Planner};
-use goshawk_policy::{Arrival, Policy, Preprocessor, StreamMonitor};
+use goshawk_policy::{AnswerMonitor, Arrival, Policy, Preprocessor, StreamMonitor};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, LogWriter};
@@ -98,7 +99,9 @@ fn fly(vehicle: &Vehicle, policy: &mut Policy) -> color_eyre::Result<Flight> {
 struct Times {
     whole_ms: Vec<f64>,
     decode_ms: Vec<f64>,
-    judge_us: Vec<f64>,
+    stream_us: Vec<f64>,
+    answers_us: Vec<f64>,
+    monitors_us: Vec<f64>,
     prepare_ms: Vec<f64>,
     memory_ms: Vec<f64>,
     network_ms: Vec<f64>,
@@ -114,7 +117,8 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
     let mut planner = Planner::new(vehicle.planner_config(policy.contract().model()))?;
     let mut controller = FlightController::new(vehicle.controller_config())?;
     let mut preprocessor: Option<Preprocessor> = None;
-    let mut monitor = StreamMonitor::new(vehicle.camera.rates());
+    let mut stream = StreamMonitor::new(vehicle.camera.rates());
+    let mut answers = AnswerMonitor::new(policy.contract());
     let mut times = Times::default();
     let mut steps = flight.steps.iter().peekable();
     for (ready, _, logged) in &flight.plans {
@@ -133,7 +137,8 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
         let frame = sensors::frame(&bytes, Time(message.stamp_ns))?;
         let decoded = Instant::now();
         let arrival = Arrival { seq: frame.seq, stamp: frame.stamp, source: 0 };
-        black_box(monitor.judge(&arrival, &frame.rgb, &frame.depth_mm, &sensors::moving(true, &logged.odometry)));
+        black_box(stream.judge(&arrival, &frame.rgb, &frame.depth_mm, &sensors::moving(true, &logged.odometry)));
+        let print = stream.print();
         let judged = Instant::now();
         let preparing = match preprocessor.take() {
             Some(made) => made,
@@ -152,6 +157,8 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
         let answered = Instant::now();
         let plan = planner.step(&input_of_frame.as_core());
         let planned = Instant::now();
+        black_box(answers.judge(plan.stamp, print, &input_of_frame.network));
+        let believed = Instant::now();
         let output = controller.step(*now, &input.as_core(last, Some(&plan)));
         let controlled = Instant::now();
         let datagram = output.setpoint.map(|setpoint| link.setpoint_frame(&setpoint)).transpose()?;
@@ -164,12 +171,15 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
         times.whole_ms.push(ms(begun, prepared) + ms(remembered, ended));
         times.memory_ms.push(ms(cloned, remembered));
         times.decode_ms.push(ms(begun, decoded));
-        times.judge_us.push(1e3 * ms(decoded, judged));
+        let (stream_us, answers_us) = (1e3 * ms(decoded, judged), 1e3 * ms(planned, believed));
+        times.stream_us.push(stream_us);
+        times.answers_us.push(answers_us);
+        times.monitors_us.push(stream_us + answers_us);
         times.prepare_ms.push(ms(judged, prepared));
         times.network_ms.push(ms(remembered, answered) - ms(cloned, remembered));
-        times.post_us.push(1e3 * ms(answered, ended));
+        times.post_us.push(1e3 * ms(answered, ended) - answers_us);
         times.planner_us.push(1e3 * ms(answered, planned));
-        times.controller_us.push(1e3 * ms(planned, controlled));
+        times.controller_us.push(1e3 * ms(believed, controlled));
         times.encode_us.push(1e3 * ms(controlled, ended));
     }
     Ok(times)
@@ -267,14 +277,17 @@ fn main() -> color_eyre::Result<()> {
     };
     let whole = line("frame to command", "ms", &mut t.whole_ms, Some((3.0, 5.0)));
     line("  message to frame", "ms", &mut t.decode_ms, None);
-    line("  camera's monitor", "us", &mut t.judge_us, None);
     line("  image to input", "ms", &mut t.prepare_ms, None);
     line("  obstacles' memory", "ms", &mut t.memory_ms, None);
-    line("  network, yardstick", "ms", &mut t.network_ms, None);
+    let network = line("  network, yardstick", "ms", &mut t.network_ms, None);
     let cold = line("  caches cold: rest", "us", &mut t.post_us, None);
     line("    planner", "us", &mut t.planner_us, None);
     line("    controller", "us", &mut t.controller_us, None);
     line("    encode", "us", &mut t.encode_us, None);
+    let monitors = line("  monitors, together", "us", &mut t.monitors_us, None);
+    line("    of the stream", "us", &mut t.stream_us, None);
+    line("    of the answers", "us", &mut t.answers_us, None);
+    println!("  monitors             {:.2} % of the network's median", 0.1 * monitors.0 / network.0);
     let mut post_us = after_network(&vehicle, &policy, &flight)?;
     let post = line("after the network", "us", &mut post_us, Some((f64::INFINITY, 10.0)));
     let mut steps_us = controller_steps(&vehicle, &flight)?;
@@ -288,6 +301,8 @@ fn main() -> color_eyre::Result<()> {
     )?;
     record("post_network_us", row(post.0, post.1, 10.0))?;
     record("post_network_cold_us", serde_json::json!({"p50": cold.0, "p99": cold.1}))?;
+    let monitors = serde_json::json!({"p50": monitors.0, "p99": monitors.1, "network_ms_p50": network.0});
+    record("monitors_us", monitors)?;
     record("controller_step_us", row(step.0, step.1, 2.0))?;
     record("recorder_core_fraction", serde_json::json!({"value": fraction, "target": 0.05}))?;
     Ok(())

@@ -7,12 +7,15 @@ after they changed.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import re
+import signal
 import subprocess
 import tempfile
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -91,12 +94,35 @@ def fly(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int, s
 
 
 def _run(row: Row, simulator: Path, arguments: list[str]) -> None:
+    child: subprocess.Popen[bytes] | None = None
     try:
-        done = subprocess.run([str(simulator), *arguments], check=False)
+        with _signals_held():
+            child = subprocess.Popen([str(simulator), *arguments])
+        status = child.wait()
     except OSError as error:
         raise FlightsError(f"cannot run {simulator}: {error.strerror}; build it with `make build`") from error
-    if done.returncode:
-        raise FlightsError(f"{row.name}: goshawk-sim ended with {done.returncode}; its message is above")
+    finally:
+        if child is not None and child.poll() is None:
+            child.kill()
+            child.wait()
+    if status:
+        raise FlightsError(f"{row.name}: goshawk-sim ended with {status}; its message is above")
+
+
+@contextlib.contextmanager
+def _signals_held() -> Iterator[None]:
+    """A signal comes afterwards: in the middle of a start it would end us and leave the child flying."""
+    came: list[int] = []
+    held = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in held:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in held.items():
+            signal.signal(number, handler)
+    for number in came[:1]:
+        signal.raise_signal(number)
 
 
 def markdown(rows: list[tuple[Row, dict[str, Any]]]) -> str:

@@ -93,6 +93,27 @@ def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp
         time.sleep(0.05)
 
 
+def test_a_signal_in_the_middle_of_a_simulators_start_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[subprocess.Popen[bytes]] = []
+    start = subprocess.Popen
+
+    def interrupted(command: list[str]) -> subprocess.Popen[bytes]:
+        child = start(command)
+        signal.raise_signal(signal.SIGINT)
+        started.append(child)
+        return child
+
+    monkeypatch.setattr(subprocess, "Popen", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            flights._run(flights.Row(name="a", task="track", speeds=[]), Path("/bin/sleep"), ["60"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    (child,) = started
+    assert child.poll() == -signal.SIGKILL
+
+
 def children(process: int) -> list[int]:
     """Of each of its threads; the libraries that it loads run programs of their own."""
     found = []
