@@ -23,8 +23,9 @@ const DURATION: f64 = 0.9;
 const HEADINGS: u32 = 16;
 const SPEEDS: [f64; 2] = [1.2, 2.5];
 const TURNS: [f64; 6] = [-0.9, -0.45, -0.2, 0.2, 0.45, 0.9];
-/// What the trajectory that would be flown costs at least for movers, so that another is looked for.
-const WORTH: f64 = 2.0;
+/// What the trajectory that would be flown costs at least for movers, so that another is looked for: a navigation takes
+/// its time, a chase that steps aside loses its target.
+const WORTH: [f64; 2] = [2.0, 14.0];
 /// A way aside costs less by so much, or is not flown.
 const BETTER: f64 = 1.0;
 /// On the scale of the network's costs: a place that was never looked through; each metre from where the vehicle would
@@ -48,6 +49,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) obstacles: &'a Obstacles,
     pub(crate) movers: &'a Movers,
     pub(crate) ignored: Option<&'a Ignored>,
+    /// A target is chased.
+    pub(crate) chases: bool,
     /// The vehicle's greatest acceleration, m/s².
     pub(crate) max_acc: f64,
 }
@@ -66,10 +69,11 @@ impl Evader {
         if scene.movers.iter().all(Option::is_none) {
             return None;
         }
+        let worth = WORTH[usize::from(scene.chases)];
         let stop = aside(start, Vec3::zeros());
         let otherwise = |time: f64| flown.map_or_else(|| then(&stop, time), |flown| flown.at(time).pos);
         let horizon = flown.map_or(2.0 * DURATION, Quintic::duration);
-        if meeting(scene.movers, scene.stamp, &otherwise, horizon) < WORTH {
+        if meeting(scene.movers, scene.stamp, &otherwise, horizon) < worth {
             return None;
         }
         let least = scene.danger(&otherwise, horizon);
@@ -142,7 +146,7 @@ mod tests {
         let obstacles = open_space();
         let ahead = FlatState { pos: start.pos + start.vel * 2.0, ..*start };
         let flown = Quintic::new(start, &ahead, 2.0);
-        let scene = Scene { stamp: STAMP, obstacles: &obstacles, movers, ignored: None, max_acc: 10.0 };
+        let scene = Scene { stamp: STAMP, obstacles: &obstacles, movers, ignored: None, chases: false, max_acc: 10.0 };
         Evader::default().step(start, Some(&flown), &scene)
     }
 

@@ -248,6 +248,7 @@ impl Planner {
             obstacles: &self.obstacles,
             movers: &movers,
             ignored: ignored.as_ref(),
+            chases: self.config.policy.task == Task::Track,
             max_acc: self.config.planning.max_acc,
         };
         let evasion = self.evader.step(&start, flown.as_ref(), &scene);
