@@ -1,14 +1,18 @@
 //! Facts about moving obstacles: where their ways are, what the camera makes of them, how many may be asked for.
 #![allow(clippy::unwrap_used, reason = "test helpers too")]
 
+mod common;
+
 use clap::Parser;
+use common::{config, forgetful_vehicle, sectors, vehicle};
+use goshawk_air::config::Vehicle;
 use goshawk_core::types::{Rot, Task, Vec3};
 use goshawk_sim::cli::Cli;
 use goshawk_sim::evader::Course;
 use goshawk_sim::moving::{Body, Flat, MOST, Mover, clearance};
 use goshawk_sim::person::{Person, PersonLook, PersonPose};
 use goshawk_sim::render::{Camera, CameraPose, Class, Frame, Renderer};
-use goshawk_sim::trial::{Scene, SceneConfig, WorldSource};
+use goshawk_sim::trial::{Contact, Scene, SceneConfig, TrialConfig, Unwatched, WorldSource, fly_trial};
 use goshawk_sim::world::{Ground, Look, World, WorldParts};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -149,4 +153,21 @@ fn a_count_that_cannot_be_is_refused_in_one_line() {
     }
     let dataset = Cli::try_parse_from(["goshawk-sim", "dataset", "--moving", "3"]);
     assert!(dataset.is_err(), "a data set's frames are single instants");
+}
+
+/// How many of eight navigations at 3 m/s among twelve moving obstacles and few trees hit one of these.
+fn hits(vehicle: &Vehicle) -> usize {
+    let hit = |seed: u64| {
+        let config = TrialConfig { moving: 12, ..config(Task::Navigate, 3.0, 12.0, seed) };
+        let flight = fly_trial(&config, vehicle, Some(&mut sectors(false)), &mut Unwatched).unwrap();
+        usize::from(flight.contact == Some(Contact::Moving))
+    };
+    (1..=8).map(hit).sum()
+}
+
+#[test]
+fn who_watches_what_moves_hits_less_of_it() {
+    let (watching, forgetful) = (hits(&vehicle()), hits(&forgetful_vehicle()));
+    println!("watching {watching}, forgetful {forgetful} of 8");
+    assert!(2 * watching < forgetful, "{watching} of 8, without a memory {forgetful}");
 }
