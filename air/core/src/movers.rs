@@ -86,14 +86,14 @@ type Flat = Vector2<f64>;
 
 /// What has come to be where nothing was, in one frame, seen from above: points in cells of a grid.
 #[derive(Clone, Debug)]
-pub(crate) struct New {
+pub(crate) struct Fresh {
     /// Where (m) and in which cell.
     points: Vec<([u8; 2], Vec3)>,
     /// A bit for each cell with a point.
     cells: [u128; CELLS],
 }
 
-impl New {
+impl Fresh {
     pub(crate) fn new(most: usize) -> Self {
         Self { points: Vec::with_capacity(most), cells: [0; CELLS] }
     }
@@ -227,7 +227,7 @@ impl Followed {
     }
 
     /// Takes in what is new in a frame, seen from `cam_world`. `through`: one looks through a place.
-    pub(crate) fn step(&mut self, stamp: Time, cam_world: &Vec3, new: &mut New, through: impl Fn(&Flat) -> bool) {
+    pub(crate) fn step(&mut self, stamp: Time, cam_world: &Vec3, new: &mut Fresh, through: impl Fn(&Flat) -> bool) {
         for slot in &mut self.tracks {
             if let Some(track) = slot {
                 let dt = stamp.since(track.stamp).clamp(0.0, 1.0);
@@ -317,7 +317,7 @@ mod tests {
 
     /// What a camera in the origin sees new of a post of 0.2 m that stands at `at`: its near side, 1.2 m of it.
     fn see(followed: &mut Followed, time: f64, at: Flat) {
-        let mut new = New::new(256);
+        let mut new = Fresh::new(256);
         for (k, z) in [-0.6, -0.2, 0.2, 0.6].iter().enumerate() {
             let side = Flat::new(-0.15, 0.1 * (k as f64 - 1.5));
             let place = at + side;
@@ -358,7 +358,7 @@ mod tests {
         let mut step = |from: u32, to: u32| {
             for k in from..to {
                 let stamp = Time::from_secs(1.0 + f64::from(k) / 30.0);
-                followed.step(stamp, &Vec3::zeros(), &mut New::new(1), |_| false);
+                followed.step(stamp, &Vec3::zeros(), &mut Fresh::new(1), |_| false);
             }
             followed.movers(0.0).into_iter().flatten().next()
         };
@@ -372,7 +372,7 @@ mod tests {
         let mut followed = followed(Flat::new(0.0, 1.2), 15);
         for k in 15..24 {
             let stamp = Time::from_secs(1.0 + f64::from(k) / 30.0);
-            followed.step(stamp, &Vec3::zeros(), &mut New::new(1), |_| true);
+            followed.step(stamp, &Vec3::zeros(), &mut Fresh::new(1), |_| true);
         }
         assert!(followed.movers(0.0).iter().all(Option::is_none));
     }
@@ -405,7 +405,7 @@ mod tests {
         ) {
             let mut followed = Followed::new();
             for time in times {
-                let mut new = New::new(64);
+                let mut new = Fresh::new(64);
                 points.iter().for_each(|(cell, at)| new.push(*cell, Vec3::from(*at)));
                 followed.step(Time::from_secs(time), &Vec3::from(at), &mut new, |_| false);
                 let cost = meeting(&followed.movers(0.0), Time::from_secs(time), &|_| Vec3::from(at), 2.0);

@@ -4,7 +4,7 @@
 //! nearest depths of each image are kept in a voxel grid that rolls along, and the trajectories are held against it. One
 //! that meets something costs more, the sooner the more; none is forbidden, since one must be flown.
 
-use crate::movers::{Followed, Movers, New};
+use crate::movers::{Followed, Fresh, Movers};
 use crate::quintic::Quintic;
 use crate::types::{Rot, Time, Vec3};
 use nalgebra::{Vector2, Vector3};
@@ -105,7 +105,7 @@ pub struct Obstacles {
     /// What came to be where the vehicle had looked through: it may move.
     moved: Bits,
     /// This frame's points of such voxels.
-    new: New,
+    new: Fresh,
     followed: Followed,
 }
 
@@ -127,7 +127,7 @@ impl Obstacles {
             ended: Box::new([0; ROW_COUNT]),
             passed: Box::new([0; ROW_COUNT]),
             moved: Box::new([0; ROW_COUNT]),
-            new: New::new(COLUMNS * ROWS),
+            new: Fresh::new(COLUMNS * ROWS),
             followed: Followed::new(),
         }
     }
