@@ -1,7 +1,7 @@
 //! Out of the way of what moves (beyond the paper).
 //!
 //! The network's trajectories lead to the aim and last a second or more: a slow vehicle's hardly differ before a mover
-//! is there. If every one of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
+//! is there. If the best of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
 
 use crate::movers::{Movers, meeting};
 use crate::obstacles::{Ignored, Obstacles};
@@ -18,14 +18,14 @@ pub struct Evasion {
 }
 
 /// How long a way aside lasts, s.
-const DURATION: f64 = 0.9;
+const DURATION: f64 = 0.6;
 /// Headings that are tried, at these speeds, m/s, and turns of the velocity, rad.
 const HEADINGS: u32 = 16;
 const SPEEDS: [f64; 2] = [1.2, 2.5];
 const TURNS: [f64; 6] = [-0.9, -0.45, -0.2, 0.2, 0.45, 0.9];
 /// What the trajectory that would be flown costs at least for movers, so that another is looked for: a navigation takes
 /// its time, a chase that steps aside loses its target.
-const WORTH: [f64; 2] = [2.0, 14.0];
+const WORTH: (f64, f64) = (2.0, 14.0);
 /// A way aside costs less by so much, or is not flown.
 const BETTER: f64 = 1.0;
 /// On the scale of the network's costs: a place that was never looked through; each metre from where the vehicle would
@@ -69,7 +69,7 @@ impl Evader {
         if scene.movers.iter().all(Option::is_none) {
             return None;
         }
-        let worth = WORTH[usize::from(scene.chases)];
+        let worth = if scene.chases { WORTH.1 } else { WORTH.0 };
         let stop = aside(start, Vec3::zeros());
         let otherwise = |time: f64| flown.map_or_else(|| then(&stop, time), |flown| flown.at(time).pos);
         let horizon = flown.map_or(2.0 * DURATION, Quintic::duration);
@@ -123,7 +123,7 @@ fn then(quintic: &Quintic, time: f64) -> Vec3 {
 mod tests {
     use super::*;
     use crate::movers::{MOST, Mover};
-    use crate::obstacles::{COLUMNS, ROWS};
+    use crate::nearest::{COLUMNS, ROWS};
 
     const STAMP: Time = Time(1_000_000_000);
 

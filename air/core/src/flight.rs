@@ -137,30 +137,27 @@ impl Controller {
         let (hold, mission) = (&self.config.hold, &self.config.mission);
         let task = self.flight.as_ref().map_or(Task::Track, |f| f.profile.task);
         let mut fallback = Fallback::None;
-        let stays = matches!(self.mode, Mode::Hold | Mode::Search);
-        if let Some(flown) = self.plans.evading(&self.config.ladder, now).filter(|_| stays) {
+        let evading = self.plans.evading(&self.config.ladder, now);
+        let flown = match self.mode {
+            Mode::Track | Mode::Navigate => evading.or_else(|| self.plans.flyable(&self.config.ladder, task, now)),
+            Mode::Hold | Mode::Search => evading,
+            _ => None,
+        };
+        if let Some(flown) = flown {
             self.hover.reset();
             let age = now.since(flown.stamp);
             let reference = flown.quintic.at(age);
-            let acc_world = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
+            let led = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
+            let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
+            let target = self.plans.target_at(now).filter(|_| task == Task::Track);
+            let acc_world = target.map_or(acc_world, |target| {
+                let disturbance = self.motion.observer().disturbance();
+                self.config.view.keeping(acc_world, disturbance, target.pos - pos)
+            });
             return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
         }
         let reference = match (self.mode, self.flight.as_ref()) {
             (Mode::Track | Mode::Navigate, _) => {
-                let evading = self.plans.evading(&self.config.ladder, now);
-                if let Some(flown) = evading.or_else(|| self.plans.flyable(&self.config.ladder, task, now)) {
-                    self.hover.reset();
-                    let age = now.since(flown.stamp);
-                    let reference = flown.quintic.at(age);
-                    let led = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
-                    let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
-                    let target = self.plans.target_at(now).filter(|_| task == Task::Track);
-                    let acc_world = target.map_or(acc_world, |target| {
-                        let disturbance = self.motion.observer().disturbance();
-                        self.config.view.keeping(acc_world, disturbance, target.pos - pos)
-                    });
-                    return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
-                }
                 let reference = self.hover.step(hold, pos, vel);
                 fallback = self.hover_rung();
                 reference
@@ -200,10 +197,9 @@ impl Controller {
 
     /// `acc_world` such that the least distance to the target is kept.
     fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
-        let state = [odometry.pos_world, odometry.vel_world];
-        let (config, room) = (&self.config.separation, self.plans.room());
         let Some(threat) = self.threat(now) else { return acc_world };
-        self.separation.keep(config, dt, acc_world, state, &threat, room)
+        let state = [odometry.pos_world, odometry.vel_world];
+        self.separation.keep(&self.config.separation, dt, acc_world, state, &threat, self.plans.room())
     }
 
     /// The target, where it may have to be kept away from.

@@ -26,6 +26,7 @@ pub mod limits;
 pub mod mission;
 pub mod motion;
 pub mod movers;
+pub mod nearest;
 pub mod obstacles;
 pub mod planner;
 pub mod plans;

@@ -3,7 +3,8 @@
 //! The network sees one image: it steers around where a thing is, not around where it will be. What comes to be where
 //! the vehicle had looked through is new there (`obstacles.rs` marks such voxels). New points that lie together are
 //! followed, seen from above, with a filter of constant velocity each. One that has gone a way of its own is a mover:
-//! trajectories that would meet it on its way cost more, and the controller keeps off it.
+//! trajectories that would meet it on its way cost more, and where the best one would, the vehicle steps aside
+//! (`evade.rs`).
 
 use crate::types::{Time, Vec3};
 use nalgebra::Vector2;

@@ -5,17 +5,10 @@
 //! that meets something costs more, the sooner the more; none is forbidden, since one must be flown.
 
 use crate::movers::{Followed, Fresh, Movers};
+use crate::nearest::{Blocks, COLUMNS, Nearest, ROWS};
 use crate::quintic::Quintic;
 use crate::types::{Rot, Time, Vec3};
 use nalgebra::{Vector2, Vector3};
-
-/// Columns of [`Nearest`].
-pub const COLUMNS: usize = 40;
-/// Rows of [`Nearest`].
-pub const ROWS: usize = 24;
-
-/// The nearest depth in each block of an image, mm along the optical axis, row-major from the top left; 0: none measured.
-pub type Nearest = [u16; COLUMNS * ROWS];
 
 /// Headings of [`Room`], from the world's x axis counterclockwise.
 pub const HEADINGS: usize = 16;
@@ -86,10 +79,7 @@ const FINE_BITS: u32 = 16;
 /// The grid.
 #[derive(Clone, Debug)]
 pub struct Obstacles {
-    /// Rays of the blocks' middles, camera frame, 1 along the optical axis.
-    rays: Vec<Vector3<f32>>,
-    /// Tangents of half the fields of view.
-    half: [f32; 2],
+    blocks: Blocks,
     /// Nothing farther is remembered, m along the optical axis.
     range: f32,
     /// Lowest voxel; none: nothing was seen.
@@ -114,11 +104,8 @@ impl Obstacles {
     /// depth is worse than a voxel is wide.
     #[must_use]
     pub fn new(hfov: f64, vfov: f64, range: f64) -> Self {
-        let middle = |k: usize, n: usize, fov: f64| ((1.0 - (2 * k + 1) as f64 / n as f64) * (fov / 2.0).tan()) as f32;
-        let ray = |k: usize| Vector3::new(1.0, middle(k % COLUMNS, COLUMNS, hfov), middle(k / COLUMNS, ROWS, vfov));
         Self {
-            rays: (0..COLUMNS * ROWS).map(ray).collect(),
-            half: [hfov, vfov].map(|fov| (fov / 2.0).tan() as f32),
+            blocks: Blocks::new(hfov, vfov),
             range: range as f32,
             low: None,
             evidence: vec![0; VOXELS],
@@ -170,7 +157,7 @@ impl Obstacles {
         let turn = world_from_cam.to_rotation_matrix().into_inner().map(|x| x as f32) / VOXEL as f32;
         let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
         for (block, mm) in nearest.iter().enumerate().filter(|(_, mm)| **mm > 0) {
-            let (ray, depth) = (turn * self.rays[block], f32::from(*mm) * 1e-3);
+            let (ray, depth) = (turn * self.blocks.rays[block], f32::from(*mm) * 1e-3);
             let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(LOOKED);
             pass(&mut self.passed, &fine, &ray, free);
             let at = lens + ray * depth;
@@ -193,11 +180,11 @@ impl Obstacles {
             }
         }
         self.learn();
-        let (cam_from_world, half) = (world_from_cam.inverse(), self.half);
+        let (cam_from_world, blocks) = (world_from_cam.inverse(), &self.blocks);
         let through = |at: &Vector2<f64>| {
             [BELOW, 0.0].iter().all(|up| {
                 let line = cam_from_world * Vec3::new(at.x - cam_world.x, at.y - cam_world.y, *up);
-                depth_toward(nearest, half, &line).is_some_and(|depth| depth > line.x + BEYOND)
+                blocks.toward(nearest, &line).is_some_and(|depth| depth > line.x + BEYOND)
             })
         };
         self.followed.step(stamp, cam_world, &mut self.new, through);
@@ -328,17 +315,6 @@ impl Obstacles {
         self.free[row] &= !gone;
         self.moved[row] &= !gone;
     }
-}
-
-/// The depth measured toward a point of the camera's frame, m, `half` being the tangents of half the fields of view; none: it is out of the image, or none was.
-fn depth_toward(nearest: &Nearest, half: [f32; 2], line: &Vec3) -> Option<f64> {
-    let index = |along: f64, half: f32, n: usize| {
-        let share = (1.0 - along / line.x / f64::from(half)) * 0.5 * n as f64;
-        (line.x > 0.1 && share >= 0.0 && share < n as f64).then_some(share as usize)
-    };
-    let column = index(line.y, half[0], COLUMNS)?;
-    let row = index(line.z, half[1], ROWS)?;
-    Some(nearest[row * COLUMNS + column]).filter(|mm| *mm > 0).map(|mm| f64::from(mm) * 1e-3)
 }
 
 /// The bits that are set, from the lowest.

@@ -6,7 +6,8 @@ use crate::error::{ConfigError, within};
 use crate::evade::{Evader, Scene};
 use crate::motion::jump;
 use crate::movers::meeting;
-use crate::obstacles::{Ignored, Nearest, Obstacles};
+use crate::nearest::Nearest;
+use crate::obstacles::{Ignored, Obstacles};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
 use crate::target::{Expected, TargetConfig, TargetFilter};
@@ -95,8 +96,8 @@ impl PlanningConfig {
         self.chase.validate()?;
         within("planner.max_acc_mps2", self.max_acc, 1.0..=30.0, "less turns nowhere, more no airframe gives")?;
         within("planner.max_agility", self.max_agility, 0.05..=1.0, "1 is all that the training asks for")?;
-        let grid = "the grid of what was seen reaches no farther";
-        within("planner.remember_within_m", self.remember, 0.0..=6.4, grid)
+        let far = "what stands farther is not looked through, so it would never be forgotten";
+        within("planner.remember_within_m", self.remember, 0.0..=10.0, far)
     }
 }
 

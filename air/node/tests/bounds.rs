@@ -92,7 +92,7 @@ fn a_limit_so_wide_that_it_limits_nothing_is_refused_with_its_range_and_reason()
         ("threads", "1000000", "1 to 64", "only wait"),
         ("gate_sigmas", "21.0", "1 to 20", "takes all for the target"),
         ("max_acc_mps2", "31.0", "1 to 30", "no airframe gives"),
-        ("remember_within_m", "7.0", "0 to 6.4", "reaches no farther"),
+        ("remember_within_m", "11.0", "0 to 10", "never be forgotten"),
     ] {
         let number = numbers(&text).into_iter().find(|number| number.key == key).unwrap();
         let why = refusal(with(&text, &number, value)).unwrap();

@@ -170,6 +170,8 @@ pub struct Loop {
     pub frames: Frames,
     /// How much sooner than they should plans want to be there; 1: as the demand says.
     pub haste: f64,
+    /// Every plan leads out of the way, to this velocity, m/s.
+    pub evades: Option<Vec3>,
     /// What the filter believes of the target's velocity.
     pub target_vel: Vec3,
     pub odometry_works: bool,
@@ -227,6 +229,7 @@ impl Loop {
             has_landed_detector: true,
             frames: Frames::None,
             haste: 1.0,
+            evades: None,
             target_vel: Vec3::zeros(),
             odometry_works: true,
             odometry_offset: Vec3::zeros(),
@@ -416,7 +419,10 @@ impl Loop {
             target: estimate.or(kept),
             room: None,
             movers: [None; goshawk_core::movers::MOST],
-            evasion: None,
+            evasion: self.evades.map(|vel| {
+                let pos = pos + (self.vel + vel) * 0.45;
+                evade::Evasion { end: FlatState { pos, vel, acc: Vec3::zeros() }, duration: 0.9 }
+            }),
         })
     }
 

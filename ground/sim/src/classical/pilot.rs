@@ -105,7 +105,7 @@ impl<'a> Classical<'a> {
 
     /// The frame's record without a trajectory: what it shows of the target.
     fn seen(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<Plan, TrialError> {
-        let own = |plan: Plan| Plan { chosen: None, ..plan };
+        let own = |plan: Plan| Plan { chosen: None, evasion: None, ..plan };
         if let Some(detector) = &mut self.detector {
             return detector.plan(seen, image).map(|(plan, _)| own(plan));
         }
