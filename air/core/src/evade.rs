@@ -3,22 +3,37 @@
 //! The network's trajectories lead to the aim and last a second or more: a slow vehicle's hardly differ before a mover
 //! is there. If the best of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
 
+use crate::lead::cap;
 use crate::movers::{Movers, meeting};
 use crate::obstacles::{Ignored, Obstacles};
 use crate::quintic::Quintic;
+use crate::separation::{Flat, Pace, Threat};
 use crate::types::{FlatState, Rot, Time, Vec3};
 
-/// A short way aside.
+/// A way aside: to this velocity as fast as may be, and straight on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evasion {
-    /// Where it ends, world frame.
-    pub end: FlatState,
-    /// s.
-    pub duration: f64,
+    /// m/s.
+    pub vel_world: Vec3,
 }
 
-/// How long a way aside lasts, s.
-const DURATION: f64 = 0.6;
+impl Evasion {
+    /// What to fly at `vel_world` (m/s), m/s².
+    #[must_use]
+    pub fn acc(&self, vel_world: Vec3) -> Vec3 {
+        cap((self.vel_world - vel_world) * GAIN, ACC)
+    }
+}
+
+/// Gain on the velocity, 1/s, and the acceleration with which a way aside begins, m/s².
+const GAIN: f64 = 5.0;
+const ACC: f64 = 8.0;
+/// Until it does, the vehicle flies on as it does, s: network and attitude.
+const LAG: f64 = 0.1;
+/// How far a way aside is foreseen, s.
+const HORIZON: f64 = 1.2;
+/// At this time places are compared with where the vehicle would be, s.
+const SOON: f64 = 0.6;
 /// Headings that are tried, at these speeds, m/s, and turns of the velocity, rad.
 const HEADINGS: u32 = 16;
 const SPEEDS: [f64; 2] = [1.2, 2.5];
@@ -35,12 +50,27 @@ const ASIDE: f64 = 0.5;
 const RESTLESS: f64 = 0.5;
 /// Times of a way at which it is looked whether one knows the place, s.
 const KNOWN_AT: [f64; 4] = [0.4, 0.7, 1.0, 1.3];
+/// Out of a target's way one may go faster, m/s, and up, m/s, which costs so much, for it leaves the image.
+const FAST: f64 = 4.0;
+const UP: f64 = 2.5;
+const UPWARD: f64 = 4.0;
+/// Each m/s away from it costs so much: who backs before a runner only puts it off.
+const BACKWARD: f64 = 1.5;
+/// What it costs to be where a target may be, and at how many instants one looks, up to so late, s.
+const PERSON: f64 = 60.0;
+const LOOKS: u32 = 12;
+const FORESEEN: f64 = 1.5;
+/// A target comes that is faster toward the vehicle than this, m/s.
+const COMES: f64 = 0.5;
 
 /// Chooses ways aside.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Evader {
     /// Where the last one led, m/s.
     last: Option<Vec3>,
+    /// The last frame's.
+    stamp: Option<Time>,
+    pace: Pace,
 }
 
 /// What is in the way.
@@ -51,6 +81,12 @@ pub(crate) struct Scene<'a> {
     pub(crate) ignored: Option<&'a Ignored>,
     /// A target is chased.
     pub(crate) chases: bool,
+    /// It must be kept away from,
+    pub(crate) threat: Option<Threat>,
+    /// by so much, m,
+    pub(crate) keep_off: f64,
+    /// and accelerates no harder than this, m/s².
+    pub(crate) target_acc: f64,
     /// The vehicle's greatest acceleration, m/s².
     pub(crate) max_acc: f64,
 }
@@ -61,62 +97,113 @@ impl Scene<'_> {
     }
 }
 
+/// The target may come on as it does, or turn on the vehicle: from where, at what velocities (m, m/s).
+struct Coming {
+    pos_world: Vec3,
+    vels_world: [Vec3; 2],
+    /// From it to the vehicle, level.
+    away: Vec3,
+    /// m.
+    keep_off: f64,
+}
+
+impl Coming {
+    /// None: it does not come.
+    fn of(start: &FlatState, pace: &mut Pace, dt: f64, scene: &Scene) -> Option<Self> {
+        let threat = scene.threat.as_ref()?;
+        pace.step(dt, threat);
+        let away: Flat = (start.pos - threat.pos_world).xy().try_normalize(1e-3)?;
+        let worst = pace.worst(threat, scene.target_acc, &away);
+        let turned = away * worst.dot(&away);
+        let level = |vel: Flat| Vec3::new(vel.x, vel.y, 0.0);
+        (threat.vel_world.xy().dot(&away) > COMES).then(|| Self {
+            pos_world: threat.pos_world,
+            away: level(away),
+            vels_world: [level(worst), level(turned)],
+            keep_off: scene.keep_off + threat.pos_doubt,
+        })
+    }
+
+    /// What it costs to fly `way`.
+    fn meets(&self, way: &impl Fn(f64) -> Vec3) -> f64 {
+        let share = |vel: &Vec3| {
+            let at = |k: u32| {
+                let time = FORESEEN * f64::from(k) / f64::from(LOOKS);
+                let gap = (way(time) - self.pos_world - vel * time).norm();
+                1.0 - gap / self.keep_off
+            };
+            (1..=LOOKS).map(at).fold(0.0, f64::max)
+        };
+        PERSON * self.vels_world.iter().map(share).fold(0.0, f64::max)
+    }
+}
+
 impl Evader {
     /// The way aside from `start`, where `flown` would be flown otherwise, or a stop; none: nothing moves in its way, or
     /// no way is safer.
     pub(crate) fn step(&mut self, start: &FlatState, flown: Option<&Quintic>, scene: &Scene) -> Option<Evasion> {
         let last = self.last.take();
-        if scene.movers.iter().all(Option::is_none) {
-            return None;
-        }
+        let dt = self.stamp.replace(scene.stamp).map_or(0.0, |stamp| scene.stamp.since(stamp).clamp(0.0, 1.0));
+        let coming = Coming::of(start, &mut self.pace, dt, scene);
+        let stop = |time: f64| aside(start, Vec3::zeros(), time);
+        // Before a target the vehicle brakes, whatever is flown.
+        let met = coming.as_ref().map_or(0.0, |coming| coming.meets(&stop));
+        let otherwise = |time: f64| match flown {
+            Some(flown) if met == 0.0 => flown.at(time).pos,
+            _ => stop(time),
+        };
+        let horizon = flown.map_or(HORIZON, Quintic::duration);
         let worth = if scene.chases { WORTH.1 } else { WORTH.0 };
-        let stop = aside(start, Vec3::zeros());
-        let otherwise = |time: f64| flown.map_or_else(|| then(&stop, time), |flown| flown.at(time).pos);
-        let horizon = flown.map_or(2.0 * DURATION, Quintic::duration);
-        if meeting(scene.movers, scene.stamp, &otherwise, horizon) < worth {
+        if met == 0.0 && meeting(scene.movers, scene.stamp, &otherwise, horizon) < worth {
             return None;
         }
-        let least = scene.danger(&otherwise, horizon);
-        let soon = otherwise(DURATION.min(horizon));
+        let least = scene.danger(&otherwise, horizon) + met;
+        let soon = otherwise(SOON.min(horizon));
         let level = Vec3::new(start.vel.x, start.vel.y, 0.0);
-        let around = (0..HEADINGS).flat_map(|k| {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(HEADINGS)).sin_cos();
-            SPEEDS.map(|speed| Vec3::new(cos, sin, 0.0) * speed)
-        });
+        let around = (0..HEADINGS).flat_map(|k| SPEEDS.map(|speed| heading(k) * speed));
         let turned = TURNS.iter().map(|turn| Rot::from_axis_angle(&Vec3::z_axis(), *turn) * level * 0.85);
         let cost = |vel: Vec3| {
-            let quintic = aside(start, vel);
-            let way = |time: f64| then(&quintic, time);
-            let hard = ((vel - level).norm() * 1.6 / DURATION - scene.max_acc).max(0.0);
+            let way = |time: f64| aside(start, vel, time);
             let unknown = KNOWN_AT.iter().filter(|time| !scene.obstacles.is_known(&way(**time))).count();
-            scene.danger(&way, 2.0 * DURATION)
-                + hard
+            scene.danger(&way, HORIZON)
+                + coming.as_ref().map_or(0.0, |coming| coming.meets(&way) + BACKWARD * vel.dot(&coming.away).max(0.0))
                 + UNKNOWN * unknown as f64 / KNOWN_AT.len() as f64
-                + ASIDE * (way(DURATION) - soon).norm()
+                + ASIDE * (way(SOON) - soon).norm()
+                + if vel.z > 0.0 { UPWARD } else { 0.0 }
                 + last.map_or(0.0, |last| RESTLESS * (vel - last).norm())
         };
-        let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned);
+        let out = coming.iter().filter(|_| met > 0.0).flat_map(|_| outward());
+        let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned).chain(out);
         let best = all.map(|vel| (vel, cost(vel))).min_by(|a, b| a.1.total_cmp(&b.1));
-        let (vel, cost) = best.filter(|(_, cost)| cost.is_finite())?;
+        let (vel_world, cost) = best.filter(|(_, cost)| cost.is_finite())?;
         let better = if last.is_some() { 0.0 } else { BETTER };
         (cost + better < least).then(|| {
-            self.last = Some(vel);
-            Evasion { end: aside(start, vel).at(DURATION), duration: DURATION }
+            self.last = Some(vel_world);
+            Evasion { vel_world }
         })
     }
 }
 
-/// To the velocity `vel` (m/s, level).
-fn aside(start: &FlatState, vel: Vec3) -> Quintic {
-    let pos = start.pos + (start.vel + vel) * (0.5 * DURATION);
-    let level = Vec3::new(pos.x, pos.y, start.pos.z);
-    Quintic::new(start, &FlatState { pos: level, vel, acc: Vec3::zeros() }, DURATION)
+fn heading(k: u32) -> Vec3 {
+    let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(HEADINGS)).sin_cos();
+    Vec3::new(cos, sin, 0.0)
 }
 
-/// On a way, and straight on beyond its end.
-fn then(quintic: &Quintic, time: f64) -> Vec3 {
-    let end = quintic.at(time.min(DURATION));
-    end.pos + end.vel * (time - DURATION).max(0.0)
+/// Velocities of ways out of a target's way, m/s: fast, and up.
+fn outward() -> impl Iterator<Item = Vec3> {
+    let fast = (0..HEADINGS).map(|k| heading(k) * FAST);
+    let rising = (0..HEADINGS).flat_map(|k| SPEEDS.map(|speed| heading(k) * speed + Vec3::z() * UP));
+    fast.chain(rising).chain([Vec3::z() * UP])
+}
+
+/// Where one is after `time` s on the way to the velocity `vel` (m/s).
+fn aside(start: &FlatState, vel: Vec3, time: f64) -> Vec3 {
+    let lag = time.min(LAG);
+    let (pos, from) = (start.pos + start.vel * lag + start.acc * (0.5 * lag * lag), start.vel + start.acc * lag);
+    let change = vel - from;
+    let (time, turning) = (time - lag, change.norm() / ACC);
+    let turned = time.min(turning);
+    pos + from * turned + change * (0.5 * turned * turned / turning.max(1e-9)) + vel * (time - turned)
 }
 
 #[cfg(test)]
@@ -146,7 +233,17 @@ mod tests {
         let obstacles = open_space();
         let ahead = FlatState { pos: start.pos + start.vel * 2.0, ..*start };
         let flown = Quintic::new(start, &ahead, 2.0);
-        let scene = Scene { stamp: STAMP, obstacles: &obstacles, movers, ignored: None, chases: false, max_acc: 10.0 };
+        let scene = Scene {
+            stamp: STAMP,
+            obstacles: &obstacles,
+            movers,
+            ignored: None,
+            chases: false,
+            threat: None,
+            keep_off: 2.0,
+            target_acc: 8.0,
+            max_acc: 10.0,
+        };
         Evader::default().step(start, Some(&flown), &scene)
     }
 
@@ -155,10 +252,9 @@ mod tests {
         let start = FlatState { vel: Vec3::x() * 2.0, ..FlatState::default() };
         let crossing = mover(Vec3::new(2.2, -1.2, 0.0), Vec3::y() * 1.2);
         let evasion = step(&start, &crossing).expect("they would meet");
-        let way = Quintic::new(&start, &evasion.end, evasion.duration);
         let gap = (1..=20).map(|k| f64::from(k) * 0.09).map(|time| {
             let it = crossing[0].unwrap();
-            (then(&way, time) - it.pos_world - it.vel_world * time).xy().norm()
+            (aside(&start, evasion.vel_world, time) - it.pos_world - it.vel_world * time).xy().norm()
         });
         let least = gap.fold(f64::INFINITY, f64::min);
         assert!(least > 0.6, "{least} {evasion:?}");

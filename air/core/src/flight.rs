@@ -1,6 +1,7 @@
 //! How each mode is flown, and the fallback ladder.
 
 use crate::controller::Controller;
+use crate::evade::Evasion;
 use crate::flatness::{FlatCommand, flat_command};
 use crate::hover::brake;
 use crate::interface::{ControllerInput, ControllerOutput, Request};
@@ -65,7 +66,9 @@ impl Controller {
         let yaw = self.yaw.step(dt, goal);
         self.hold_apart(now);
         let mut intent = self.intent(now, &odometry);
-        intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
+        if self.evading(now).is_none() {
+            intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
+        }
         let disturbance = self.motion.observer().disturbance();
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
@@ -137,13 +140,14 @@ impl Controller {
         let (hold, mission) = (&self.config.hold, &self.config.mission);
         let task = self.flight.as_ref().map_or(Task::Track, |f| f.profile.task);
         let mut fallback = Fallback::None;
-        let evading = self.plans.evading(&self.config.ladder, now);
-        let flown = match self.mode {
-            Mode::Track | Mode::Navigate => evading.or_else(|| self.plans.flyable(&self.config.ladder, task, now)),
-            Mode::Hold | Mode::Search => evading,
-            _ => None,
-        };
-        if let Some(flown) = flown {
+        if let Some(evasion) = self.evading(now) {
+            self.hover.reset();
+            let acc = self.config.limits.within_speed(evasion.acc(vel), vel, hold.kv);
+            let reference = FlatState { pos, vel: evasion.vel_world, acc };
+            return Intent { reference, acc_world: acc, fallback, plan: None };
+        }
+        let flies = matches!(self.mode, Mode::Track | Mode::Navigate);
+        if let Some(flown) = self.plans.flyable(&self.config.ladder, task, now).filter(|_| flies) {
             self.hover.reset();
             let age = now.since(flown.stamp);
             let reference = flown.quintic.at(age);
@@ -185,6 +189,12 @@ impl Controller {
             }
         };
         Intent { reference, acc_world: reference.acc, fallback, plan: None }
+    }
+
+    /// The way aside that is flown, if something moves in the vehicle's way.
+    fn evading(&self, now: Time) -> Option<Evasion> {
+        let may = matches!(self.mode, Mode::Track | Mode::Navigate | Mode::Hold | Mode::Search);
+        self.plans.evading(&self.config.ladder, now).filter(|_| may)
     }
 
     /// What is held keeps its distance from a target that is held beside.

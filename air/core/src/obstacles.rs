@@ -42,8 +42,8 @@ const SHORT_PER_M: f32 = 0.006;
 const LOOKED: f32 = 10.0;
 /// Between the points of a ray, voxels.
 const STEP: f32 = 0.8;
-/// Between the places looked at for room, voxels: a look takes in its neighbours.
-const ROOM_STEP: f32 = 2.0;
+/// The vehicle's body and half a voxel, m: what room is there for.
+const BODY: f32 = 0.3;
 
 /// A trajectory is looked at in so many instants.
 const LOOKS: u32 = 20;
@@ -257,13 +257,20 @@ impl Obstacles {
         let mut room = [FARTHEST_ROOM; HEADINGS];
         let Some(low) = self.low else { return room };
         let at = in_voxels(pos_world, &low);
-        let steps = (FARTHEST_ROOM / VOXEL as f32 / ROOM_STEP) as u32;
-        for (heading, free) in room.iter_mut().enumerate() {
-            let (sin, cos) = (heading as f32 * std::f32::consts::TAU / HEADINGS as f32).sin_cos();
-            let way = Vector3::new(cos, sin, 0.0) * ROOM_STEP;
-            // The vehicle's own place is free, whatever is remembered of it.
-            if let Some(step) = (2..=steps).find(|step| self.is_near(&low, &(at + way * *step as f32))) {
-                *free = step as f32 * ROOM_STEP * VOXEL as f32;
+        if !is_inside(&at) {
+            return room;
+        }
+        let inner = at.map(|x| x as i32);
+        let far = (f64::from(FARTHEST_ROOM) / VOXEL) as i32;
+        let about = |axis: usize, by: i32| (inner[axis] - by).max(0)..=(inner[axis] + by).min(SIZE[axis] - 1);
+        for (z, y) in about(2, 1).flat_map(|z| about(1, far).map(move |y| (z, y))) {
+            let row = self.occupied[row_of(&(low + Voxel::new(0, y, z)))];
+            if row == 0 {
+                continue;
+            }
+            for x in about(0, far).filter(|x| row & 1 << bit_of(low.x + x) != 0) {
+                let to = (Vector2::new(x as f32 + 0.5, y as f32 + 0.5) - at.xy()) * VOXEL as f32;
+                bound_room(&mut room, to);
             }
         }
         room
@@ -314,6 +321,18 @@ impl Obstacles {
         self.occupied[row] &= !gone;
         self.free[row] &= !gone;
         self.moved[row] &= !gone;
+    }
+}
+
+/// Something `to` away, m, level, leaves so much room.
+fn bound_room(room: &mut Room, to: Vector2<f32>) {
+    for (heading, free) in room.iter_mut().enumerate() {
+        let (sin, cos) = (heading as f32 * std::f32::consts::TAU / HEADINGS as f32).sin_cos();
+        let along = to.dot(&Vector2::new(cos, sin));
+        let beside = to.norm_squared() - along * along;
+        if along > 0.0 && beside < BODY * BODY {
+            *free = free.min((along - (BODY * BODY - beside).sqrt()).max(0.0));
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use crate::nearest::Nearest;
 use crate::obstacles::{Ignored, Obstacles};
 use crate::quintic::Quintic;
 use crate::select::{SelectConfig, detect, select};
+use crate::separation::Threat;
 use crate::target::{Expected, TargetConfig, TargetFilter};
 use crate::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Odometry, Plan, Rot, Task, Time, Vec3};
 
@@ -250,6 +251,13 @@ impl Planner {
             movers: &movers,
             ignored: ignored.as_ref(),
             chases: self.config.policy.task == Task::Track,
+            threat: self
+                .filter
+                .estimate()
+                .filter(|_| self.config.policy.task == Task::Track)
+                .and_then(|target| Threat::of(&target, stamp)),
+            keep_off: self.config.planning.chase.keep_off,
+            target_acc: self.config.planning.target.max_acc,
             max_acc: self.config.planning.max_acc,
         };
         let evasion = self.evader.step(&start, flown.as_ref(), &scene);

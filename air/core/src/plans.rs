@@ -1,6 +1,7 @@
 //! Which plan is flown: the newest that chose a trajectory, for as long as it may be flown.
 
 use crate::config::LadderConfig;
+use crate::evade::Evasion;
 use crate::obstacles::Room;
 use crate::quintic::Quintic;
 use crate::target::LONGEST_CARRY;
@@ -31,7 +32,7 @@ pub struct Plans {
     newest: Option<(u64, Time)>,
     flown: Option<Flown>,
     /// Out of the way of what moves, of the newest plan.
-    evaded: Option<Flown>,
+    evaded: Option<Evasion>,
     target: Option<TargetEstimate>,
     /// When and where something last looked like the target.
     glimpse: Option<(Time, Vec3)>,
@@ -59,17 +60,15 @@ impl Plans {
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
             self.glimpse = Some((plan.stamp, pos_world));
         }
-        let flown = |end: &FlatState, duration: f64| {
-            let whole = [&plan.start, end].iter().all(|s| finite(&s.pos) && finite(&s.vel) && finite(&s.acc));
-            (whole && duration.is_finite() && duration > 1e-3).then(|| Flown {
-                seq: plan.seq,
-                stamp: plan.stamp,
-                quintic: Quintic::new(&plan.start, end, duration),
-            })
+        self.evaded = plan.evasion.filter(|evasion| finite(&evasion.vel_world));
+        let Some(end) = plan.chosen.and_then(|index| plan.candidates.get(index)).map(|chosen| &chosen.end) else {
+            return;
         };
-        self.evaded = plan.evasion.and_then(|evasion| flown(&evasion.end, evasion.duration));
-        let chosen = plan.chosen.and_then(|index| plan.candidates.get(index));
-        self.flown = chosen.and_then(|candidate| flown(&candidate.end, plan.duration)).or(self.flown);
+        let whole = [&plan.start, end].iter().all(|s| finite(&s.pos) && finite(&s.vel) && finite(&s.acc));
+        if whole && plan.duration.is_finite() && plan.duration > 1e-3 {
+            let quintic = Quintic::new(&plan.start, end, plan.duration);
+            self.flown = Some(Flown { seq: plan.seq, stamp: plan.stamp, quintic });
+        }
     }
 
     /// Moves what is known of the target by `jump_world`, m. The trajectory needs no move: only its acceleration is flown.
@@ -94,11 +93,8 @@ impl Plans {
 
     /// The way aside of the newest plan, while it may be flown.
     #[must_use]
-    pub fn evading(&self, ladder: &LadderConfig, now: Time) -> Option<&Flown> {
-        self.evaded.as_ref().filter(|flown| {
-            let age = now.since(flown.stamp);
-            age >= 0.0 && age <= flown.quintic.duration() && self.frames_arrive(ladder, now)
-        })
+    pub fn evading(&self, ladder: &LadderConfig, now: Time) -> Option<Evasion> {
+        self.evaded.filter(|_| self.frames_arrive(ladder, now))
     }
 
     /// Plans arrive, whether they choose or not.

@@ -23,8 +23,11 @@ pub struct SeparationConfig {
     pub max_acc: f64,
 }
 
-/// The least part of the vehicle's acceleration that counts as being left over the target's, m/s².
-const LEAST_ADVANTAGE: f64 = 2.0;
+/// A target may get so much faster than it was, m/s, and at least so fast.
+const FASTER: (f64, f64) = (0.5, 2.0);
+/// Faster than this nothing is flown, m/s, and so many steps find the speed at which a target may be approached.
+const MOST_APPROACH: f64 = 30.0;
+const NEWTON: u32 = 12;
 /// From the target's move to the vehicle's, s: camera, network, filter, attitude loop.
 const REACTION: f64 = 0.25;
 /// The filter's velocity is so late, s: meanwhile a target that runs may have gained speed toward the vehicle.
@@ -53,7 +56,7 @@ const DOUBT: (f64, f64) = (2.0, 0.8);
 /// The most that one standard deviation of the velocity comes to, m/s.
 const MOST_SPEED_DOUBT: f64 = 1.0;
 
-type Flat = Vector2<f64>;
+pub(crate) type Flat = Vector2<f64>;
 
 /// The target as it may be at its worst.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,13 +102,35 @@ fn level_deviation(covariance: &Matrix3<f64>) -> f64 {
     covariance[(0, 0)].max(covariance[(1, 1)]).max(0.0).sqrt()
 }
 
+/// The target's speed, m/s; falls slowly, since who turns stands for a moment.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Pace(f64);
+
+impl Pace {
+    /// `dt` s later.
+    pub(crate) fn step(&mut self, dt: f64, threat: &Threat) {
+        self.0 = (self.0 - RUNS.1 * dt).max(threat.vel_world.xy().norm());
+    }
+
+    /// How fast the target may get, m/s.
+    pub(crate) fn fastest(&self) -> f64 {
+        (self.0 + FASTER.0).max(FASTER.1)
+    }
+
+    /// The target's velocity, m/s, as fast along `away` as it may be by now.
+    pub(crate) fn worst(&self, threat: &Threat, target_acc: f64, away: &Flat) -> Flat {
+        let seen: Flat = threat.vel_world.xy();
+        let gained = target_acc * LATE * (self.0 / RUNS.0).min(1.0) + threat.vel_doubt;
+        seen + away * gained.min(self.fastest() - seen.dot(away)).max(0.0)
+    }
+}
+
 /// Keeps the distance.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Separation {
     /// The side of the relative velocity to which the vehicle steps aside, +1 left, -1 right; 0: it does not.
     side: f64,
-    /// The target's speed, m/s; falls slowly, since who turns stands for a moment.
-    pace: f64,
+    pace: Pace,
 }
 
 impl SeparationConfig {
@@ -120,21 +145,47 @@ impl SeparationConfig {
         within("planner.max_acc_mps2", self.max_acc, 0.1..=100.0, "no airframe brakes harder")
     }
 
-    /// The greatest speed at which to close in on the least distance, m/s, which is `gap` m away: `gap` is what reaction
-    /// and braking take. Negative: the vehicle is too near and must open.
+    /// The greatest speed (m/s) at which to fly at a target that may come `gap` m nearer, comes at `comes` m/s and gets no
+    /// faster than `fastest`, and by how much it falls with the gap, 1/s. Negative: back away.
     #[must_use]
-    pub fn closing_speed(&self, gap: f64) -> f64 {
-        if gap <= 0.0 {
-            return (OPENING.0 * gap).max(-OPENING.1);
+    pub fn approach(&self, gap: f64, comes: f64, fastest: f64) -> (f64, f64) {
+        let (mut speed, mut slope) = (MOST_APPROACH, 0.0);
+        // What is lost is convex in the speed, and falls with it by the time that it takes: Newton's steps never pass it.
+        for _ in 0..NEWTON {
+            let (lost, time) = self.lost(speed, comes, fastest);
+            let excess = lost - gap.max(0.0);
+            if excess <= 1e-3 || time <= 1e-3 {
+                break;
+            }
+            slope = 1.0 / time.max(REACTION);
+            speed -= excess / time;
         }
-        let braking = self.braking();
-        let lost = braking * REACTION;
-        (lost * lost + 2.0 * braking * gap).sqrt() - lost
+        let opening = (OPENING.0 * gap).min(0.0);
+        ((speed + opening).max(-OPENING.1), slope)
     }
 
-    /// What is left for braking when the target accelerates toward the vehicle, m/s².
-    fn braking(&self) -> f64 {
-        (self.max_acc - self.target_acc).max(LEAST_ADVANTAGE)
+    /// How much nearer a target comes that is flown at with `speed` until both part, m, and how long that takes, s: it
+    /// speeds up at once, from `comes` to `fastest`, and the vehicle brakes when it has reacted.
+    fn lost(&self, speed: f64, comes: f64, fastest: f64) -> (f64, f64) {
+        let full = (fastest - comes).max(0.0) / self.target_acc;
+        let (mut closing, mut lost, mut time) = (speed + comes, 0.0, 0.0);
+        for end in [full.min(REACTION), full.max(REACTION), f64::INFINITY] {
+            let runs = if time < full { self.target_acc } else { 0.0 };
+            let brakes = if time < REACTION { 0.0 } else { self.max_acc };
+            let acc = runs - brakes;
+            let parts = if acc < 0.0 { (closing / -acc).max(0.0) } else { f64::INFINITY };
+            let lasts = (end - time).min(parts);
+            if !lasts.is_finite() {
+                return (f64::INFINITY, f64::INFINITY);
+            }
+            lost += (closing + 0.5 * acc * lasts) * lasts;
+            closing += acc * lasts;
+            time += lasts;
+            if time < end {
+                break;
+            }
+        }
+        (lost, time)
     }
 
     /// The least level distance between two that are `rise` m apart in height, m.
@@ -162,13 +213,14 @@ impl Separation {
         let distance = line.norm();
         let Some(away) = line.try_normalize(1e-3) else { return acc_world };
         let least = config.level(threat.pos_doubt, between.z);
-        self.pace = (self.pace - RUNS.1 * dt).max(threat.vel_world.xy().norm());
-        let gained = away * (config.target_acc * LATE * (self.pace / RUNS.0).min(1.0));
-        // As fast toward the vehicle as it may be by now.
-        let target: Flat = threat.vel_world.xy() + gained;
+        if least == 0.0 {
+            return acc_world;
+        }
+        self.pace.step(dt, threat);
+        let target = self.pace.worst(threat, config.target_acc, &away);
         let relative: Flat = vel_world.xy() - target;
         let flat: Flat = acc_world.xy();
-        let backed = back(config, flat, (away, distance, least), relative, threat.vel_doubt);
+        let backed = back(config, flat, (away, distance, least), [relative, target], self.pace.fastest());
         let coming = target.dot(&away) > COMING;
         let aside = if coming { self.aside(least, line, relative, room) } else { None };
         self.side = aside.map_or(0.0, |(side, _)| side);
@@ -211,18 +263,17 @@ fn back(
     config: &SeparationConfig,
     flat: Flat,
     (away, distance, least): (Flat, f64, f64),
-    relative: Flat,
-    doubt: f64,
+    [relative, target]: [Flat; 2],
+    fastest: f64,
 ) -> Flat {
     let closing = -relative.dot(&away);
-    let worst = closing + doubt;
-    let allowed = config.closing_speed(distance - least);
-    let braking = config.braking();
+    let comes = target.dot(&away);
+    let (allowed, slope) = config.approach(distance - least, comes, fastest);
     // Along the bound itself, the speed falls as the distance does.
-    let along_bound = braking * worst.max(0.0) / (allowed.max(0.0) + braking * REACTION);
+    let along_bound = slope * closing.max(0.0);
     // Who passes by opens without braking.
     let passing = (relative + away * closing).norm_squared() / distance.max(0.5 * least).max(0.1);
-    let wanted = KV * (worst - allowed) + along_bound - passing;
+    let wanted = KV * (closing - comes - allowed) + along_bound - passing;
     flat + away * (wanted - flat.dot(&away)).max(0.0)
 }
 

@@ -419,10 +419,7 @@ impl Loop {
             target: estimate.or(kept),
             room: None,
             movers: [None; goshawk_core::movers::MOST],
-            evasion: self.evades.map(|vel| {
-                let pos = pos + (self.vel + vel) * 0.45;
-                evade::Evasion { end: FlatState { pos, vel, acc: Vec3::zeros() }, duration: 0.9 }
-            }),
+            evasion: self.evades.map(|vel_world| evade::Evasion { vel_world }),
         })
     }
 
