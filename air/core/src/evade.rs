@@ -13,21 +13,28 @@ use crate::types::{FlatState, Rot, Time, Vec3};
 /// A way aside: to this velocity as fast as may be, and straight on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evasion {
-    /// m/s.
+    /// Level, m/s.
     pub vel_world: Vec3,
+    /// And to this height, m; none: as high as one flies.
+    pub height: Option<f64>,
 }
 
 impl Evasion {
-    /// What to fly at `vel_world` (m/s), m/s².
+    /// What to fly at `height` (m) with `vel_world` (m/s), m/s².
     #[must_use]
-    pub fn acc(&self, vel_world: Vec3) -> Vec3 {
-        cap((self.vel_world - vel_world) * GAIN, ACC)
+    pub fn acc(&self, height: f64, vel_world: Vec3) -> Vec3 {
+        let level = Vec3::new(vel_world.x, vel_world.y, 0.0);
+        let climb = self.height.map_or(0.0, |end| ((end - height) * RISE.2).clamp(-RISE.1, RISE.1));
+        let vertical = ((climb - vel_world.z) * GAIN).clamp(-RISE.0, RISE.0);
+        cap((self.vel_world - level) * GAIN, ACC) + Vec3::z() * vertical
     }
 }
 
 /// Gain on the velocity, 1/s, and the acceleration with which a way aside begins, m/s².
 const GAIN: f64 = 5.0;
 const ACC: f64 = 8.0;
+/// Upward it goes with this acceleration, m/s², to this speed, m/s, which falls with the height that is left, 1/s.
+const RISE: (f64, f64, f64) = (10.0, 4.0, 3.0);
 /// Until it does, the vehicle flies on as it does, s: network and attitude.
 const LAG: f64 = 0.1;
 /// How far a way aside is foreseen, s.
@@ -50,10 +57,9 @@ const ASIDE: f64 = 0.5;
 const RESTLESS: f64 = 0.5;
 /// Times of a way at which it is looked whether one knows the place, s.
 const KNOWN_AT: [f64; 4] = [0.4, 0.7, 1.0, 1.3];
-/// Out of a target's way one may go faster, m/s, and up, m/s, which costs so much, for it leaves the image.
+/// Out of a target's way one may go faster, m/s, and up, which costs so much, for it leaves the image.
 const FAST: f64 = 4.0;
-const UP: f64 = 2.5;
-const UPWARD: f64 = 4.0;
+const UPWARD: f64 = 1.0;
 /// Each m/s away from it costs so much: who backs before a runner only puts it off.
 const BACKWARD: f64 = 1.5;
 /// What it costs to be where a target may be, and at how many instants one looks, up to so late, s.
@@ -67,7 +73,7 @@ const COMES: f64 = 0.5;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Evader {
     /// Where the last one led, m/s.
-    last: Option<Vec3>,
+    last: Option<Evasion>,
     /// The last frame's.
     stamp: Option<Time>,
     pace: Pace,
@@ -87,8 +93,6 @@ pub(crate) struct Scene<'a> {
     pub(crate) keep_off: f64,
     /// and accelerates no harder than this, m/s².
     pub(crate) target_acc: f64,
-    /// The vehicle's greatest acceleration, m/s².
-    pub(crate) max_acc: f64,
 }
 
 impl Scene<'_> {
@@ -145,7 +149,8 @@ impl Evader {
         let last = self.last.take();
         let dt = self.stamp.replace(scene.stamp).map_or(0.0, |stamp| scene.stamp.since(stamp).clamp(0.0, 1.0));
         let coming = Coming::of(start, &mut self.pace, dt, scene);
-        let stop = |time: f64| aside(start, Vec3::zeros(), time);
+        let on = |vel_world: Vec3| Evasion { vel_world, height: None };
+        let stop = |time: f64| aside(start, &on(Vec3::zeros()), time);
         // Before a target the vehicle brakes, whatever is flown.
         let met = coming.as_ref().map_or(0.0, |coming| coming.meets(&stop));
         let otherwise = |time: f64| match flown {
@@ -162,25 +167,23 @@ impl Evader {
         let level = Vec3::new(start.vel.x, start.vel.y, 0.0);
         let around = (0..HEADINGS).flat_map(|k| SPEEDS.map(|speed| heading(k) * speed));
         let turned = TURNS.iter().map(|turn| Rot::from_axis_angle(&Vec3::z_axis(), *turn) * level * 0.85);
-        let cost = |vel: Vec3| {
-            let way = |time: f64| aside(start, vel, time);
+        let cost = |evasion: &Evasion| {
+            let vel = evasion.vel_world;
+            let way = |time: f64| aside(start, evasion, time);
             let unknown = KNOWN_AT.iter().filter(|time| !scene.obstacles.is_known(&way(**time))).count();
             scene.danger(&way, HORIZON)
                 + coming.as_ref().map_or(0.0, |coming| coming.meets(&way) + BACKWARD * vel.dot(&coming.away).max(0.0))
                 + UNKNOWN * unknown as f64 / KNOWN_AT.len() as f64
                 + ASIDE * (way(SOON) - soon).norm()
-                + if vel.z > 0.0 { UPWARD } else { 0.0 }
-                + last.map_or(0.0, |last| RESTLESS * (vel - last).norm())
+                + evasion.height.map_or(0.0, |_| UPWARD)
+                + last.map_or(0.0, |last| RESTLESS * (vel - last.vel_world).norm())
         };
-        let out = coming.iter().filter(|_| met > 0.0).flat_map(|_| outward());
-        let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned).chain(out);
-        let best = all.map(|vel| (vel, cost(vel))).min_by(|a, b| a.1.total_cmp(&b.1));
-        let (vel_world, cost) = best.filter(|(_, cost)| cost.is_finite())?;
+        let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned).map(on);
+        let out = coming.iter().filter(|_| met > 0.0).flat_map(outward);
+        let best = all.chain(out).map(|way| (way, cost(&way))).min_by(|a, b| a.1.total_cmp(&b.1));
+        let (way, cost) = best.filter(|(_, cost)| cost.is_finite())?;
         let better = if last.is_some() { 0.0 } else { BETTER };
-        (cost + better < least).then(|| {
-            self.last = Some(vel_world);
-            Evasion { vel_world }
-        })
+        (cost + better < least).then(|| *self.last.insert(way))
     }
 }
 
@@ -189,21 +192,29 @@ fn heading(k: u32) -> Vec3 {
     Vec3::new(cos, sin, 0.0)
 }
 
-/// Velocities of ways out of a target's way, m/s: fast, and up.
-fn outward() -> impl Iterator<Item = Vec3> {
-    let fast = (0..HEADINGS).map(|k| heading(k) * FAST);
-    let rising = (0..HEADINGS).flat_map(|k| SPEEDS.map(|speed| heading(k) * speed + Vec3::z() * UP));
-    fast.chain(rising).chain([Vec3::z() * UP])
+/// Out of a target's way: fast, and over it.
+fn outward(coming: &Coming) -> impl Iterator<Item = Evasion> {
+    let over = Some(coming.pos_world.z + coming.keep_off);
+    let level = (0..HEADINGS).flat_map(|k| [SPEEDS[0], SPEEDS[1], FAST].map(|speed| heading(k) * speed));
+    let fast = (0..HEADINGS).map(|k| Evasion { vel_world: heading(k) * FAST, height: None });
+    fast.chain(level.chain([Vec3::zeros()]).map(move |vel_world| Evasion { vel_world, height: over }))
 }
 
-/// Where one is after `time` s on the way to the velocity `vel` (m/s).
-fn aside(start: &FlatState, vel: Vec3, time: f64) -> Vec3 {
+/// Where one is after `time` s on the way.
+fn aside(start: &FlatState, evasion: &Evasion, time: f64) -> Vec3 {
     let lag = time.min(LAG);
     let (pos, from) = (start.pos + start.vel * lag + start.acc * (0.5 * lag * lag), start.vel + start.acc * lag);
-    let change = vel - from;
-    let (time, turning) = (time - lag, change.norm() / ACC);
-    let turned = time.min(turning);
-    pos + from * turned + change * (0.5 * turned * turned / turning.max(1e-9)) + vel * (time - turned)
+    let change = (evasion.vel_world - from).xy().push(0.0);
+    let (left, turning) = (time - lag, change.norm() / ACC);
+    let turned = left.min(turning);
+    let level =
+        from * turned + change * (0.5 * turned * turned / turning.max(1e-9)) + evasion.vel_world * (left - turned);
+    let rise = evasion.height.map_or(0.0, |end| {
+        let rising = left.min(((RISE.1 - start.vel.z) / RISE.0).max(0.0));
+        let free = (start.vel.z + 0.5 * RISE.0 * rising) * rising + RISE.1 * (left - rising);
+        free.min((end - start.pos.z).max(0.0))
+    });
+    Vec3::new(pos.x + level.x, pos.y + level.y, start.pos.z + rise)
 }
 
 #[cfg(test)]
@@ -242,7 +253,6 @@ mod tests {
             threat: None,
             keep_off: 2.0,
             target_acc: 8.0,
-            max_acc: 10.0,
         };
         Evader::default().step(start, Some(&flown), &scene)
     }
@@ -254,7 +264,7 @@ mod tests {
         let evasion = step(&start, &crossing).expect("they would meet");
         let gap = (1..=20).map(|k| f64::from(k) * 0.09).map(|time| {
             let it = crossing[0].unwrap();
-            (aside(&start, evasion.vel_world, time) - it.pos_world - it.vel_world * time).xy().norm()
+            (aside(&start, &evasion, time) - it.pos_world - it.vel_world * time).xy().norm()
         });
         let least = gap.fold(f64::INFINITY, f64::min);
         assert!(least > 0.6, "{least} {evasion:?}");

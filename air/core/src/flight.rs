@@ -36,6 +36,8 @@ const SLIPPED_WITHIN: f64 = 4.0;
 const GLANCE_AFTER: f64 = 0.3;
 const GLANCE_ANGLE: f64 = 1.0;
 const GLANCE_PERIOD: f64 = 2.0;
+/// Stepping over a target ends so far below the ceiling, m.
+const BELOW_CEILING: f64 = 1.0;
 
 impl Controller {
     /// The output of the current mode; transition, reply and readiness are the caller's.
@@ -142,7 +144,7 @@ impl Controller {
         let mut fallback = Fallback::None;
         if let Some(evasion) = self.evading(now) {
             self.hover.reset();
-            let acc = self.config.limits.within_speed(evasion.acc(vel), vel, hold.kv);
+            let acc = self.config.limits.within_speed(evasion.acc(pos.z, vel), vel, hold.kv);
             let reference = FlatState { pos, vel: evasion.vel_world, acc };
             return Intent { reference, acc_world: acc, fallback, plan: None };
         }
@@ -194,7 +196,12 @@ impl Controller {
     /// The way aside that is flown, if something moves in the vehicle's way.
     fn evading(&self, now: Time) -> Option<Evasion> {
         let may = matches!(self.mode, Mode::Track | Mode::Navigate | Mode::Hold | Mode::Search);
-        self.plans.evading(&self.config.ladder, now).filter(|_| may)
+        let mut evasion = self.plans.evading(&self.config.ladder, now).filter(|_| may)?;
+        // Not so high that the flight would end.
+        let most = self.flight.as_ref().map_or(0.0, |flight| flight.start_world.z) + self.config.limits.ceiling
+            - BELOW_CEILING;
+        evasion.height = evasion.height.map(|height| height.min(most));
+        Some(evasion)
     }
 
     /// What is held keeps its distance from a target that is held beside.

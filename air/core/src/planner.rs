@@ -258,7 +258,6 @@ impl Planner {
                 .and_then(|target| Threat::of(&target, stamp)),
             keep_off: self.config.planning.chase.keep_off,
             target_acc: self.config.planning.target.max_acc,
-            max_acc: self.config.planning.max_acc,
         };
         let evasion = self.evader.step(&start, flown.as_ref(), &scene);
         Plan {

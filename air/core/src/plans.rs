@@ -60,7 +60,8 @@ impl Plans {
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
             self.glimpse = Some((plan.stamp, pos_world));
         }
-        self.evaded = plan.evasion.filter(|evasion| finite(&evasion.vel_world));
+        let whole = |way: &Evasion| finite(&way.vel_world) && way.height.is_none_or(f64::is_finite);
+        self.evaded = plan.evasion.filter(whole);
         let Some(end) = plan.chosen.and_then(|index| plan.candidates.get(index)).map(|chosen| &chosen.end) else {
             return;
         };

@@ -419,7 +419,7 @@ impl Loop {
             target: estimate.or(kept),
             room: None,
             movers: [None; goshawk_core::movers::MOST],
-            evasion: self.evades.map(|vel_world| evade::Evasion { vel_world }),
+            evasion: self.evades.map(|vel_world| evade::Evasion { vel_world, height: None }),
         })
     }
 
