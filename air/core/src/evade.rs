@@ -1,7 +1,9 @@
-//! Out of the way of what moves (beyond the paper).
+//! Out of the way of what moves, and of a target that comes (beyond the paper).
 //!
 //! The network's trajectories lead to the aim and last a second or more: a slow vehicle's hardly differ before a mover
 //! is there. If the best of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
+//! So it is when a target comes that braking alone does not keep away from; then faster ways are tried as well, and ways
+//! over it: it runs as fast as the vehicle backs, but it does not fly.
 
 use crate::lead::cap;
 use crate::movers::{Movers, meeting};
@@ -24,7 +26,7 @@ impl Evasion {
     #[must_use]
     pub fn acc(&self, height: f64, vel_world: Vec3) -> Vec3 {
         let level = Vec3::new(vel_world.x, vel_world.y, 0.0);
-        let climb = self.height.map_or(0.0, |end| ((end - height) * RISE.2).clamp(-RISE.1, RISE.1));
+        let climb = self.height.map_or(0.0, |end| ((end - height) * RISE.2).clamp(0.0, RISE.1));
         let vertical = ((climb - vel_world.z) * GAIN).clamp(-RISE.0, RISE.0);
         cap((self.vel_world - level) * GAIN, ACC) + Vec3::z() * vertical
     }
@@ -33,10 +35,10 @@ impl Evasion {
 /// Gain on the velocity, 1/s, and the acceleration with which a way aside begins, m/s².
 const GAIN: f64 = 5.0;
 const ACC: f64 = 8.0;
+/// Until it begins, the vehicle flies on as it does, s: network and attitude.
+const LAG: f64 = 0.1;
 /// Upward it goes with this acceleration, m/s², to this speed, m/s, which falls with the height that is left, 1/s.
 const RISE: (f64, f64, f64) = (10.0, 4.0, 3.0);
-/// Until it does, the vehicle flies on as it does, s: network and attitude.
-const LAG: f64 = 0.1;
 /// How far a way aside is foreseen, s.
 const HORIZON: f64 = 1.2;
 /// At this time places are compared with where the vehicle would be, s.
@@ -101,29 +103,32 @@ impl Scene<'_> {
     }
 }
 
-/// The target may come on as it does, or turn on the vehicle: from where, at what velocities (m, m/s).
-struct Coming {
+/// The target, which may go on as it does, or turn on the vehicle.
+struct Runner {
+    /// m.
     pos_world: Vec3,
+    /// How it may run, m/s.
     vels_world: [Vec3; 2],
     /// From it to the vehicle, level.
     away: Vec3,
+    /// It comes nearer.
+    comes: bool,
     /// m.
     keep_off: f64,
 }
 
-impl Coming {
-    /// None: it does not come.
+impl Runner {
     fn of(start: &FlatState, pace: &mut Pace, dt: f64, scene: &Scene) -> Option<Self> {
         let threat = scene.threat.as_ref()?;
         pace.step(dt, threat);
         let away: Flat = (start.pos - threat.pos_world).xy().try_normalize(1e-3)?;
         let worst = pace.worst(threat, scene.target_acc, &away);
-        let turned = away * worst.dot(&away);
-        let level = |vel: Flat| Vec3::new(vel.x, vel.y, 0.0);
-        (threat.vel_world.xy().dot(&away) > COMES).then(|| Self {
+        let turned = away * worst.dot(&away).max(0.0);
+        Some(Self {
             pos_world: threat.pos_world,
-            away: level(away),
-            vels_world: [level(worst), level(turned)],
+            vels_world: [worst, turned].map(|vel| vel.push(0.0)),
+            away: away.push(0.0),
+            comes: threat.vel_world.xy().dot(&away) > COMES,
             keep_off: scene.keep_off + threat.pos_doubt,
         })
     }
@@ -140,6 +145,11 @@ impl Coming {
         };
         PERSON * self.vels_world.iter().map(share).fold(0.0, f64::max)
     }
+
+    /// What it costs to back before it with `vel`, m/s.
+    fn backs(&self, vel: &Vec3) -> f64 {
+        if self.comes { BACKWARD * vel.dot(&self.away).max(0.0) } else { 0.0 }
+    }
 }
 
 impl Evader {
@@ -148,11 +158,12 @@ impl Evader {
     pub(crate) fn step(&mut self, start: &FlatState, flown: Option<&Quintic>, scene: &Scene) -> Option<Evasion> {
         let last = self.last.take();
         let dt = self.stamp.replace(scene.stamp).map_or(0.0, |stamp| scene.stamp.since(stamp).clamp(0.0, 1.0));
-        let coming = Coming::of(start, &mut self.pace, dt, scene);
+        let runner = Runner::of(start, &mut self.pace, dt, scene);
         let on = |vel_world: Vec3| Evasion { vel_world, height: None };
         let stop = |time: f64| aside(start, &on(Vec3::zeros()), time);
         // Before a target the vehicle brakes, whatever is flown.
-        let met = coming.as_ref().map_or(0.0, |coming| coming.meets(&stop));
+        let coming = runner.as_ref().filter(|runner| runner.comes);
+        let met = coming.map_or(0.0, |coming| coming.meets(&stop));
         let otherwise = |time: f64| match flown {
             Some(flown) if met == 0.0 => flown.at(time).pos,
             _ => stop(time),
@@ -172,14 +183,14 @@ impl Evader {
             let way = |time: f64| aside(start, evasion, time);
             let unknown = KNOWN_AT.iter().filter(|time| !scene.obstacles.is_known(&way(**time))).count();
             scene.danger(&way, HORIZON)
-                + coming.as_ref().map_or(0.0, |coming| coming.meets(&way) + BACKWARD * vel.dot(&coming.away).max(0.0))
+                + runner.as_ref().map_or(0.0, |runner| runner.meets(&way) + runner.backs(&vel))
                 + UNKNOWN * unknown as f64 / KNOWN_AT.len() as f64
                 + ASIDE * (way(SOON) - soon).norm()
                 + evasion.height.map_or(0.0, |_| UPWARD)
                 + last.map_or(0.0, |last| RESTLESS * (vel - last.vel_world).norm())
         };
         let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned).map(on);
-        let out = coming.iter().filter(|_| met > 0.0).flat_map(outward);
+        let out = coming.filter(|_| met > 0.0).into_iter().flat_map(outward);
         let best = all.chain(out).map(|way| (way, cost(&way))).min_by(|a, b| a.1.total_cmp(&b.1));
         let (way, cost) = best.filter(|(_, cost)| cost.is_finite())?;
         let better = if last.is_some() { 0.0 } else { BETTER };
@@ -193,7 +204,7 @@ fn heading(k: u32) -> Vec3 {
 }
 
 /// Out of a target's way: fast, and over it.
-fn outward(coming: &Coming) -> impl Iterator<Item = Evasion> {
+fn outward(coming: &Runner) -> impl Iterator<Item = Evasion> {
     let over = Some(coming.pos_world.z + coming.keep_off);
     let level = (0..HEADINGS).flat_map(|k| [SPEEDS[0], SPEEDS[1], FAST].map(|speed| heading(k) * speed));
     let fast = (0..HEADINGS).map(|k| Evasion { vel_world: heading(k) * FAST, height: None });
@@ -241,6 +252,10 @@ mod tests {
     }
 
     fn step(start: &FlatState, movers: &Movers) -> Option<Evasion> {
+        step_before(start, movers, None)
+    }
+
+    fn step_before(start: &FlatState, movers: &Movers, threat: Option<Threat>) -> Option<Evasion> {
         let obstacles = open_space();
         let ahead = FlatState { pos: start.pos + start.vel * 2.0, ..*start };
         let flown = Quintic::new(start, &ahead, 2.0);
@@ -249,8 +264,8 @@ mod tests {
             obstacles: &obstacles,
             movers,
             ignored: None,
-            chases: false,
-            threat: None,
+            chases: threat.is_some(),
+            threat,
             keep_off: 2.0,
             target_acc: 8.0,
         };
@@ -270,6 +285,32 @@ mod tests {
         assert!(least > 0.6, "{least} {evasion:?}");
         assert_eq!(step(&start, &mover(Vec3::new(2.2, -1.2, 0.0), Vec3::y() * -1.2)), None);
         assert_eq!(step(&start, &[None; MOST]), None);
+    }
+
+    fn target(pos_world: Vec3, vel_world: Vec3) -> Option<Threat> {
+        Some(Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0 })
+    }
+
+    #[test]
+    fn a_target_that_comes_is_stepped_out_of_its_way_by_the_distance_and_not_backed_before() {
+        let (start, comes) = (FlatState::default(), target(Vec3::x() * 5.0, Vec3::x() * -5.0));
+        let evasion = step_before(&start, &[None; MOST], comes).expect("it would be run over");
+        let gap = |time: f64| (aside(&start, &evasion, time) - Vec3::x() * (5.0 - 5.0 * time)).norm();
+        let least = (1..=20).map(|k| gap(f64::from(k) * 0.1)).fold(f64::INFINITY, f64::min);
+        assert!(least > 1.9 && evasion.vel_world.x > -2.0, "{least} {evasion:?}");
+        let leaves = target(Vec3::x() * 5.0, Vec3::x() * 5.0);
+        assert_eq!(step_before(&start, &[None; MOST], leaves), None);
+        let passes = target(Vec3::new(5.0, 5.0, 0.0), Vec3::y() * 5.0);
+        assert_eq!(step_before(&start, &[None; MOST], passes), None);
+    }
+
+    #[test]
+    fn one_that_is_too_near_to_step_aside_is_stepped_over() {
+        let near = target(Vec3::new(2.2, 0.0, -0.4), Vec3::x() * -4.0);
+        let evasion = step_before(&FlatState::default(), &[None; MOST], near).expect("it would be run over");
+        assert_eq!(evasion.height, Some(1.6), "the least distance above it");
+        assert!(evasion.acc(0.0, Vec3::zeros()).z > 5.0);
+        assert_eq!(evasion.acc(9.0, Vec3::zeros()).z, 0.0, "nobody comes down on it");
     }
 
     #[test]

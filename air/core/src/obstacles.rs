@@ -441,6 +441,18 @@ mod tests {
     }
 
     #[test]
+    fn there_is_room_up_to_a_thin_thing_however_near_it_is() {
+        let mut obstacles = obstacles();
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
+        let room = |x: f64| obstacles.room(&Vec3::new(x, 0.0, 0.0));
+        for (x, left) in [(1.0, 2.7), (2.9, 0.8), (3.4, 0.3), (3.7, 0.0)] {
+            assert!((room(x)[0] - left).abs() < 0.25, "{x} {}", room(x)[0]);
+            assert_eq!(room(x)[HEADINGS / 2], FARTHEST_ROOM, "behind");
+        }
+        assert_eq!(room(1.0)[HEADINGS / 4], FARTHEST_ROOM, "beside");
+    }
+
+    #[test]
     fn a_branch_that_every_third_image_misses_stays() {
         let mut obstacles = obstacles();
         for frame in 0..30 {

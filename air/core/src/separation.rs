@@ -351,6 +351,21 @@ mod tests {
     }
 
     #[test]
+    fn the_speed_at_which_it_may_be_approached_is_what_reaction_and_braking_leave() {
+        let speed = |gap: f64, comes: f64, fastest: f64| CONFIG.approach(gap, comes, fastest).0;
+        // It stands and stays: v * 0.25 s + v² / 20 is the gap.
+        assert!((speed(3.0, 0.0, 0.0) - 5.6394).abs() < 0.01, "{}", speed(3.0, 0.0, 0.0));
+        // It comes as fast as it can: the same, counted from its own speed.
+        assert!((speed(3.0, 4.0, 4.0) - 1.6394).abs() < 0.01);
+        assert!(speed(3.0, 0.0, 4.0) < speed(3.0, 0.0, 0.0), "it may begin to come");
+        assert!(speed(3.0, -4.0, 4.0) > speed(3.0, 0.0, 4.0), "it must turn first");
+        assert!(speed(0.0, 3.0, 3.0) < -2.9 && speed(-1.0, 0.0, 2.0) < -1.0);
+        // What the speed loses with the gap is what the two speeds say.
+        let (at, slope) = CONFIG.approach(3.0, 0.0, 4.0);
+        assert!((speed(3.01, 0.0, 4.0) - at - 0.01 * slope).abs() < 2e-3, "{slope}");
+    }
+
+    #[test]
     fn far_off_nothing_changes_and_too_near_the_vehicle_backs_away() {
         let acc = Vec3::new(3.0, 1.0, 0.5);
         assert_eq!(keep(acc, Vec3::x() * 3.0, &threat(Vec3::x() * 30.0, Vec3::zeros()), None), acc);

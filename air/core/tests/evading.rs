@@ -4,12 +4,22 @@
 mod common;
 
 use common::{Frames, Loop, track};
+use goshawk_core::evade::Evasion;
 use goshawk_core::*;
+
+fn level(vel_world: Vec3) -> Option<Evasion> {
+    Some(Evasion { vel_world, height: None })
+}
 
 /// Holds beside a target; no vehicle may fly faster than `max_speed`, m/s.
 fn holding(max_speed: f64) -> Loop {
+    holding_below(max_speed, common::config().limits.ceiling)
+}
+
+/// And none higher than the ceiling, m.
+fn holding_below(max_speed: f64, ceiling: f64) -> Loop {
     let mut config = common::config();
-    config.limits.max_speed = max_speed;
+    (config.limits.max_speed, config.limits.ceiling) = (max_speed, ceiling);
     let mut sim = Loop::with(config);
     sim.frames = Frames::Blank;
     sim.start(Profile { speed: max_speed.min(4.0), ..track() });
@@ -26,9 +36,9 @@ fn who_holds_steps_out_of_the_way_and_stops_when_it_is_free_again() {
     let held = sim.pos;
     sim.run(1.0);
     assert!((sim.pos - held).norm() < 0.1);
-    sim.evades = Some(Vec3::y() * 2.5);
+    sim.evades = level(Vec3::y() * 2.5);
     sim.run(0.9);
-    assert!((sim.pos - held).y > 0.4, "{}", sim.pos - held);
+    assert!((sim.pos - held).y > 1.2, "{}", sim.pos - held);
     sim.evades = None;
     sim.run(3.0);
     assert!(sim.vel.norm() < 0.2, "{}", sim.vel);
@@ -38,7 +48,7 @@ fn who_holds_steps_out_of_the_way_and_stops_when_it_is_free_again() {
 fn out_of_the_way_it_flies_no_faster_than_the_limit() {
     let fastest = |max_speed: f64| {
         let mut sim = holding(max_speed);
-        sim.evades = Some(Vec3::y() * 9.0);
+        sim.evades = level(Vec3::y() * 9.0);
         let speed = |sim: &mut Loop| {
             sim.tick(None);
             sim.vel.norm()
@@ -47,4 +57,18 @@ fn out_of_the_way_it_flies_no_faster_than_the_limit() {
     };
     assert!(fastest(20.0) > 5.0, "{}", fastest(20.0));
     assert!(fastest(3.0) < 3.5, "{}", fastest(3.0));
+}
+
+#[test]
+fn it_steps_over_a_target_within_a_second_and_never_to_the_ceiling() {
+    let over = Some(Evasion { vel_world: Vec3::zeros(), height: Some(4.0) });
+    let mut sim = holding(8.0);
+    let before = sim.pos.z;
+    sim.evades = over;
+    sim.run(0.8);
+    assert!(sim.pos.z - before > 1.2, "{} from {before}", sim.pos.z);
+    let mut low = holding_below(8.0, 3.5);
+    low.evades = over;
+    low.run(3.0);
+    assert!(low.mode() == Mode::Hold && low.pos.z < 3.0, "{:?} {}", low.mode(), low.pos.z);
 }

@@ -170,8 +170,8 @@ pub struct Loop {
     pub frames: Frames,
     /// How much sooner than they should plans want to be there; 1: as the demand says.
     pub haste: f64,
-    /// Every plan leads out of the way, to this velocity, m/s.
-    pub evades: Option<Vec3>,
+    /// Every plan leads out of the way by this.
+    pub evades: Option<evade::Evasion>,
     /// What the filter believes of the target's velocity.
     pub target_vel: Vec3,
     pub odometry_works: bool,
@@ -419,7 +419,7 @@ impl Loop {
             target: estimate.or(kept),
             room: None,
             movers: [None; goshawk_core::movers::MOST],
-            evasion: self.evades.map(|vel_world| evade::Evasion { vel_world, height: None }),
+            evasion: self.evades,
         })
     }
 
