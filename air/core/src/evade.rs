@@ -178,21 +178,32 @@ impl Evader {
         let level = Vec3::new(start.vel.x, start.vel.y, 0.0);
         let around = (0..HEADINGS).flat_map(|k| SPEEDS.map(|speed| heading(k) * speed));
         let turned = TURNS.iter().map(|turn| Rot::from_axis_angle(&Vec3::z_axis(), *turn) * level * 0.85);
-        let cost = |evasion: &Evasion| {
+        // All but what is looked up in the map.
+        let effort = |evasion: &Evasion| {
             let vel = evasion.vel_world;
             let way = |time: f64| aside(start, evasion, time);
-            let unknown = KNOWN_AT.iter().filter(|time| !scene.obstacles.is_known(&way(**time))).count();
-            scene.danger(&way, HORIZON)
-                + runner.as_ref().map_or(0.0, |runner| runner.meets(&way) + runner.backs(&vel))
-                + UNKNOWN * unknown as f64 / KNOWN_AT.len() as f64
+            runner.as_ref().map_or(0.0, |runner| runner.meets(&way) + runner.backs(&vel))
                 + ASIDE * (way(SOON) - soon).norm()
                 + evasion.height.map_or(0.0, |_| UPWARD)
                 + last.map_or(0.0, |last| RESTLESS * (vel - last.vel_world).norm())
         };
+        let risk = |evasion: &Evasion| {
+            let way = |time: f64| aside(start, evasion, time);
+            let unknown = KNOWN_AT.iter().filter(|time| !scene.obstacles.is_known(&way(**time))).count();
+            scene.danger(&way, HORIZON) + UNKNOWN * unknown as f64 / KNOWN_AT.len() as f64
+        };
         let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned).map(on);
         let out = coming.filter(|_| met > 0.0).into_iter().flat_map(outward);
-        let best = all.chain(out).map(|way| (way, cost(&way))).min_by(|a, b| a.1.total_cmp(&b.1));
-        let (way, cost) = best.filter(|(_, cost)| cost.is_finite())?;
+        let mut best = None;
+        for way in all.chain(out) {
+            let cheaper = |cost: f64| cost.is_finite() && best.is_none_or(|(_, least)| cost < least);
+            let effort = effort(&way);
+            if cheaper(effort) {
+                let cost = effort + risk(&way);
+                best = if cheaper(cost) { Some((way, cost)) } else { best };
+            }
+        }
+        let (way, cost) = best?;
         let better = if last.is_some() { 0.0 } else { BETTER };
         (cost + better < least).then(|| *self.last.insert(way))
     }
