@@ -19,6 +19,8 @@ pub struct Evasion {
     pub vel_world: Vec3,
     /// And to this height, m; none: as high as one flies.
     pub height: Option<f64>,
+    /// Out of the way of the target: so it keeps the least distance by itself.
+    pub from_target: bool,
 }
 
 impl Evasion {
@@ -74,9 +76,8 @@ const COMES: f64 = 0.5;
 /// Chooses ways aside.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Evader {
-    /// Where the last one led, m/s.
+    /// Of the last frame.
     last: Option<Evasion>,
-    /// The last frame's.
     stamp: Option<Time>,
     pace: Pace,
 }
@@ -159,7 +160,7 @@ impl Evader {
         let last = self.last.take();
         let dt = self.stamp.replace(scene.stamp).map_or(0.0, |stamp| scene.stamp.since(stamp).clamp(0.0, 1.0));
         let runner = Runner::of(start, &mut self.pace, dt, scene);
-        let on = |vel_world: Vec3| Evasion { vel_world, height: None };
+        let on = |vel_world: Vec3| Evasion { vel_world, height: None, from_target: false };
         let stop = |time: f64| aside(start, &on(Vec3::zeros()), time);
         // Before a target the vehicle brakes, whatever is flown.
         let coming = runner.as_ref().filter(|runner| runner.comes);
@@ -205,7 +206,7 @@ impl Evader {
         }
         let (way, cost) = best?;
         let better = if last.is_some() { 0.0 } else { BETTER };
-        (cost + better < least).then(|| *self.last.insert(way))
+        (cost + better < least).then(|| *self.last.insert(Evasion { from_target: met > 0.0, ..way }))
     }
 }
 
@@ -218,8 +219,8 @@ fn heading(k: u32) -> Vec3 {
 fn outward(coming: &Runner) -> impl Iterator<Item = Evasion> {
     let over = Some(coming.pos_world.z + coming.keep_off);
     let level = (0..HEADINGS).flat_map(|k| [SPEEDS[0], SPEEDS[1], FAST].map(|speed| heading(k) * speed));
-    let fast = (0..HEADINGS).map(|k| Evasion { vel_world: heading(k) * FAST, height: None });
-    fast.chain(level.chain([Vec3::zeros()]).map(move |vel_world| Evasion { vel_world, height: over }))
+    let way = |height| move |vel_world| Evasion { vel_world, height, from_target: true };
+    (0..HEADINGS).map(|k| heading(k) * FAST).map(way(None)).chain(level.chain([Vec3::zeros()]).map(way(over)))
 }
 
 /// Where one is after `time` s on the way.

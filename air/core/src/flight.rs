@@ -68,7 +68,7 @@ impl Controller {
         let yaw = self.yaw.step(dt, goal);
         self.hold_apart(now);
         let mut intent = self.intent(now, &odometry);
-        if self.evading(now).is_none() {
+        if !self.evading(now).is_some_and(|evasion| evasion.from_target) {
             intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
         }
         let disturbance = self.motion.observer().disturbance();

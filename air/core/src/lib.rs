@@ -31,6 +31,7 @@ pub mod obstacles;
 pub mod planner;
 pub mod plans;
 pub mod quintic;
+pub mod room;
 pub mod select;
 pub mod separation;
 mod situation;

@@ -7,18 +7,9 @@
 use crate::movers::{Followed, Fresh, Movers};
 use crate::nearest::{Blocks, COLUMNS, Nearest, ROWS};
 use crate::quintic::Quintic;
+use crate::room::{FARTHEST_ROOM, Room, among};
 use crate::types::{Rot, Time, Vec3};
 use nalgebra::{Vector2, Vector3};
-
-/// Headings of [`Room`], from the world's x axis counterclockwise.
-pub const HEADINGS: usize = 16;
-
-/// For each heading, how far the vehicle's body could go at its height before it meets something, m; at most
-/// [`FARTHEST_ROOM`].
-pub type Room = [f32; HEADINGS];
-
-/// Room is not looked for farther than this, m.
-pub const FARTHEST_ROOM: f32 = 4.0;
 
 /// Edge of a voxel, m.
 const VOXEL: f64 = 0.2;
@@ -42,8 +33,6 @@ const SHORT_PER_M: f32 = 0.006;
 const LOOKED: f32 = 10.0;
 /// Between the points of a ray, voxels.
 const STEP: f32 = 0.8;
-/// The vehicle's body and half a voxel, m: what room is there for.
-const BODY: f32 = 0.3;
 
 /// A trajectory is looked at in so many instants.
 const LOOKS: u32 = 20;
@@ -251,29 +240,22 @@ impl Obstacles {
         }
     }
 
-    /// The room about a place, m. What was never seen counts as free.
+    /// The room about a place. What was never seen counts as free.
     #[must_use]
     pub fn room(&self, pos_world: &Vec3) -> Room {
-        let mut room = [FARTHEST_ROOM; HEADINGS];
-        let Some(low) = self.low else { return room };
+        let Some(low) = self.low else { return among(std::iter::empty()) };
         let at = in_voxels(pos_world, &low);
-        if !is_inside(&at) {
-            return room;
-        }
         let inner = at.map(|x| x as i32);
         let far = (f64::from(FARTHEST_ROOM) / VOXEL) as i32;
         let about = |axis: usize, by: i32| (inner[axis] - by).max(0)..=(inner[axis] + by).min(SIZE[axis] - 1);
-        for (z, y) in about(2, 1).flat_map(|z| about(1, far).map(move |y| (z, y))) {
-            let row = self.occupied[row_of(&(low + Voxel::new(0, y, z)))];
-            if row == 0 {
-                continue;
-            }
-            for x in about(0, far).filter(|x| row & 1 << bit_of(low.x + x) != 0) {
-                let to = (Vector2::new(x as f32 + 0.5, y as f32 + 0.5) - at.xy()) * VOXEL as f32;
-                bound_room(&mut room, to);
-            }
-        }
-        room
+        let rows = about(2, 1).flat_map(|z| about(1, far).map(move |y| Voxel::new(0, y, z)));
+        among(rows.map(|row| (row, self.occupied[row_of(&(low + row))])).filter(|(_, word)| *word != 0).flat_map(
+            |(row, word)| {
+                about(0, far)
+                    .filter(move |x| word & 1 << bit_of(low.x + x) != 0)
+                    .map(move |x| (Vector2::new(x as f32 + 0.5, row.y as f32 + 0.5) - at.xy()) * VOXEL as f32)
+            },
+        ))
     }
 
     /// Something is in the point's voxel or in one of those about it: within 0.2 to 0.4 m.
@@ -321,18 +303,6 @@ impl Obstacles {
         self.occupied[row] &= !gone;
         self.free[row] &= !gone;
         self.moved[row] &= !gone;
-    }
-}
-
-/// Something `to` away, m, level, leaves so much room.
-fn bound_room(room: &mut Room, to: Vector2<f32>) {
-    for (heading, free) in room.iter_mut().enumerate() {
-        let (sin, cos) = (heading as f32 * std::f32::consts::TAU / HEADINGS as f32).sin_cos();
-        let along = to.dot(&Vector2::new(cos, sin));
-        let beside = to.norm_squared() - along * along;
-        if along > 0.0 && beside < BODY * BODY {
-            *free = free.min((along - (BODY * BODY - beside).sqrt()).max(0.0));
-        }
     }
 }
 
@@ -389,6 +359,7 @@ fn bit_of(x: i32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::room::HEADINGS;
     use crate::types::FlatState;
     use proptest::prelude::*;
 
@@ -441,15 +412,15 @@ mod tests {
     }
 
     #[test]
-    fn there_is_room_up_to_a_thin_thing_however_near_it_is() {
+    fn there_is_room_up_to_a_thin_thing() {
         let mut obstacles = obstacles();
         (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
         let room = |x: f64| obstacles.room(&Vec3::new(x, 0.0, 0.0));
-        for (x, left) in [(1.0, 2.7), (2.9, 0.8), (3.4, 0.3), (3.7, 0.0)] {
+        for (x, left) in [(1.0, 2.7), (2.9, 0.8), (3.4, 0.3)] {
             assert!((room(x)[0] - left).abs() < 0.25, "{x} {}", room(x)[0]);
-            assert_eq!(room(x)[HEADINGS / 2], FARTHEST_ROOM, "behind");
         }
         assert_eq!(room(1.0)[HEADINGS / 4], FARTHEST_ROOM, "beside");
+        assert_eq!(room(90.0), [FARTHEST_ROOM; HEADINGS], "outside of the grid");
     }
 
     #[test]

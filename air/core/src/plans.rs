@@ -2,8 +2,8 @@
 
 use crate::config::LadderConfig;
 use crate::evade::Evasion;
-use crate::obstacles::Room;
 use crate::quintic::Quintic;
+use crate::room::Room;
 use crate::target::LONGEST_CARRY;
 use crate::types::{Candidate, FlatState, Plan, TargetEstimate, Task, Time, Vec3};
 

@@ -7,7 +7,7 @@
 //! target where the filter's covariance puts it at its worst.
 
 use crate::error::{ConfigError, within};
-use crate::obstacles::{HEADINGS, Room};
+use crate::room::{Room, toward};
 use crate::target::LONGEST_CARRY;
 use crate::types::{TargetEstimate, Time, Vec3};
 use nalgebra::{Matrix3, Vector2};
@@ -282,7 +282,7 @@ fn back(
 fn chosen_side(offset: f64, passes: f64, left: Flat, room: Option<&Room>) -> f64 {
     let natural = if offset < 0.0 { -1.0 } else { 1.0 };
     let Some(room) = room else { return natural };
-    let missing = |side: f64| (passes - side * offset) - toward(room, left * side);
+    let missing = |side: f64| (passes - side * offset) - toward(room, &(left * side));
     if missing(natural) > 0.0 && missing(-natural) < missing(natural) { -natural } else { natural }
 }
 
@@ -292,7 +292,7 @@ fn chosen_side(offset: f64, passes: f64, left: Flat, room: Option<&Room>) -> f64
 fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
     let (Some(room), Some(push)) = (room, (bent - flat).try_normalize(1e-6)) else { return bent };
     let most = |way: &Flat| {
-        let left = (toward(room, *way) - SHORT.0).max(0.0);
+        let left = (toward(room, way) - SHORT.0).max(0.0);
         KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(way))
     };
     let slowed = bent - push * (bent.dot(&push) - most(&push).max(flat.dot(&push))).max(0.0);
@@ -300,16 +300,10 @@ fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
     slowed - ahead * (slowed.dot(&ahead) - most(&ahead)).max(0.0)
 }
 
-/// Room in a direction, m.
-fn toward(room: &Room, way: Flat) -> f64 {
-    let turn = way.y.atan2(way.x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
-    f64::from(room[(turn * HEADINGS as f64).round() as usize % HEADINGS])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::obstacles::FARTHEST_ROOM;
+    use crate::room::{FARTHEST_ROOM, HEADINGS};
     use proptest::prelude::*;
 
     const CONFIG: SeparationConfig = SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 };

@@ -149,7 +149,7 @@ pub struct Plan {
     /// The target filter after this frame; none before the first detection.
     pub target: Option<TargetEstimate>,
     /// The room about `start`, from what is remembered; none: no target is so near that it matters.
-    pub room: Option<crate::obstacles::Room>,
+    pub room: Option<crate::room::Room>,
     /// What moves about the vehicle.
     pub movers: crate::movers::Movers,
     /// What is flown instead of what is chosen, out of the way of what moves; none: nothing comes in the way.

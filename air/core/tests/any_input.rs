@@ -3,7 +3,7 @@
 
 mod common;
 
-use goshawk_core::obstacles::HEADINGS;
+use goshawk_core::room::HEADINGS;
 use goshawk_core::*;
 use proptest::prelude::*;
 

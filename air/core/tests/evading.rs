@@ -8,7 +8,7 @@ use goshawk_core::evade::Evasion;
 use goshawk_core::*;
 
 fn level(vel_world: Vec3) -> Option<Evasion> {
-    Some(Evasion { vel_world, height: None })
+    Some(Evasion { vel_world, height: None, from_target: false })
 }
 
 /// Holds beside a target; no vehicle may fly faster than `max_speed`, m/s.
@@ -61,7 +61,7 @@ fn out_of_the_way_it_flies_no_faster_than_the_limit() {
 
 #[test]
 fn it_steps_over_a_target_within_a_second_and_never_to_the_ceiling() {
-    let over = Some(Evasion { vel_world: Vec3::zeros(), height: Some(4.0) });
+    let over = Some(Evasion { vel_world: Vec3::zeros(), height: Some(4.0), from_target: true });
     let mut sim = holding(8.0);
     let before = sim.pos.z;
     sim.evades = over;
@@ -71,4 +71,20 @@ fn it_steps_over_a_target_within_a_second_and_never_to_the_ceiling() {
     low.evades = over;
     low.run(3.0);
     assert!(low.mode() == Mode::Hold && low.pos.z < 3.0, "{:?} {}", low.mode(), low.pos.z);
+}
+
+#[test]
+fn out_of_a_movers_way_the_least_distance_to_the_target_is_kept() {
+    let nearest = |from_target: bool| {
+        let mut sim = holding(8.0);
+        let target = Vec3::new(12.0, 0.0, 1.5);
+        sim.evades = Some(Evasion { vel_world: (target - sim.pos).normalize() * 2.5, height: None, from_target });
+        let gap = |sim: &mut Loop| {
+            sim.tick(None);
+            (sim.pos - target).norm()
+        };
+        (0..300).map(|_| gap(&mut sim)).fold(f64::INFINITY, f64::min)
+    };
+    assert!(nearest(true) < 1.0, "nothing else keeps it off: {}", nearest(true));
+    assert!(nearest(false) > 1.5, "{}", nearest(false));
 }

@@ -25,7 +25,7 @@ use goshawk_air::shared::{PendingCommand, Report, Shared, lock};
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag};
 use goshawk_autopilot::wire::Encoder;
 use goshawk_autopilot::{AutopilotLink, LinkConfig, Px4Mode};
-use goshawk_core::obstacles::HEADINGS;
+use goshawk_core::room::HEADINGS;
 use goshawk_core::{ANCHORS, Candidate, Command, FlatState, Mode, Odometry, Plan, Rot, TargetEstimate, Time, Vec3};
 
 thread_local! {
