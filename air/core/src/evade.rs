@@ -300,7 +300,7 @@ mod tests {
     }
 
     fn target(pos_world: Vec3, vel_world: Vec3) -> Option<Threat> {
-        Some(Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0 })
+        Some(Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, unseen: 0.0 })
     }
 
     #[test]

@@ -68,9 +68,7 @@ impl Controller {
         let yaw = self.yaw.step(dt, goal);
         self.hold_apart(now);
         let mut intent = self.intent(now, &odometry);
-        if !self.evading(now).is_some_and(|evasion| evasion.from_target) {
-            intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
-        }
+        intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
         let disturbance = self.motion.observer().disturbance();
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
@@ -216,7 +214,13 @@ impl Controller {
     fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
         let Some(threat) = self.threat(now) else { return acc_world };
         let state = [odometry.pos_world, odometry.vel_world];
-        self.separation.keep(&self.config.separation, dt, acc_world, state, &threat, self.plans.room())
+        let config = &self.config.separation;
+        let acc_world = match self.evading(now) {
+            Some(evasion) if evasion.from_target => acc_world,
+            _ => self.separation.keep(config, dt, acc_world, state, &threat, self.plans.room()),
+        };
+        // A landing is told by its descent.
+        if self.mode == Mode::Stopping { acc_world } else { config.stay_above(acc_world, state, &threat) }
     }
 
     /// The target, where it may have to be kept away from.

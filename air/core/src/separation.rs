@@ -49,6 +49,9 @@ const SOONEST: f64 = 0.35;
 const SHORT: (f64, f64) = (0.3, 4.0);
 /// A slower vehicle goes nowhere, m/s.
 const CREEPS: f64 = 0.3;
+/// Who is so much higher than a target's centre, m, is above it. Unseen, the target strolls off, m/s.
+const ABOVE: f64 = 1.2;
+const STROLLS: f64 = 1.5;
 /// A target unseen for longer may be anywhere, s.
 const FORGOTTEN: f64 = 4.0;
 /// Standard deviations of the position that count, and the most that they come to, m.
@@ -69,6 +72,8 @@ pub struct Threat {
     pub pos_doubt: f64,
     /// and faster by so much, m/s.
     pub vel_doubt: f64,
+    /// For how long it has not been seen, s.
+    pub unseen: f64,
 }
 
 impl Threat {
@@ -87,6 +92,7 @@ impl Threat {
             vel_world: target.vel_world,
             pos_doubt: pos_doubt(&carried),
             vel_doubt: level_deviation(&vel).min(MOST_SPEED_DOUBT),
+            unseen: now.since(target.last_seen).max(0.0),
         })
     }
 }
@@ -186,6 +192,18 @@ impl SeparationConfig {
             }
         }
         (lost, time)
+    }
+
+    /// `acc_world` (m/s²) of a vehicle at `pos_world` with `vel_world`: above a target, whom the camera does not see
+    /// there, it comes down no nearer than the least distance.
+    #[must_use]
+    pub fn stay_above(&self, acc_world: Vec3, [pos_world, vel_world]: [Vec3; 2], threat: &Threat) -> Vec3 {
+        let (between, least) = (pos_world - threat.pos_world, self.min_distance + threat.pos_doubt);
+        if between.z < ABOVE || between.xy().norm() > least + STROLLS * threat.unseen {
+            return acc_world;
+        }
+        let sinks = (OPENING.0 * (between.z - least)).max(0.0);
+        Vec3::new(acc_world.x, acc_world.y, acc_world.z.max(KV * (-sinks - vel_world.z)))
     }
 
     /// The least level distance between two that are `rise` m apart in height, m.
@@ -309,7 +327,7 @@ mod tests {
     const CONFIG: SeparationConfig = SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 };
 
     fn threat(pos_world: Vec3, vel_world: Vec3) -> Threat {
-        Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0 }
+        Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, unseen: 0.0 }
     }
 
     /// One step of a fresh rule for a vehicle in the origin.
@@ -379,6 +397,19 @@ mod tests {
     }
 
     #[test]
+    fn nobody_comes_down_on_a_target_nor_on_where_it_may_have_gone_unseen() {
+        let sinking = [Vec3::new(0.0, 0.0, 3.0), -Vec3::z()];
+        let stay = |threat: &Threat| CONFIG.stay_above(-Vec3::z(), sinking, threat).z;
+        let below = threat(Vec3::new(1.0, 0.0, 1.2), Vec3::zeros());
+        assert!(stay(&below) > 3.0, "it is less than the least distance above it");
+        assert_eq!(stay(&threat(Vec3::new(1.0, 0.0, 0.0), Vec3::zeros())), -1.0, "it may come down to that");
+        let beside = threat(Vec3::new(5.0, 0.0, 1.2), Vec3::zeros());
+        assert_eq!(stay(&beside), -1.0);
+        assert!(stay(&Threat { unseen: 3.0, ..beside }) > 3.0);
+        assert_eq!(stay(&threat(Vec3::new(1.0, 0.0, 2.5), Vec3::zeros())), -1.0, "the two are level");
+    }
+
+    #[test]
     fn who_flies_above_the_target_is_free() {
         let below = threat(Vec3::new(0.5, 0.0, -3.0), Vec3::zeros());
         assert_eq!(keep(Vec3::x(), Vec3::zeros(), &below, None), Vec3::x());
@@ -415,6 +446,8 @@ mod tests {
         fn any_input_gives_a_finite_answer_or_what_was_asked(bits in prop::array::uniform12(any::<u64>())) {
             let v = |k: usize| Vec3::from_fn(|i, _| f64::from_bits(bits[k + i]));
             let kept = Separation::default().keep(&CONFIG, 0.005, v(0), [v(3), v(6)], &threat(v(9), v(6)), None);
+            let above = CONFIG.stay_above(v(0), [v(3), v(6)], &threat(v(9), v(6)));
+            prop_assert!(above.z >= v(0).z || v(0).z.is_nan());
             prop_assert!(kept.xy().iter().all(|x| x.is_finite()) || kept == v(0) || v(0).iter().any(|x| x.is_nan()));
         }
     }
