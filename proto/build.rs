@@ -10,6 +10,7 @@ use serde::Deserialize;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
+    protocol: u32,
     key: Vec<Row>,
 }
 
@@ -19,6 +20,8 @@ struct Row {
     name: String,
     suffix: String,
     kind: String,
+    from: Vec<String>,
+    to: Vec<String>,
     message: String,
     #[serde(default)]
     reply: String,
@@ -56,11 +59,13 @@ fn generate(table: &Table, messages: &[&str]) -> Result<String, Box<dyn Error>> 
         write!(all, "Key::{variant}, ")?;
         writeln!(
             rows,
-            "    KeyRow {{ name: {:?}, suffix: {:?}, kind: Kind::{}, message: {}, reply: {}, \
+            "    KeyRow {{ name: {:?}, suffix: {:?}, kind: Kind::{}, from: {}, to: {}, message: {}, reply: {}, \
              priority: Priority::{}, congestion: Congestion::{}, express: {} }},",
             row.name,
             row.suffix,
             one_of(&row.kind, &["pub", "query", "liveliness"])?,
+            roles(&row.from)?,
+            roles(&row.to)?,
             message(&row.message, messages)?,
             message(&row.reply, messages)?,
             one_of(
@@ -73,11 +78,14 @@ fn generate(table: &Table, messages: &[&str]) -> Result<String, Box<dyn Error>> 
     }
     let count = table.key.len();
     Ok(format!(
-        "/// A row of the key table.\n\
+        "/// The table's `protocol`.\n\
+         pub const PROTOCOL: u32 = {};\n\n\
+         /// A row of the key table.\n\
          #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]\n\
          pub enum Key {{\n{variants}}}\n\n\
          impl Key {{\n    /// Every key, in the table's order.\n    pub const ALL: [Key; {count}] = [{all}];\n}}\n\n\
-         const ROWS: [KeyRow; {count}] = [\n{rows}];\n"
+         const ROWS: [KeyRow; {count}] = [\n{rows}];\n",
+        table.protocol
     ))
 }
 
@@ -91,6 +99,12 @@ fn one_of(value: &str, allowed: &[&str]) -> Result<String, Box<dyn Error>> {
     } else {
         Err(format!("keys.toml: {value:?}: not one of {allowed:?}").into())
     }
+}
+
+fn roles(names: &[String]) -> Result<String, Box<dyn Error>> {
+    let roles: Result<Vec<String>, _> =
+        names.iter().map(|name| one_of(name, &["vehicle", "sensor", "operator", "observer"])).collect();
+    Ok(format!("&[{}]", roles?.iter().map(|role| format!("Role::{role}")).collect::<Vec<_>>().join(", ")))
 }
 
 fn message(name: &str, messages: &[&str]) -> Result<String, Box<dyn Error>> {

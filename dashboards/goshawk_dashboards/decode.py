@@ -169,6 +169,7 @@ def health(m: pb.Health) -> view.HealthView:
         battery_fraction=_number("battery", m.battery_fraction) if m.HasField("battery_fraction") else None,
         log_path=m.log_path,
         autopilot=m.autopilot,
+        protocol=m.protocol,
     )
 
 

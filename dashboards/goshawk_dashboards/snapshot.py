@@ -127,6 +127,8 @@ class HealthView:
     log_path: str
     """Empty: not recording."""
     autopilot: str
+    protocol: int
+    """The vehicle's count of the wire's changes; 0: from before it was counted."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from goshawk_dashboards import snapshot as view
+from goshawk_proto import PROTOCOL
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -77,6 +78,7 @@ def make_health(mode: str = "track", ready: bool = True, reason: str = "fresh") 
         battery_fraction=0.5,
         log_path="",
         autopilot="OFFBOARD",
+        protocol=PROTOCOL,
     )
 
 

@@ -17,6 +17,19 @@ pub enum Kind {
     Liveliness,
 }
 
+/// Who takes part. An operator and an observer are known by their certificate, a sensor by being on the vehicle's host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The onboard process.
+    Vehicle,
+    /// A camera, an odometry or a simulator.
+    Sensor,
+    /// Starts, stops and sees.
+    Operator,
+    /// Sees.
+    Observer,
+}
+
 /// Zenoh's priority of the same name, most urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
@@ -48,6 +61,10 @@ pub struct KeyRow {
     pub suffix: &'static str,
     /// How it is used.
     pub kind: Kind,
+    /// Who publishes, asks or shows itself alive.
+    pub from: &'static [Role],
+    /// Who subscribes, answers or watches.
+    pub to: &'static [Role],
     /// Full name of the payload's message (of the request, for a query); none: an empty payload.
     pub message: Option<&'static str>,
     /// Full name of a query's reply; none for other kinds.
@@ -149,6 +166,19 @@ mod tests {
             let row = key.row();
             assert_eq!((row.kind, row.priority, row.congestion), (Kind::Query, Priority::RealTime, Congestion::Drop));
             assert_eq!(row.reply, Some("goshawk.v1.CommandReply"));
+        }
+    }
+
+    #[test]
+    fn an_operator_alone_commands_and_a_sensor_alone_senses() {
+        for key in Key::ALL {
+            let row = key.row();
+            match row.suffix.split_once('/').map(|(room, _)| room) {
+                Some("cmd") => assert_eq!((row.from, row.to), (&[Role::Operator][..], &[Role::Vehicle][..])),
+                Some("in") => assert_eq!((row.from, row.to), (&[Role::Sensor][..], &[Role::Vehicle][..])),
+                Some("tel") => assert_eq!(row.from, [Role::Vehicle]),
+                _ => {}
+            }
         }
     }
 

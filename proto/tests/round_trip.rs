@@ -127,6 +127,7 @@ fn health() -> Health {
         log_path: "log_path".into(),
         autopilot: "autopilot".into(),
         profiles: vec!["profiles".into()],
+        protocol: 18,
     }
 }
 
@@ -153,6 +154,7 @@ fn log_header() -> LogHeader {
         wall_time: "wall_time".into(),
         stamp_ns: 8000,
         profile: "profile".into(),
+        protocol: 10,
     }
 }
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 import zenoh
-from goshawk_proto import KEYS, key_expression
+from goshawk_proto import KEYS, PROTOCOL, key_expression
 from goshawk_proto import goshawk_pb2 as pb
 from PIL import Image, ImageDraw
 
@@ -241,6 +241,7 @@ class FakeVehicle:
             version="0.1.0-fake",
             battery_fraction=self.args.battery,
             log_path="logs/fake.mcap",
+            protocol=PROTOCOL,
             autopilot="OFFBOARD" if ready else "HOLD",
             profiles=["normal", "fast"],
         )

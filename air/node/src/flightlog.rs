@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use goshawk_core::Time;
 use goshawk_policy::{Contract, Policy, Preprocessor};
-use goshawk_proto::keys::Key;
+use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Recorder};
 use prost::Message;
@@ -41,6 +41,7 @@ impl FlightLog {
             policy_contract_json: policy.contract_json().to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             git_revision: env!("GOSHAWK_GIT_REVISION").to_owned(),
+            protocol: PROTOCOL,
             ..Default::default()
         };
         let contract = Arc::new(policy.contract().clone());

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
 use goshawk_core::{ControllerOutput, Mode, Odometry, OdometryFault, Time};
-use goshawk_proto::keys::Key;
+use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
 
@@ -394,6 +394,7 @@ impl Telemetry {
             log_path: self.log.path(),
             autopilot: status.mode.map_or_else(|| "not heard".to_owned(), |mode| mode.to_string()),
             profiles: self.identity.profiles.clone(),
+            protocol: PROTOCOL,
         };
         self.sequences.health += 1;
         self.publishers.health.put(&message);

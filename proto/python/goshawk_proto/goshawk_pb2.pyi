@@ -299,7 +299,7 @@ class Drops(_message.Message):
     def __init__(self, name: _Optional[str] = ..., count: _Optional[int] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "mode", "ready", "checks", "rates", "latencies", "drops", "faults", "vehicle", "profile", "policy_sha256", "version", "battery_fraction", "log_path", "autopilot", "profiles")
+    __slots__ = ("seq", "stamp_ns", "mode", "ready", "checks", "rates", "latencies", "drops", "faults", "vehicle", "profile", "policy_sha256", "version", "battery_fraction", "log_path", "autopilot", "profiles", "protocol")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
@@ -317,6 +317,7 @@ class Health(_message.Message):
     LOG_PATH_FIELD_NUMBER: _ClassVar[int]
     AUTOPILOT_FIELD_NUMBER: _ClassVar[int]
     PROFILES_FIELD_NUMBER: _ClassVar[int]
+    PROTOCOL_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     mode: Mode
@@ -334,7 +335,8 @@ class Health(_message.Message):
     log_path: str
     autopilot: str
     profiles: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., ready: _Optional[bool] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., rates: _Optional[_Iterable[_Union[Rate, _Mapping]]] = ..., latencies: _Optional[_Iterable[_Union[Latency, _Mapping]]] = ..., drops: _Optional[_Iterable[_Union[Drops, _Mapping]]] = ..., faults: _Optional[_Iterable[str]] = ..., vehicle: _Optional[str] = ..., profile: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., version: _Optional[str] = ..., battery_fraction: _Optional[float] = ..., log_path: _Optional[str] = ..., autopilot: _Optional[str] = ..., profiles: _Optional[_Iterable[str]] = ...) -> None: ...
+    protocol: int
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., ready: _Optional[bool] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., rates: _Optional[_Iterable[_Union[Rate, _Mapping]]] = ..., latencies: _Optional[_Iterable[_Union[Latency, _Mapping]]] = ..., drops: _Optional[_Iterable[_Union[Drops, _Mapping]]] = ..., faults: _Optional[_Iterable[str]] = ..., vehicle: _Optional[str] = ..., profile: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., version: _Optional[str] = ..., battery_fraction: _Optional[float] = ..., log_path: _Optional[str] = ..., autopilot: _Optional[str] = ..., profiles: _Optional[_Iterable[str]] = ..., protocol: _Optional[int] = ...) -> None: ...
 
 class Preview(_message.Message):
     __slots__ = ("seq", "stamp_ns", "width", "height", "jpeg")
@@ -401,7 +403,7 @@ class Odometry(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., ang_vel_body: _Optional[_Union[Vec3, _Mapping]] = ..., reset_counter: _Optional[int] = ...) -> None: ...
 
 class LogHeader(_message.Message):
-    __slots__ = ("vehicle", "vehicle_toml", "policy_sha256", "policy_contract_json", "version", "git_revision", "wall_time", "stamp_ns", "profile")
+    __slots__ = ("vehicle", "vehicle_toml", "policy_sha256", "policy_contract_json", "version", "git_revision", "wall_time", "stamp_ns", "profile", "protocol")
     VEHICLE_FIELD_NUMBER: _ClassVar[int]
     VEHICLE_TOML_FIELD_NUMBER: _ClassVar[int]
     POLICY_SHA256_FIELD_NUMBER: _ClassVar[int]
@@ -411,6 +413,7 @@ class LogHeader(_message.Message):
     WALL_TIME_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     PROFILE_FIELD_NUMBER: _ClassVar[int]
+    PROTOCOL_FIELD_NUMBER: _ClassVar[int]
     vehicle: str
     vehicle_toml: str
     policy_sha256: str
@@ -420,7 +423,8 @@ class LogHeader(_message.Message):
     wall_time: str
     stamp_ns: int
     profile: str
-    def __init__(self, vehicle: _Optional[str] = ..., vehicle_toml: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., policy_contract_json: _Optional[str] = ..., version: _Optional[str] = ..., git_revision: _Optional[str] = ..., wall_time: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., profile: _Optional[str] = ...) -> None: ...
+    protocol: int
+    def __init__(self, vehicle: _Optional[str] = ..., vehicle_toml: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., policy_contract_json: _Optional[str] = ..., version: _Optional[str] = ..., git_revision: _Optional[str] = ..., wall_time: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., profile: _Optional[str] = ..., protocol: _Optional[int] = ...) -> None: ...
 
 class CompressedRgbd(_message.Message):
     __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "depth_png", "rgb_png")

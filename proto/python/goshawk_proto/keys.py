@@ -17,6 +17,9 @@ PREFIX = "goshawk"
 ANY_VEHICLE = "*"
 """In place of a vehicle's name: every vehicle. For subscribers and liveliness only."""
 
+Role = Literal["vehicle", "sensor", "operator", "observer"]
+"""Who takes part: an operator or observer is known by its certificate, a sensor by being on the vehicle's host."""
+
 _VEHICLE_NAME = re.compile(r"[a-z0-9_-]+")
 
 _PRIORITIES: Mapping[str, zenoh.Priority] = {
@@ -41,6 +44,10 @@ class KeyRow:
     name: str
     suffix: str
     kind: Literal["pub", "query", "liveliness"]
+    sent_by: frozenset[Role]
+    """Who publishes, asks or shows itself alive: the table's `from`."""
+    taken_by: frozenset[Role]
+    """Who subscribes, answers or watches: the table's `to`."""
     message: type[Message] | None
     """Payload (of the request, for a query); None: empty."""
     reply: type[Message] | None
@@ -64,6 +71,8 @@ def _row(row: dict[str, Any]) -> KeyRow:
         name=row["name"],
         suffix=row["suffix"],
         kind=row["kind"],
+        sent_by=frozenset(row["from"]),
+        taken_by=frozenset(row["to"]),
         message=_message(row["message"]),
         reply=_message(row.get("reply", "")),
         priority=_PRIORITIES[row["priority"]],
@@ -72,12 +81,12 @@ def _row(row: dict[str, Any]) -> KeyRow:
     )
 
 
-def _load() -> Mapping[str, KeyRow]:
-    table = tomllib.loads(files("goshawk_proto").joinpath("keys.toml").read_text(encoding="utf-8"))
-    return MappingProxyType({row["name"]: _row(row) for row in table["key"]})
+_TABLE = tomllib.loads(files("goshawk_proto").joinpath("keys.toml").read_text(encoding="utf-8"))
 
+PROTOCOL: int = _TABLE["protocol"]
+"""What a vehicle's heartbeat must say, or this ground may only stop it."""
 
-KEYS: Mapping[str, KeyRow] = _load()
+KEYS: Mapping[str, KeyRow] = MappingProxyType({row["name"]: _row(row) for row in _TABLE["key"]})
 """Name → row, in the table's order. Read-only."""
 
 

@@ -10,7 +10,7 @@ use goshawk_air::inputs::FrameInput;
 use goshawk_core::types::Time;
 use goshawk_core::{ControllerOutput, Plan};
 use goshawk_policy::Policy;
-use goshawk_proto::keys::Key;
+use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, LogWriter};
 use prost::Message;
@@ -50,6 +50,7 @@ pub fn header(vehicle: &Vehicle, policy: Option<&Policy>) -> v1::LogHeader {
         policy_sha256: policy.map(Policy::sha256).unwrap_or_default().to_owned(),
         policy_contract_json: policy.map(Policy::contract_json).unwrap_or_default().to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        protocol: PROTOCOL,
         ..Default::default()
     }
 }
