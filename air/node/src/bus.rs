@@ -7,6 +7,10 @@ use prost::Message;
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 
+use crate::access::Access;
+use crate::clock;
+use crate::visitors::Visitors;
+
 /// Why the network could not be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
@@ -58,18 +62,18 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// Opens a session that listens on `endpoints` (such as `tcp/0.0.0.0:7447`) and dials nobody.
+    /// Opens a session that listens as `access` says and dials nobody.
     ///
     /// # Errors
     /// An endpoint in use or malformed.
-    pub fn listen(vehicle: VehicleName, endpoints: &[String]) -> Result<Self, BusError> {
-        let error = |cause| BusError::Listen { endpoints: endpoints.join(", "), cause };
-        let listed = serde_json::to_string(endpoints).map_err(|e| error(e.to_string()))?;
-        let own = [("listen/endpoints", listed.as_str()), ("connect/endpoints", "[]")];
+    pub fn listen(access: &Access) -> Result<Self, BusError> {
+        let error = |cause| BusError::Listen { endpoints: access.endpoints(), cause };
+        let own: Vec<(&str, String)> = access.settings().into_iter().map(|(path, v)| (path, v.to_string())).collect();
+        let own = own.iter().map(|(path, value)| (*path, value.as_str()));
         // What killed processes of this host left in /dev/shm; a segment that somebody still holds stays.
         zenoh::shm::cleanup_orphaned_shm_segments();
-        let session = open(&[own.as_slice(), &WEAK_LINK].concat()).map_err(error)?;
-        Ok(Bus { session, vehicle })
+        let session = open(&own.chain(WEAK_LINK).collect::<Vec<_>>()).map_err(error)?;
+        Ok(Bus { session, vehicle: access.vehicle().clone() })
     }
 
     /// Opens a session that dials `endpoint`, listens nowhere, and keeps dialling whenever the other side is away.
@@ -142,6 +146,27 @@ impl Bus {
             .background()
             .wait()
             .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
+    }
+
+    /// Tells `visitors` whose links come and go, as far as they are of another host or show a certificate.
+    ///
+    /// # Errors
+    /// Zenoh refused the declaration.
+    pub fn watch_links(&self, access: Access, visitors: Visitors) -> Result<(), BusError> {
+        self.session
+            .info()
+            .link_events_listener()
+            .history(true)
+            .callback(move |event| {
+                let opened = event.kind() == zenoh::sample::SampleKind::Put;
+                let (name, address) = (event.link().auth_identifier(), event.link().dst().to_string());
+                if let Some((severity, text)) = access.visit(name, &address, opened) {
+                    visitors.note(severity, &text, clock::now());
+                }
+            })
+            .background()
+            .wait()
+            .map_err(|e| BusError::Declare { key: "the links' events".to_owned(), cause: e.to_string() })
     }
 
     /// Shows this vehicle as alive until the token is dropped.

@@ -94,7 +94,6 @@ section! { /** The camera as mounted. */ Camera {
     hfov_deg: f64, vfov_deg: f64, tilt_deg: f64, position_m: [f64; 3], rate_hz: [f64; 2],
 } }
 section! { /** Where odometry comes from. */ Sensors { odometry: OdometrySource } }
-section! { /** Zenoh endpoints to listen on. */ Network { listen: Vec<String> } }
 section! { /** Where logs go. */ Recorder { directory: PathBuf, keep_mb: f64 } }
 section! { /** The control loop. */ Controller { rate_hz: f64 } }
 section! { /** Detection, the chase and the target filter. */ Planner {
@@ -140,6 +139,19 @@ pub enum OnStop {
     Hover,
     /// Hand over to the autopilot.
     HandOver,
+}
+
+/// Zenoh endpoints to listen on, and who is let in.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Network {
+    pub listen: Vec<String>,
+    /// The folder that `goshawk keys` made; absent: only this host is listened to.
+    pub identity: Option<PathBuf>,
+    /// Listen to whoever comes, as an operator.
+    #[serde(default)]
+    pub insecure: bool,
 }
 
 /// How the threads that fly are scheduled.
@@ -245,7 +257,9 @@ impl Vehicle {
         }
         self.autopilot.validate(self.controller.rate_hz)?;
         if self.network.listen.is_empty() {
-            return Err("network.listen is empty; name at least one endpoint, such as \"tcp/0.0.0.0:7447\"".to_owned());
+            return Err(
+                "network.listen is empty; name at least one endpoint, such as \"tcp/127.0.0.1:7447\"".to_owned()
+            );
         }
         self.planning_config().validate().map_err(|e| e.to_string())?;
         let config = self.controller_config();

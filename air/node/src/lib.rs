@@ -1,6 +1,7 @@
 //! The onboard process: sensors in, attitude and thrust out, telemetry and log beside it. The flight logic is
 //! goshawk-core's; this crate gives it threads, a clock, a network and files.
 
+pub mod access;
 pub mod bus;
 pub mod camera;
 pub mod check;
@@ -22,3 +23,4 @@ pub mod shared;
 pub mod slot;
 pub mod stats;
 pub mod telemetry;
+pub mod visitors;

@@ -9,7 +9,12 @@ use color_eyre::eyre::{Result, WrapErr};
 use goshawk_air::config::Vehicle;
 use goshawk_air::errors::one_line;
 use goshawk_air::run::{Overrides, run};
+use goshawk_air::visitors::Visitors;
 use goshawk_air::{check, replay};
+use tracing_subscriber::Layer as _;
+use tracing_subscriber::filter::filter_fn;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// The onboard process: chases what its camera sees, obeys start and stop, writes the flight's log.
 #[derive(Parser)]
@@ -33,6 +38,9 @@ struct Flying {
     /// Zenoh endpoint to listen on, instead of the vehicle file's; may be repeated.
     #[arg(long, value_name = "ENDPOINT")]
     listen: Vec<String>,
+    /// Folder of the vehicle's identity (`goshawk keys`), instead of the vehicle file's.
+    #[arg(long, value_name = "DIR")]
+    identity: Option<PathBuf>,
     /// UDP address to listen on for MAVLink, instead of the vehicle file's line.
     #[arg(long, value_name = "ADDRESS:PORT")]
     mavlink_bind: Option<SocketAddr>,
@@ -46,8 +54,8 @@ struct Flying {
 
 impl Flying {
     fn split(self) -> (PathBuf, Overrides) {
-        let Flying { config, listen, mavlink_bind, log_dir, policy } = self;
-        (config, Overrides { listen, mavlink_bind, log_dir, policy })
+        let Flying { config, listen, identity, mavlink_bind, log_dir, policy } = self;
+        (config, Overrides { listen, identity, mavlink_bind, log_dir, policy })
     }
 }
 
@@ -91,8 +99,11 @@ enum Command {
 fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info,zenoh=error"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
-    match start() {
+    let visitors = Visitors::default();
+    let printed = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
+    let listening = visitors.clone().with_filter(filter_fn(Visitors::concerns));
+    tracing_subscriber::registry().with(printed).with(listening).init();
+    match start(visitors) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("goshawk-air: {}", one_line(&error));
@@ -101,11 +112,11 @@ fn main() -> ExitCode {
     }
 }
 
-fn start() -> Result<ExitCode> {
+fn start(visitors: Visitors) -> Result<ExitCode> {
     match Arguments::parse().command {
         Command::Run(flying) => {
             let (config, overrides) = flying.split();
-            run(Vehicle::load(&config)?, overrides)?;
+            run(Vehicle::load(&config)?, overrides, visitors)?;
             Ok(ExitCode::SUCCESS)
         }
         Command::Check { flying, wait, json } => {

@@ -15,6 +15,7 @@ use goshawk_core::{Planner, PlanningDemand, Profile};
 use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
 
+use crate::access::{Access, Guard};
 use crate::bus::Bus;
 use crate::camera::CameraInput;
 use crate::config::{OdometrySource, Vehicle};
@@ -26,6 +27,7 @@ use crate::realtime::{self, Schedule};
 use crate::sensors;
 use crate::shared::Shared;
 use crate::telemetry::{Identity, Telemetry};
+use crate::visitors::Visitors;
 use crate::{clock, commands};
 
 /// What the command line may change of the vehicle file.
@@ -33,6 +35,8 @@ use crate::{clock, commands};
 pub struct Overrides {
     /// Zenoh endpoints instead of `network.listen`.
     pub listen: Vec<String>,
+    /// Instead of `network.identity`.
+    pub identity: Option<PathBuf>,
     /// UDP to listen on instead of `autopilot.link`.
     pub mavlink_bind: Option<std::net::SocketAddr>,
     /// Instead of `recorder.directory`.
@@ -51,6 +55,9 @@ impl Overrides {
         if !self.listen.is_empty() {
             vehicle.network.listen = self.listen;
         }
+        if let Some(folder) = self.identity {
+            vehicle.network.identity = Some(std::path::absolute(&folder).unwrap_or(folder));
+        }
         let model = self.policy.unwrap_or_else(|| vehicle.resolve(&vehicle.policy.model));
         let log_dir = self.log_dir.unwrap_or_else(|| vehicle.resolve(&vehicle.recorder.directory));
         (model, log_dir)
@@ -63,8 +70,9 @@ const REPORT_QUEUE: usize = 2048;
 ///
 /// # Errors
 /// Anything that keeps it from starting: one line that says what to do.
-pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
+pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Result<()> {
     let (model, log_dir) = overrides.apply(&mut vehicle);
+    let access = Access::new(&vehicle, vehicle.name.parse()?)?;
     let mut policy = load_policy(&vehicle, &model)?;
     let warm_up_failed = golden::warm_up(&mut policy, &model).err().map(|why| why.to_string());
     let planner = Planner::new(vehicle.planner_config(policy.contract().model()))
@@ -72,7 +80,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
     let controller = FlightController::new(vehicle.controller_config())?;
     let idle_demand = idle_demand(&vehicle, &policy)?;
     let link = Arc::new(AutopilotLink::open(link_config(&vehicle)?, clock::now)?);
-    let bus = Bus::listen(vehicle.name.parse()?, &vehicle.network.listen)?;
+    let bus = Bus::listen(&access)?;
 
     let (sender, reports) = sync_channel(REPORT_QUEUE);
     let shared = Arc::new(Shared::new(sender));
@@ -88,10 +96,12 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides) -> Result<()> {
         warm_up_failed,
         battery_start: vehicle.limits.battery_start,
         source: vehicle.sensors.odometry,
+        insecure: *access.guard() == Guard::Nobody,
     };
-    let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, identity)?;
+    let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, visitors.clone(), identity)?;
+    bus.watch_links(access.clone(), visitors)?;
     let _alive = bus.declare_alive()?;
-    tracing::info!("listening on {}; policy {}", vehicle.network.listen.join(", "), model.display());
+    tracing::info!("listening on {}; policy {}", access.endpoints(), model.display());
 
     let r = &vehicle.realtime;
     let control = Control {

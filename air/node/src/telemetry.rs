@@ -12,12 +12,14 @@ use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
 
+use crate::access::INSECURE;
 use crate::bus::{Bus, BusError, Publisher};
 use crate::config::OdometrySource;
 use crate::flightlog::FlightLog;
 use crate::health::{self, Facts};
 use crate::sensors::Frame;
 use crate::shared::{Planned, Report, Shared, Started};
+use crate::visitors::Visitors;
 use crate::{clock, convert};
 
 /// Reports are looked for so often. Waiting for them instead would make whoever reports wake this thread, under a lock.
@@ -44,6 +46,8 @@ pub struct Identity {
     pub battery_start: f64,
     /// Whose odometry is flown by.
     pub source: OdometrySource,
+    /// Whoever connects may fly the vehicle.
+    pub insecure: bool,
 }
 
 struct Publishers {
@@ -69,6 +73,7 @@ pub struct Telemetry {
     publishers: Publishers,
     link: Arc<AutopilotLink>,
     log: FlightLog,
+    visitors: Visitors,
     identity: Identity,
     facts: Facts,
     sequences: Sequences,
@@ -92,7 +97,16 @@ impl Telemetry {
     ///
     /// # Errors
     /// Zenoh refused a declaration.
-    pub fn new(bus: &Bus, link: Arc<AutopilotLink>, log: FlightLog, identity: Identity) -> Result<Self, BusError> {
+    pub fn new(
+        bus: &Bus,
+        link: Arc<AutopilotLink>,
+        log: FlightLog,
+        visitors: Visitors,
+        identity: Identity,
+    ) -> Result<Self, BusError> {
+        if identity.insecure {
+            visitors.note(v1::Severity::Warning, INSECURE, clock::now());
+        }
         Ok(Telemetry {
             publishers: Publishers {
                 plan: bus.publisher(Key::Plan)?,
@@ -104,6 +118,7 @@ impl Telemetry {
             },
             link,
             log,
+            visitors,
             profile: identity.profiles.first().cloned().unwrap_or_default(),
             facts: Facts {
                 warm_up_failed: identity.warm_up_failed.clone(),
@@ -323,6 +338,9 @@ impl Telemetry {
         for text in self.link.take_texts() {
             self.event(v1::Severity::Info, "autopilot", text.text);
         }
+        for (severity, text) in self.visitors.take(now) {
+            self.event(severity, "network", text);
+        }
         self.facts.line = self.link.line_problem();
         self.facts.refusal = self.link.refusal(now);
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
@@ -374,7 +392,7 @@ impl Telemetry {
             stamp_ns: now.0,
             mode: shared.mode.load(Ordering::Relaxed),
             ready: self.checks.iter().all(|check| check.ok),
-            faults: self.checks.iter().filter(|c| !c.ok).map(|c| format!("{}: {}", c.name, c.reason)).collect(),
+            faults: self.faults(),
             checks: self.checks.clone(),
             rates: health::rates(&mut self.facts, now),
             latencies: health::latencies(&mut self.facts),
@@ -399,5 +417,10 @@ impl Telemetry {
         self.sequences.health += 1;
         self.publishers.health.put(&message);
         self.log.record(Key::Health, now, message);
+    }
+
+    fn faults(&self) -> Vec<String> {
+        let failing = self.checks.iter().filter(|c| !c.ok).map(|c| format!("{}: {}", c.name, c.reason));
+        failing.chain(self.identity.insecure.then(|| format!("network: {INSECURE}"))).collect()
     }
 }

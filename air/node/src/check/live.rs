@@ -9,6 +9,7 @@ use goshawk_policy::{Policy, Preprocessor};
 use goshawk_proto::keys::Key;
 
 use super::{Findings, autopilot};
+use crate::access::{Access, Guard, INSECURE};
 use crate::bus::Bus;
 use crate::clock;
 use crate::config::{OdometrySource, Vehicle};
@@ -66,7 +67,8 @@ impl<T> Stream<T> {
 pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, findings: &mut Findings) {
     let frames: Arc<Mutex<Stream<Frame>>> = Arc::default();
     let odometry: Arc<Mutex<Stream<Odometry>>> = Arc::default();
-    let bus = network(vehicle, &frames, &odometry, findings);
+    let access = access(vehicle, findings);
+    let bus = access.and_then(|access| network(vehicle, &access, &frames, &odometry, findings));
     let link =
         link_config(vehicle).and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
     let parameters = vehicle.autopilot.firmware().parameters();
@@ -119,15 +121,41 @@ fn take_odometry(odometry: &Mutex<Stream<Odometry>>, now: Time, newest: Odometry
     }
 }
 
+/// Who would be let in.
+fn access(vehicle: &Vehicle, findings: &mut Findings) -> Option<Access> {
+    let access = vehicle
+        .name
+        .parse()
+        .map_err(|e| format!("{e}"))
+        .and_then(|name| Access::new(vehicle, name).map_err(|e| e.to_string()));
+    match access {
+        Ok(access) => {
+            match access.guard() {
+                Guard::ThisHost => findings.ok("access", "only this host is listened to"),
+                Guard::Nobody => findings.warn("access", INSECURE),
+                Guard::Identity(identity) => match identity.describe() {
+                    (words, None) => findings.ok("access", words),
+                    (words, Some(worry)) => findings.warn("access", format!("{words}; {worry}")),
+                },
+            }
+            Some(access)
+        }
+        Err(why) => {
+            findings.fail("access", why);
+            None
+        }
+    }
+}
+
 fn network(
     vehicle: &Vehicle,
+    access: &Access,
     frames: &Arc<Mutex<Stream<Frame>>>,
     odometry: &Arc<Mutex<Stream<Odometry>>>,
     findings: &mut Findings,
 ) -> Option<Bus> {
     let open = || -> Result<Bus, String> {
-        let name = vehicle.name.parse().map_err(|e| format!("{e}"))?;
-        let bus = Bus::listen(name, &vehicle.network.listen).map_err(|e| e.to_string())?;
+        let bus = Bus::listen(access).map_err(|e| e.to_string())?;
         let stream = Arc::clone(frames);
         let receive = move |payload: &[u8], _| {
             let now = clock::now();
@@ -152,7 +180,7 @@ fn network(
     };
     match open() {
         Ok(bus) => {
-            findings.ok("network", format!("listening on {}", vehicle.network.listen.join(", ")));
+            findings.ok("network", format!("listening on {}", access.endpoints()));
             Some(bus)
         }
         Err(why) => {

@@ -61,7 +61,7 @@ fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
         ("rate_hz = 200.0", "rate_hz = 2.0", "controller.rate_hz"),
         ("name = \"goshawk\"", "name = \"**\"", "vehicle name"),
         ("default_profile = \"chase\"", "default_profile = \"nap\"", "nap"),
-        ("listen = [\"tcp/0.0.0.0:7447\"]", "listen = []", "network.listen"),
+        ("listen = [\"tcp/127.0.0.1:7447\"]", "listen = []", "network.listen"),
         ("task = \"track\"", "task = \"navigate\"", "goal_m"),
         ("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.40, 0.55]", "airframe.hover_thrust_range"),
         ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "lead.attitude_lag_range_s"),
