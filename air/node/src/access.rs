@@ -10,7 +10,6 @@ mod rules;
 use std::net::{IpAddr, SocketAddr};
 
 use goshawk_proto::keys::VehicleName;
-use goshawk_proto::v1;
 use serde_json::{Value, json};
 
 pub use identity::{Identity, IdentityError};
@@ -101,25 +100,20 @@ impl Access {
         self.listen.join(", ")
     }
 
-    /// What there is to tell of a link that came (`opened`) or went: of its certificate's name and its address. None:
-    /// it is one of this host's own.
-    pub(crate) fn visit(&self, name: Option<&str>, address: &str, opened: bool) -> Option<(v1::Severity, String)> {
+    /// What to call a peer of this certificate's name and address, and whether anything of it is taken. None: it is
+    /// this host's own and showed no certificate.
+    pub(crate) fn visitor(&self, name: Option<&str>, address: &str) -> Option<(String, bool)> {
         if name.is_none() && local(address) {
             return None;
         }
         // The port is another one each time.
         let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
-        let who = name.map_or_else(|| host.to_owned(), |name| format!("{name} ({host})"));
         let admitted = match (&self.guard, name) {
             (Guard::Identity(identity), Some(name)) => identity.admits(name),
+            (Guard::Identity(_), None) => false,
             _ => true,
         };
-        match (opened, admitted) {
-            (true, false) => Some((v1::Severity::Warning, format!("{who} is not admitted: nothing of it is taken"))),
-            (true, true) => Some((v1::Severity::Info, format!("{who} is connected"))),
-            (false, true) => Some((v1::Severity::Info, format!("{who} is gone"))),
-            (false, false) => None,
-        }
+        Some((name.map_or_else(|| host.to_owned(), |name| format!("{name} ({host})")), admitted))
     }
 
     /// Zenoh's settings, path and JSON.

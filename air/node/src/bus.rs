@@ -158,10 +158,13 @@ impl Bus {
             .link_events_listener()
             .history(true)
             .callback(move |event| {
-                let opened = event.kind() == zenoh::sample::SampleKind::Put;
+                let id = event.link().zid().to_string();
+                if event.kind() == zenoh::sample::SampleKind::Delete {
+                    return visitors.went(&id, clock::now());
+                }
                 let (name, address) = (event.link().auth_identifier(), event.link().dst().to_string());
-                if let Some((severity, text)) = access.visit(name, &address, opened) {
-                    visitors.note(severity, &text, clock::now());
+                if let Some((who, admitted)) = access.visitor(name, &address) {
+                    visitors.came(id, &who, admitted, clock::now());
                 }
             })
             .background()

@@ -4,6 +4,8 @@
 //! Zenoh tells of a refusal only in its own trace, so a layer of the process's subscriber listens there. It runs on
 //! Zenoh's threads: it writes one line into a bounded table and returns.
 
+use std::cell::Cell;
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::sync::{Arc, Mutex};
 
@@ -21,6 +23,10 @@ use crate::shared::lock;
 const KEPT: usize = 32;
 /// The same line is told again so often, s.
 const AGAIN_S: f64 = 10.0;
+/// Peers whose names are known.
+const NAMED: usize = 256;
+/// The last thing that Zenoh works out of a key.
+const LAST_FORESEEN: &str = "Declare Liveliness Subscriber (ingress)";
 /// One that has not come for so long is forgotten, s.
 const FORGOTTEN_S: f64 = 60.0;
 const ACCESS: &str = "zenoh::net::routing::interceptor::access_control";
@@ -35,10 +41,17 @@ struct Note {
     last: Time,
 }
 
-/// What there is to tell. Clones share it.
+/// What there is to tell, and who is connected. Clones share it.
 #[derive(Clone, Default)]
 pub struct Visitors {
     table: Arc<Mutex<Vec<Note>>>,
+    /// Zenoh's number of a peer, what to call it, and whether anything of it is taken.
+    peers: Arc<Mutex<HashMap<String, (String, bool)>>>,
+}
+
+thread_local! {
+    /// Zenoh is working out what a peer may do with a key, on this thread: it says so of each thing, and nobody asked.
+    static FORESEEING: Cell<bool> = const { Cell::new(false) };
 }
 
 impl Visitors {
@@ -65,6 +78,54 @@ impl Visitors {
         }
     }
 
+    /// A peer is connected; Zenoh's words of it name only its number. `admitted`: something of it is taken.
+    pub fn came(&self, id: String, who: &str, admitted: bool, now: Time) {
+        let (severity, text) = match admitted {
+            true => (v1::Severity::Info, format!("{who} is connected")),
+            false => (v1::Severity::Warning, not_admitted(who)),
+        };
+        self.note(severity, &text, now);
+        let mut peers = lock(&self.peers);
+        if peers.len() < NAMED || peers.contains_key(&id) {
+            peers.insert(id, (who.to_owned(), admitted));
+        }
+    }
+
+    /// It is not any more.
+    pub fn went(&self, id: &str, now: Time) {
+        if let Some((who, true)) = lock(&self.peers).remove(id) {
+            self.note(v1::Severity::Info, &format!("{who} is gone"), now);
+        }
+    }
+
+    /// From `[Using cached result: ]ID [on SUBJECT ]is unauthorized to ACTION on KEY`; none: nobody was refused.
+    fn denied(&self, message: &str) -> Option<String> {
+        let message = match message.strip_prefix("Using cached result: ") {
+            Some(cached) => cached,
+            None if message.starts_with("ACL (ingress)") => {
+                FORESEEING.set(true);
+                return None;
+            }
+            None if FORESEEING.get() => {
+                FORESEEING.set(!message.contains(LAST_FORESEEN));
+                return None;
+            }
+            None => message,
+        };
+        let (who, what) = message.split_once(" is unauthorized to ")?;
+        let (action, key) = what.split_once(" (ingress) on ")?;
+        if action.starts_with("Undeclare") {
+            return None;
+        }
+        let id = who.split(' ').next().unwrap_or(who);
+        let text = match lock(&self.peers).get(id) {
+            Some((who, false)) => not_admitted(who),
+            Some((who, true)) => format!("{who} may not {} on {key}", action.to_lowercase()),
+            None => format!("peer {id} may not {} on {key}", action.to_lowercase()),
+        };
+        Some(text.chars().take(160).collect())
+    }
+
     /// What is to be told now.
     pub fn take(&self, now: Time) -> Vec<(v1::Severity, String)> {
         let mut table = lock(&self.table);
@@ -86,7 +147,7 @@ impl<S: Subscriber> Layer<S> for Visitors {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let mut message = Message::default();
         event.record(&mut message);
-        let line = if event.metadata().target() == ACCESS { denied(&message.0) } else { failed(&message.0) };
+        let line = if event.metadata().target() == ACCESS { self.denied(&message.0) } else { failed(&message.0) };
         if let Some(line) = line {
             self.note(v1::Severity::Warning, &line, clock::now());
         }
@@ -105,18 +166,8 @@ impl Visit for Message {
     }
 }
 
-/// From `ID on SUBJECT is unauthorized to ACTION on KEY`; none: it was no note.
-fn denied(message: &str) -> Option<String> {
-    let (who, what) = message.split_once(" is unauthorized to ")?;
-    let who = match who.split_once("CertCommonName(").and_then(|(_, rest)| rest.split_once(')')) {
-        Some((name, _)) => name.to_owned(),
-        None => {
-            let id = who.trim_start_matches("Using cached result: ").split(' ').next().unwrap_or(who);
-            format!("a peer without a certificate ({id})")
-        }
-    };
-    let what = what.replace(" (ingress)", "").to_lowercase();
-    Some(format!("{who} may not {what}").chars().take(160).collect())
+fn not_admitted(who: &str) -> String {
+    format!("{who} is not admitted: nothing of it is taken")
 }
 
 /// A connection that showed no certificate, or one that is not good.
@@ -140,11 +191,39 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_note_names_the_peer_by_its_certificate() {
-        let message = "3fa on Interface(lo)+CertCommonName(observer.bob)+tls+3fa is unauthorized to Query (ingress) on \
-                       goshawk/kite/cmd/start";
-        assert_eq!(denied(message).unwrap(), "observer.bob may not query on goshawk/kite/cmd/start");
-        assert_eq!(denied("3fa on tls is authorized to Put on goshawk/kite/in/rgbd"), None);
+    fn a_refusal_names_the_peer_by_its_certificate() {
+        let visitors = Visitors::default();
+        visitors.came("3fa".to_owned(), "observer.bob", true, Time(0));
+        let refused = "observer.bob may not query on goshawk/kite/cmd/start";
+        let message =
+            "3fa on CertCommonName(observer.bob)+tls is unauthorized to Query (ingress) on goshawk/kite/cmd/start";
+        assert_eq!(visitors.denied(message).unwrap(), refused);
+        let cached = "Using cached result: 3fa is unauthorized to Query (ingress) on goshawk/kite/cmd/start";
+        assert_eq!(visitors.denied(cached).unwrap(), refused);
+        assert_eq!(visitors.denied("3fa on tls is authorized to Put (ingress) on goshawk/kite/in/rgbd"), None);
+        assert_eq!(visitors.denied("3fa on tls is unauthorized to Put (egress) on goshawk/kite/in/rgbd"), None);
+    }
+
+    #[test]
+    fn a_peer_that_is_not_admitted_is_one_line_whatever_it_tries() {
+        let visitors = Visitors::default();
+        visitors.came("3fa".to_owned(), "vehicle.other", false, Time(0));
+        for key in ["tel/plan", "cmd/start"] {
+            let message = format!("Using cached result: 3fa is unauthorized to Query (ingress) on goshawk/kite/{key}");
+            assert_eq!(visitors.denied(&message).unwrap(), not_admitted("vehicle.other"));
+        }
+    }
+
+    #[test]
+    fn what_zenoh_only_foresees_is_no_refusal() {
+        let visitors = Visitors::default();
+        let say =
+            |words: &str| visitors.denied(&format!("3fa on tls is unauthorized to {words} on goshawk/kite/tel/plan"));
+        assert_eq!(visitors.denied("ACL (ingress): caching permissions for `goshawk/kite/tel/plan` ..."), None);
+        for foreseen in ["Query (ingress)", "Put (ingress)", "Liveliness Query (ingress)", LAST_FORESEEN] {
+            assert_eq!(say(foreseen), None, "{foreseen}");
+        }
+        assert_eq!(say("Put (ingress)").unwrap(), "peer 3fa may not put on goshawk/kite/tel/plan");
     }
 
     #[test]

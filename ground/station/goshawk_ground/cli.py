@@ -23,6 +23,7 @@ from goshawk_ground.options import (
     REFUSED,
     BinDir,
     Connect,
+    Identity,
     Json,
     Port,
     Timeout,
@@ -41,10 +42,10 @@ app = typer.Typer(
 )
 
 
-def open_link(vehicle: str, connect: str) -> GroundLink:
+def open_link(vehicle: str, connect: str, identity: Path | None) -> GroundLink:
     """The link, or one line about what is wrong with the arguments."""
     try:
-        return GroundLink(vehicle=vehicle, connect=connect)
+        return GroundLink(vehicle=vehicle, connect=connect, identity=identity)
     except LinkError as error:
         fail(f"cannot use --vehicle {vehicle} --connect {connect}: {error}", NO_REPLY)
 
@@ -65,11 +66,12 @@ def start(
     profile: Annotated[str, typer.Option(help="A start profile of the vehicle file; empty: its default.")] = "",
     vehicle: Vehicle = DEFAULT_VEHICLE,
     connect: Connect = DEFAULT_CONNECT,
+    identity: Identity = None,
     timeout: Timeout = 5.0,
     as_json: Json = False,
 ) -> None:
     """Begin the flight. Exit status 1 if the vehicle refuses, 2 if it does not answer."""
-    with open_link(vehicle, connect) as link:
+    with open_link(vehicle, connect, identity) as link:
         _report(link.start(profile, timeout_s=timeout), as_json)
 
 
@@ -77,11 +79,12 @@ def start(
 def stop(
     vehicle: Vehicle = DEFAULT_VEHICLE,
     connect: Connect = DEFAULT_CONNECT,
+    identity: Identity = None,
     timeout: Timeout = 5.0,
     as_json: Json = False,
 ) -> None:
     """End the flight: brake, land, disarm. Exit status 1 if refused, 2 if there is no answer."""
-    with open_link(vehicle, connect) as link:
+    with open_link(vehicle, connect, identity) as link:
         _report(link.stop(timeout_s=timeout), as_json)
 
 
@@ -89,11 +92,12 @@ def stop(
 def status(
     vehicle: Vehicle = DEFAULT_VEHICLE,
     connect: Connect = DEFAULT_CONNECT,
+    identity: Identity = None,
     timeout: Timeout = 5.0,
     as_json: Json = False,
 ) -> None:
     """The newest heartbeat: mode, readiness with reasons, rates. Exit status 1 if not ready, 2 if silent."""
-    with open_link(vehicle, connect) as link:
+    with open_link(vehicle, connect, identity) as link:
         snap = link.wait_for(lambda s: s.health is not None, timeout)
         if snap is None or snap.health is None:
             fail(link.why_silent(timeout), NO_REPLY)
@@ -146,6 +150,7 @@ def ground(
         list[str] | None, typer.Option(help="NAME, or NAME@ENDPOINT; give it again for several vehicles.")
     ] = None,
     connect: Annotated[str, typer.Option(help="The endpoint of each vehicle named without one.")] = DEFAULT_CONNECT,
+    identity: Identity = None,
     autopilot: Annotated[
         list[str] | None,
         typer.Option(
@@ -165,7 +170,7 @@ def ground(
         try:
             endpoints = fleet.places(vehicle or [DEFAULT_VEHICLE], connect)
             sources = fleet.radio_sources(autopilot or [], list(endpoints))
-            links, radios = fleet.open_all(stack, endpoints, sources)
+            links, radios = fleet.open_all(stack, endpoints, sources, identity)
         except LinkError as error:
             fail(str(error), NO_REPLY)
         try:

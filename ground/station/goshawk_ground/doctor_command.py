@@ -16,7 +16,18 @@ from goshawk_ground.dial import LinkError
 from goshawk_ground.doctor import Finding, State, local_findings
 from goshawk_ground.doctor_link import link_findings, measure
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE
-from goshawk_ground.options import NO_REPLY, REFUSED, BinDir, Connect, Json, Timeout, Vehicle, fail, print_json
+from goshawk_ground.options import (
+    NO_REPLY,
+    REFUSED,
+    BinDir,
+    Connect,
+    Identity,
+    Json,
+    Timeout,
+    Vehicle,
+    fail,
+    print_json,
+)
 
 _STYLES = {State.OK: "green", State.NOTE: "yellow", State.BAD: "red"}
 
@@ -24,6 +35,7 @@ _STYLES = {State.OK: "green", State.NOTE: "yellow", State.BAD: "red"}
 def doctor(
     vehicle: Vehicle = DEFAULT_VEHICLE,
     connect: Connect = DEFAULT_CONNECT,
+    identity: Identity = None,
     timeout: Timeout = 3.0,
     offline: Annotated[bool, typer.Option("--offline", help="Leave the vehicle out.")] = False,
     bin_dir: BinDir = Path("target/release"),
@@ -33,7 +45,7 @@ def doctor(
     findings = list(local_findings(bin_dir))
     if not offline:
         try:
-            facts = measure(vehicle, connect, timeout)
+            facts = measure(vehicle, connect, timeout, identity)
         except (LinkError, ValueError) as error:
             fail(f"cannot use --vehicle {vehicle} --connect {connect}: {error}", NO_REPLY)
         findings += link_findings(facts, importlib.metadata.version("goshawk-ground"))

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import zenoh
 from google.protobuf.message import DecodeError
@@ -39,15 +40,15 @@ class LinkFacts:
     version: str | None = None
 
 
-def measure(vehicle: str, connect: str, timeout_s: float) -> LinkFacts:
+def measure(vehicle: str, connect: str, timeout_s: float, identity: Path | None = None) -> LinkFacts:
     """Dials, asks and listens. Sends no command. Raises LinkError or ValueError for a bad endpoint or name."""
-    client_config(connect)
     keys = {name: key_expression(name, vehicle) for name in ("health", "control")}
+    config = client_config(connect, vehicle=vehicle, identity=identity)
     giving_up = threading.Event()
     timer = threading.Timer(timeout_s, giving_up.set)
     timer.daemon = True
     timer.start()
-    session = open_when_reachable(connect, giving_up)
+    session = open_when_reachable(config, giving_up)
     timer.cancel()
     if session is None:
         return LinkFacts(connect=connect, vehicle=vehicle, reachable=False)

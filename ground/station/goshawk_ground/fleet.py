@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from pathlib import Path
 
 from goshawk_ground.dial import LinkError
 from goshawk_ground.link import GroundLink
@@ -39,14 +40,14 @@ def radio_sources(autopilots: Sequence[str], names: Sequence[str]) -> dict[str, 
 
 
 def open_all(
-    stack: ExitStack, endpoints: dict[str, str], sources: dict[str, str]
+    stack: ExitStack, endpoints: dict[str, str], sources: dict[str, str], identity: Path | None = None
 ) -> tuple[list[GroundLink], dict[str, Radio]]:
     """Every link and radio, closed with the stack. Raises LinkError, naming the vehicle."""
     links = []
     radios = {}
     for name, endpoint in endpoints.items():
         try:
-            links.append(stack.enter_context(GroundLink(vehicle=name, connect=endpoint)))
+            links.append(stack.enter_context(GroundLink(vehicle=name, connect=endpoint, identity=identity)))
             if name in sources:
                 radios[name] = stack.enter_context(Radio(sources[name]))
         except LinkError as error:

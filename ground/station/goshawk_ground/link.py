@@ -13,6 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Self
 
 import zenoh
@@ -51,8 +52,13 @@ _DECODERS: dict[str, tuple[Any, Callable[[Any], Any]]] = {
 class GroundLink:
     """One vehicle, watched and commanded. Every method may be called from any thread."""
 
-    def __init__(self, *, vehicle: str = DEFAULT_VEHICLE, connect: str = DEFAULT_CONNECT) -> None:
-        """Begins to dial and returns at once. Raises LinkError if the endpoint or the name cannot be one."""
+    def __init__(
+        self, *, vehicle: str = DEFAULT_VEHICLE, connect: str = DEFAULT_CONNECT, identity: Path | None = None
+    ) -> None:
+        """Begins to dial and returns at once; ``identity``: the folder of who we are, for tls and quic.
+
+        Raises LinkError if the endpoint or the name cannot be one, or the identity is missing.
+        """
         self.vehicle = vehicle
         self.connect = connect
         self._lock = threading.Lock()
@@ -66,11 +72,11 @@ class GroundLink:
         self._commands = CommandClient(self, self._take_command)
         self._round_trip_s: float | None = None
         self._closing = threading.Event()
-        client_config(connect)
         try:
             self._keys = {name: key_expression(name, vehicle) for name in KEYS}
         except ValueError as error:
             raise LinkError(str(error)) from error
+        self._config = client_config(connect, vehicle=vehicle, identity=identity)
         self._session: zenoh.Session | None = None
         self._declared: list[Any] = []
         self._thread = threading.Thread(target=self._run, name="ground-link", daemon=True)
@@ -92,7 +98,7 @@ class GroundLink:
                 session.close()
 
     def _run(self) -> None:
-        session = open_when_reachable(self.connect, self._closing)
+        session = open_when_reachable(self._config, self._closing)
         if session is None:
             return
         rings = {

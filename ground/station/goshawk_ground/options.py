@@ -14,6 +14,12 @@ NO_REPLY = 2
 
 Vehicle = Annotated[str, typer.Option(help="The vehicle's name, as in its vehicle file.")]
 Connect = Annotated[str, typer.Option(help="A Zenoh endpoint that the vehicle listens on.")]
+Identity = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR", help="Folder of who you are (`goshawk keys`), for tls; absent: the operator's in your keyring."
+    ),
+]
 Timeout = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for an answer.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of words.")]
 Port = Annotated[int, typer.Option(min=1, max=65535, help="The dashboard's port.")]

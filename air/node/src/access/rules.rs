@@ -1,9 +1,21 @@
 //! Zenoh's access list, from the roles of the key table.
 
-use goshawk_proto::keys::{Key, Kind, Role, VehicleName};
+use goshawk_proto::keys::{Key, Kind, PREFIX, Role, VehicleName};
 use serde_json::{Value, json};
 
 use super::Identity;
+
+const ALL: [&str; 9] = [
+    "put",
+    "delete",
+    "declare_subscriber",
+    "query",
+    "declare_queryable",
+    "reply",
+    "liveliness_token",
+    "declare_liveliness_subscriber",
+    "liveliness_query",
+];
 
 /// Grounds by their certificates, sensors by the unix socket.
 pub(super) fn of_identity(vehicle: &VehicleName, identity: &Identity) -> Value {
@@ -36,7 +48,12 @@ fn by_certificate(id: &str, names: &[String]) -> Value {
 }
 
 fn list(vehicle: &VehicleName, subjects: &[(Role, Value)]) -> Value {
-    let mut rules = Vec::new();
+    // What goes out goes to a subscriber or an asker, which was judged when it came: but to nobody else.
+    let outward = json!({
+        "id": "outward", "permission": "allow", "flows": ["egress"], "messages": ALL,
+        "key_exprs": [format!("{PREFIX}/{vehicle}/**")],
+    });
+    let mut rules = vec![outward.clone()];
     let mut policies = Vec::new();
     for (role, subject) in subjects {
         let id = subject["id"].as_str().unwrap_or_default();
@@ -51,7 +68,8 @@ fn list(vehicle: &VehicleName, subjects: &[(Role, Value)]) -> Value {
                 })
             })
             .collect();
-        policies.push(json!({"rules": own.iter().map(|rule| &rule["id"]).collect::<Vec<_>>(), "subjects": [id]}));
+        let ids = own.iter().map(|rule| &rule["id"]).chain([&outward["id"]]).collect::<Vec<_>>();
+        policies.push(json!({"rules": ids, "subjects": [id]}));
         rules.extend(own);
     }
     let subjects: Vec<&Value> = subjects.iter().map(|(_, subject)| subject).collect();
