@@ -31,10 +31,16 @@ class Rig:
     zenoh_port: int = field(default_factory=free_port)
     mavlink_port: int = field(default_factory=lambda: free_port(socket.SOCK_DGRAM))
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    identity: Path | None = None
+    """The vehicle's: then grounds need one too, and the simulator comes by a unix socket."""
 
     @property
     def endpoint(self) -> str:
-        return f"tcp/127.0.0.1:{self.zenoh_port}"
+        return f"{'tcp' if self.identity is None else 'tls'}/127.0.0.1:{self.zenoh_port}"
+
+    @property
+    def socket(self) -> str:
+        return f"unixsock-stream/{self.folder}/sensors.sock"
 
     @property
     def logs(self) -> Path:
@@ -47,22 +53,23 @@ class Rig:
         return process
 
     def air(self, *arguments: str | Path, vehicle: Path = VEHICLE) -> subprocess.Popen[bytes]:
+        guarded = () if self.identity is None else ("--listen", self.socket, "--identity", self.identity)
         return self.spawn(
-            "air", BIN / "goshawk-air", "run", "--config", vehicle, "--listen", self.endpoint,
+            "air", BIN / "goshawk-air", "run", "--config", vehicle, "--listen", self.endpoint, *guarded,
             "--mavlink-bind", f"127.0.0.1:{self.mavlink_port}", "--log-dir", self.logs, *arguments,
         )  # fmt: skip
 
     def sim(self, *arguments: str) -> subprocess.Popen[bytes]:
         return self.spawn(
-            "sim", BIN / "goshawk-sim", "serve", "--connect", self.endpoint, "--mavlink-port", str(self.mavlink_port),
-            *arguments,
+            "sim", BIN / "goshawk-sim", "serve", "--connect", self.endpoint if self.identity is None else self.socket,
+            "--mavlink-port", str(self.mavlink_port), *arguments,
         )  # fmt: skip
 
     def output(self, name: str) -> str:
         return (self.folder / f"{name}.out").read_text(errors="replace")
 
-    def link(self) -> GroundLink:
-        return GroundLink(connect=self.endpoint)
+    def link(self, identity: Path | None = None) -> GroundLink:
+        return GroundLink(connect=self.endpoint, identity=identity)
 
     def close(self) -> None:
         for process in self.processes.values():

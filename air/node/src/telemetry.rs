@@ -105,7 +105,7 @@ impl Telemetry {
         identity: Identity,
     ) -> Result<Self, BusError> {
         if identity.insecure {
-            visitors.note(v1::Severity::Warning, INSECURE, clock::now());
+            visitors.note(v1::Severity::Warning, "", INSECURE, clock::now());
         }
         Ok(Telemetry {
             publishers: Publishers {

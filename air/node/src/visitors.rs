@@ -20,9 +20,13 @@ use crate::clock;
 use crate::shared::lock;
 
 /// Different lines that are told apart at a time; further ones share one.
-const KEPT: usize = 32;
+const KEPT: usize = 64;
+/// Of these, of one peer.
+const KEPT_OF_ONE: usize = 6;
 /// The same line is told again so often, s.
 const AGAIN_S: f64 = 10.0;
+/// A line's length.
+const LONGEST: usize = 200;
 /// Peers whose names are known.
 const NAMED: usize = 256;
 /// The last thing that Zenoh works out of a key.
@@ -34,6 +38,7 @@ const HANDSHAKES: [&str; 2] = ["zenoh_link_tls", "zenoh_link_commons::quic"];
 
 struct Note {
     severity: v1::Severity,
+    who: String,
     text: String,
     /// Since it was last told.
     count: u64,
@@ -63,18 +68,22 @@ impl Visitors {
         target == ACCESS || (*metadata.level() <= Level::WARN && handshake())
     }
 
-    /// Notes one line: a warning where somebody was turned away.
-    pub fn note(&self, severity: v1::Severity, text: &str, now: Time) {
+    /// Notes one line about `who`: a warning where it was turned away.
+    pub fn note(&self, severity: v1::Severity, who: &str, text: &str, now: Time) {
         let mut table = lock(&self.table);
         let known = |table: &[Note], text: &str| table.iter().position(|note| note.text == text);
-        let full = table.len() >= KEPT && known(&table, text).is_none();
-        let (severity, text) = if full { (v1::Severity::Warning, "further peers") } else { (severity, text) };
-        match known(&table, text) {
+        let of_one = table.iter().filter(|note| note.who == who).count();
+        let (who, text) = match (known(&table, text), table.len() < KEPT, of_one < KEPT_OF_ONE) {
+            (Some(_), ..) | (None, true, true) => (who, text.to_owned()),
+            (None, true, false) => (who, format!("{who}: further refusals")),
+            (None, false, _) => ("", "further peers".to_owned()),
+        };
+        match known(&table, &text) {
             Some(k) => {
                 table[k].count += 1;
                 table[k].last = now;
             }
-            None => table.push(Note { severity, text: text.to_owned(), count: 1, told: None, last: now }),
+            None => table.push(Note { severity, who: who.to_owned(), text, count: 1, told: None, last: now }),
         }
     }
 
@@ -84,7 +93,7 @@ impl Visitors {
             true => (v1::Severity::Info, format!("{who} is connected")),
             false => (v1::Severity::Warning, not_admitted(who)),
         };
-        self.note(severity, &text, now);
+        self.note(severity, who, &text, now);
         let mut peers = lock(&self.peers);
         if peers.len() < NAMED || peers.contains_key(&id) {
             peers.insert(id, (who.to_owned(), admitted));
@@ -94,12 +103,12 @@ impl Visitors {
     /// It is not any more.
     pub fn went(&self, id: &str, now: Time) {
         if let Some((who, true)) = lock(&self.peers).remove(id) {
-            self.note(v1::Severity::Info, &format!("{who} is gone"), now);
+            self.note(v1::Severity::Info, &who, &format!("{who} is gone"), now);
         }
     }
 
     /// From `[Using cached result: ]ID [on SUBJECT ]is unauthorized to ACTION on KEY`; none: nobody was refused.
-    fn denied(&self, message: &str) -> Option<String> {
+    fn denied(&self, message: &str) -> Option<(String, String)> {
         let message = match message.strip_prefix("Using cached result: ") {
             Some(cached) => cached,
             None if message.starts_with("ACL (ingress)") => {
@@ -118,12 +127,12 @@ impl Visitors {
             return None;
         }
         let id = who.split(' ').next().unwrap_or(who);
-        let text = match lock(&self.peers).get(id) {
-            Some((who, false)) => not_admitted(who),
-            Some((who, true)) => format!("{who} may not {} on {key}", action.to_lowercase()),
-            None => format!("peer {id} may not {} on {key}", action.to_lowercase()),
+        let (who, admitted) = lock(&self.peers).get(id).cloned().unwrap_or_else(|| (format!("peer {id}"), true));
+        let text = match admitted {
+            true => format!("{who} may not {} on {key}", action.to_lowercase()),
+            false => not_admitted(&who),
         };
-        Some(text.chars().take(160).collect())
+        Some((who, text))
     }
 
     /// What is to be told now.
@@ -148,8 +157,9 @@ impl<S: Subscriber> Layer<S> for Visitors {
         let mut message = Message::default();
         event.record(&mut message);
         let line = if event.metadata().target() == ACCESS { self.denied(&message.0) } else { failed(&message.0) };
-        if let Some(line) = line {
-            self.note(v1::Severity::Warning, &line, clock::now());
+        if let Some((who, text)) = line {
+            let text: String = text.chars().take(LONGEST).collect();
+            self.note(v1::Severity::Warning, &who, &text, clock::now());
         }
     }
 }
@@ -171,11 +181,11 @@ fn not_admitted(who: &str) -> String {
 }
 
 /// A connection that showed no certificate, or one that is not good.
-fn failed(message: &str) -> Option<String> {
+fn failed(message: &str) -> Option<(String, String)> {
     let why = message.split(" Hint:").next().unwrap_or(message).trim_end_matches('.');
     // The port is another one each time.
     let words: Vec<&str> = why.split_whitespace().map(without_port).collect();
-    Some(format!("a connection was refused: {}", words.join(" ")).chars().take(160).collect())
+    Some((String::new(), format!("a connection was refused: {}", words.join(" "))))
 }
 
 fn without_port(word: &str) -> &str {
@@ -197,9 +207,9 @@ mod tests {
         let refused = "observer.bob may not query on goshawk/kite/cmd/start";
         let message =
             "3fa on CertCommonName(observer.bob)+tls is unauthorized to Query (ingress) on goshawk/kite/cmd/start";
-        assert_eq!(visitors.denied(message).unwrap(), refused);
+        assert_eq!(visitors.denied(message).unwrap().1, refused);
         let cached = "Using cached result: 3fa is unauthorized to Query (ingress) on goshawk/kite/cmd/start";
-        assert_eq!(visitors.denied(cached).unwrap(), refused);
+        assert_eq!(visitors.denied(cached).unwrap().1, refused);
         assert_eq!(visitors.denied("3fa on tls is authorized to Put (ingress) on goshawk/kite/in/rgbd"), None);
         assert_eq!(visitors.denied("3fa on tls is unauthorized to Put (egress) on goshawk/kite/in/rgbd"), None);
     }
@@ -210,7 +220,7 @@ mod tests {
         visitors.came("3fa".to_owned(), "vehicle.other", false, Time(0));
         for key in ["tel/plan", "cmd/start"] {
             let message = format!("Using cached result: 3fa is unauthorized to Query (ingress) on goshawk/kite/{key}");
-            assert_eq!(visitors.denied(&message).unwrap(), not_admitted("vehicle.other"));
+            assert_eq!(visitors.denied(&message).unwrap().1, not_admitted("vehicle.other"));
         }
     }
 
@@ -223,14 +233,14 @@ mod tests {
         for foreseen in ["Query (ingress)", "Put (ingress)", "Liveliness Query (ingress)", LAST_FORESEEN] {
             assert_eq!(say(foreseen), None, "{foreseen}");
         }
-        assert_eq!(say("Put (ingress)").unwrap(), "peer 3fa may not put on goshawk/kite/tel/plan");
+        assert_eq!(say("Put (ingress)").unwrap().1, "peer 3fa may not put on goshawk/kite/tel/plan");
     }
 
     #[test]
     fn a_flood_of_refusals_is_a_line_each_ten_seconds() {
         let visitors = Visitors::default();
         let at = Time::from_secs;
-        let refuse = |now| visitors.note(v1::Severity::Warning, "bob may not query", now);
+        let refuse = |now| visitors.note(v1::Severity::Warning, "bob", "bob may not query", now);
         for k in 0..100_000 {
             refuse(at(f64::from(k) * 1e-4));
         }
@@ -244,10 +254,23 @@ mod tests {
     fn ten_thousand_different_peers_fill_no_memory() {
         let visitors = Visitors::default();
         for k in 0..10_000 {
-            visitors.note(v1::Severity::Warning, &format!("peer {k}"), Time::from_secs(1.0));
+            visitors.note(v1::Severity::Warning, &format!("{k}"), &format!("peer {k}"), Time::from_secs(1.0));
         }
         let told = visitors.take(Time::from_secs(1.0));
         assert_eq!(told.len(), KEPT + 1);
         assert_eq!(told[KEPT].1, format!("further peers ({} times)", 10_000 - KEPT));
+    }
+
+    #[test]
+    fn one_peer_takes_no_line_from_another() {
+        let visitors = Visitors::default();
+        for k in 0..10_000 {
+            visitors.note(v1::Severity::Warning, "bob", &format!("bob may not {k}"), Time::from_secs(1.0));
+        }
+        visitors.note(v1::Severity::Warning, "eve", "eve may not", Time::from_secs(1.0));
+        let told = visitors.take(Time::from_secs(1.0));
+        assert_eq!(told.len(), KEPT_OF_ONE + 2);
+        assert_eq!(told[KEPT_OF_ONE].1, format!("bob: further refusals ({} times)", 10_000 - KEPT_OF_ONE));
+        assert_eq!(told[KEPT_OF_ONE + 1].1, "eve may not");
     }
 }
