@@ -41,9 +41,7 @@ pub enum AccessError {
     #[error("network.listen {0} needs network.identity: make one with `goshawk keys pair`")]
     NoIdentity(String),
     /// With an identity nothing else may listen.
-    #[error(
-        "network.listen {0} asks nobody who they are: with network.identity it must be tls/, quic/ or unixsock-stream/"
-    )]
+    #[error("network.listen {0} asks nobody who they are: with network.identity it must be tls/ or unixsock-stream/")]
     BesideIdentity(String),
     /// The identity cannot be used.
     #[error(transparent)]
@@ -143,9 +141,8 @@ fn guard(listen: &[String], insecure: bool, identity: Option<Identity>) -> Resul
     for endpoint in listen {
         let own = local(endpoint);
         match (protocol(endpoint), &identity) {
-            ("unixsock-stream", _) => {}
-            ("tls" | "quic", None) => return Err(AccessError::NoIdentity(endpoint.clone())),
-            ("tls" | "quic", Some(_)) => {}
+            ("unixsock-stream", _) | ("tls", Some(_)) => {}
+            ("tls", None) => return Err(AccessError::NoIdentity(endpoint.clone())),
             (_, Some(_)) => return Err(AccessError::BesideIdentity(endpoint.clone())),
             (_, None) if !own && !insecure => return Err(AccessError::Open(endpoint.clone())),
             (_, None) => {}

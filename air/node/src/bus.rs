@@ -233,7 +233,18 @@ fn open(own: &[(&str, &str)]) -> Result<zenoh::Session, String> {
     for (path, value) in common.iter().chain(own) {
         config.insert_json5(path, value).map_err(|e| format!("{path}: {e}"))?;
     }
-    zenoh::open(config).wait().map_err(|e| without_source_places(&e.to_string()))
+    zenoh::open(config).wait().map_err(|e| without_source_places(&without_settings(&e.to_string())))
+}
+
+/// Zenoh's errors name an endpoint with all its settings (`tls/…#so_sndbuf=16384;…`).
+fn without_settings(cause: &str) -> String {
+    let bare = |word: &str| match word.split_once('#') {
+        Some((endpoint, settings)) if endpoint.contains('/') => {
+            format!("{endpoint}{}", if settings.ends_with(':') { ":" } else { "" })
+        }
+        _ => word.to_owned(),
+    };
+    cause.split_whitespace().map(bare).collect::<Vec<_>>().join(" ")
 }
 
 /// Zenoh's errors name the source line of each layer (`… at /path/tcp.rs:61.]`): of no use to an operator.
@@ -269,6 +280,12 @@ fn priority(priority: KeyPriority) -> Priority {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_names_an_endpoint_without_its_settings() {
+        let cause = "tls/127.0.0.1:1#so_sndbuf=16384;listen_private_key_file=/a/key.pem: Address in use";
+        assert_eq!(without_settings(cause), "tls/127.0.0.1:1: Address in use");
+    }
 
     #[test]
     fn an_error_names_no_source_line() {

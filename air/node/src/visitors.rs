@@ -12,9 +12,10 @@ use std::sync::{Arc, Mutex};
 use goshawk_core::Time;
 use goshawk_proto::v1;
 use tracing::field::{Field, Visit};
-use tracing::{Event, Level, Metadata, Subscriber};
+use tracing::{Event, Metadata, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
+use zenoh_link_tls::REFUSED;
 
 use crate::clock;
 use crate::shared::lock;
@@ -34,7 +35,6 @@ const LAST_FORESEEN: &str = "Declare Liveliness Subscriber (ingress)";
 /// One that has not come for so long is forgotten, s.
 const FORGOTTEN_S: f64 = 60.0;
 const ACCESS: &str = "zenoh::net::routing::interceptor::access_control";
-const HANDSHAKES: [&str; 2] = ["zenoh_link_tls", "zenoh_link_commons::quic"];
 
 struct Note {
     severity: v1::Severity,
@@ -63,9 +63,7 @@ impl Visitors {
     /// What its layer is to hear; for a filter before it.
     #[must_use]
     pub fn concerns(metadata: &Metadata<'_>) -> bool {
-        let target = metadata.target();
-        let handshake = || HANDSHAKES.iter().any(|prefix| target.starts_with(prefix));
-        target == ACCESS || (*metadata.level() <= Level::WARN && handshake())
+        metadata.target() == ACCESS || metadata.target() == REFUSED
     }
 
     /// Notes one line about `who`: a warning where it was turned away.
@@ -156,7 +154,8 @@ impl<S: Subscriber> Layer<S> for Visitors {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let mut message = Message::default();
         event.record(&mut message);
-        let line = if event.metadata().target() == ACCESS { self.denied(&message.0) } else { failed(&message.0) };
+        let refused = event.metadata().target() == REFUSED;
+        let line = if refused { Some(failed(&message.0)) } else { self.denied(&message.0) };
         if let Some((who, text)) = line {
             let text: String = text.chars().take(LONGEST).collect();
             self.note(v1::Severity::Warning, &who, &text, clock::now());
@@ -180,20 +179,10 @@ fn not_admitted(who: &str) -> String {
     format!("{who} is not admitted: nothing of it is taken")
 }
 
-/// A connection that showed no certificate, or one that is not good.
-fn failed(message: &str) -> Option<(String, String)> {
-    let why = message.split(" Hint:").next().unwrap_or(message).trim_end_matches('.');
-    // The port is another one each time.
-    let words: Vec<&str> = why.split_whitespace().map(without_port).collect();
-    Some((String::new(), format!("a connection was refused: {}", words.join(" "))))
-}
-
-fn without_port(word: &str) -> &str {
-    let bare = word.trim_end_matches([':', ',']);
-    match bare.parse::<std::net::SocketAddr>() {
-        Ok(_) => bare.rsplit_once(':').map_or(bare, |(host, _)| host),
-        Err(_) => word,
-    }
+/// A connection that showed no certificate, or one that is not good: `ADDRESS: REASON`.
+fn failed(message: &str) -> (String, String) {
+    let (who, why) = message.split_once(": ").unwrap_or(("", message));
+    (who.to_owned(), format!("{who} was refused: {why}"))
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ fn without_an_identity_only_this_host_is_listened_to() {
 
 #[test]
 fn an_encrypted_listener_needs_an_identity_even_where_the_file_says_insecure() {
-    for endpoint in ["tls/0.0.0.0:7447", "quic/127.0.0.1:7447"] {
+    for endpoint in ["tls/0.0.0.0:7447", "tls/127.0.0.1:7447"] {
         assert!(matches!(judged(&[endpoint], true), Err(AccessError::NoIdentity(_))), "{endpoint}");
     }
 }
