@@ -17,6 +17,7 @@ from rich.table import Table
 
 from goshawk_ground import doctor_command, log_commands
 from goshawk_ground.dial import LinkError
+from goshawk_ground.keys import commands as keys_commands
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
 from goshawk_ground.options import (
     NO_REPLY,
@@ -289,6 +290,7 @@ def train(context: typer.Context) -> None:
 
 log_commands.register(app)
 doctor_command.register(app)
+keys_commands.register(app)
 
 
 def main() -> None:
