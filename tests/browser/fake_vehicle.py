@@ -18,6 +18,7 @@ import signal
 import threading
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -367,12 +368,21 @@ def main() -> None:
     parser.add_argument("--malformed", action="store_true", help="send rubbish beside the telemetry")
     parser.add_argument("--not-ready", action="store_true", help="stay idle")
     parser.add_argument("--battery", type=float, default=0.83, help="its fraction, 0 … 1")
+    parser.add_argument("--identity", type=Path, help="folder of the vehicle's identity, where it listens by tls")
     parser.add_argument("--mute", action="store_true", help="answer no command")
     args = parser.parse_args()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     config = zenoh.Config()
+    if args.identity is not None:
+        tls = {
+            "root_ca_certificate": str(args.identity / "ca.pem"),
+            "listen_certificate": str(args.identity / "cert.pem"),
+            "listen_private_key": str(args.identity / "key.pem"),
+            "enable_mtls": True,
+        }
+        config.insert_json5("transport/link/tls", json.dumps(tls))
     for key, value in {
         "mode": "peer",
         "listen/endpoints": [args.listen],

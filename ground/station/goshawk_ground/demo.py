@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from rich.console import Console
 from goshawk_ground.children import Child, stop_all
 from goshawk_ground.director import Action, Director, Limits, Phase
 from goshawk_ground.flight_record import FlightRecord, Summary
+from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.link import GroundLink
 from goshawk_ground.ports import free_port
 from goshawk_ground.serve import serve_dashboard
@@ -58,14 +60,14 @@ class _Interrupted(BaseException):
 def run_demo(options: DemoOptions) -> bool:
     """Flies once; whether it succeeded. Every child is gone when it returns, whatever happened."""
     console = Console(highlight=False)
-    commands, endpoint, folder = _prepare(options, console)
+    commands, endpoint, identity, folder = _prepare(options, console)
     children: list[Child] = []
     link: GroundLink | None = None
     dashboard: LiveDashboard | None = None
     with _interruptible():
         try:
             children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
-            link = GroundLink(connect=endpoint)
+            link = GroundLink(connect=endpoint, identity=identity)
             dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port))
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             summary = _fly(options, link, children, console)
@@ -88,8 +90,8 @@ def run_demo(options: DemoOptions) -> bool:
                 stop_all(children)
 
 
-def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path]:
-    """The two commands by name, the endpoint between them, and the folder for their output."""
+def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path, Path]:
+    """The two commands by name, the vehicle's endpoint, the operator's identity, and the folder for their output."""
     air, sim = options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim"
     for needed in (air, sim, VEHICLE_FILE):
         if not needed.is_file():
@@ -102,19 +104,22 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
         raise DemoError(str(error)) from error
     if (zenoh_port, mavlink_port) != (ZENOH_PORT, MAVLINK_PORT):
         console.print(f"usual ports are busy: using tcp {zenoh_port} and udp {mavlink_port}")
-    endpoint = f"tcp/127.0.0.1:{zenoh_port}"
+    flown, flier = demo_identities(folder / "keys")
+    endpoint = f"tls/127.0.0.1:{zenoh_port}"
+    # A socket's path must be short, and this folder is the user's alone.
+    sensors = f"unixsock-stream/{tempfile.mkdtemp(prefix='goshawk-')}/sensors.sock"
     commands = {
         "air": [
-            str(air), "run", "--config", str(VEHICLE_FILE), "--listen", endpoint,
-            "--mavlink-bind", f"127.0.0.1:{mavlink_port}", "--log-dir", str(folder),
+            str(air), "run", "--config", str(VEHICLE_FILE), "--listen", endpoint, "--listen", sensors,
+            "--identity", str(flown), "--mavlink-bind", f"127.0.0.1:{mavlink_port}", "--log-dir", str(folder),
         ],
         "sim": [
             str(sim), "serve", "--seed", str(options.seed), "--spacing", f"{options.spacing_m:g}",
             "--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m + GOAL_BEYOND_M:g}",
-            "--connect", endpoint, "--mavlink-port", str(mavlink_port),
+            "--connect", sensors, "--mavlink-port", str(mavlink_port),
         ],
     }  # fmt: skip
-    return commands, endpoint, folder
+    return commands, endpoint, flier, folder
 
 
 def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console: Console) -> Summary:

@@ -8,39 +8,28 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from goshawk_proto import KEYS, key_expression
+
+from goshawk_ground.keys.chosen import default_identity
+from goshawk_ground.keys.names import KeysError
+from goshawk_ground.tunnel import IdentityError, Tunnel
 
 LEASE_MS = 2000
 HANDSHAKE_MS = 5000
 """One attempt to dial: two round trips, and a slow link's may take a second each. A refused one ends at once; between
 attempts the wish to give up is looked at."""
 
-_ENCRYPTED = ("tls", "quic")
-_ALL_MESSAGES = [
-    "put",
-    "delete",
-    "declare_subscriber",
-    "query",
-    "declare_queryable",
-    "reply",
-    "liveliness_token",
-    "declare_liveliness_subscriber",
-    "liveliness_query",
-]
-_PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream", "serial")
+_PROTOCOLS = ("tcp", "tls", "unixsock-stream")
 
 
 class LinkError(RuntimeError):
     """The link cannot even be tried: a bad endpoint or vehicle name. One line, says which."""
 
 
-def client_config(connect: str, *, vehicle: str = "", identity: Path | None = None) -> zenoh.Config:
+def client_config(connect: str) -> zenoh.Config:
     """A client of one endpoint: no discovery; once it was connected it redials by itself after a loss.
 
-    A client, not a peer: the vehicle's session then passes on what a simulator beside it publishes. ``identity``: the
-    folder that `goshawk keys` made; over tls and quic both sides show a certificate, and nobody but ``vehicle`` is
-    listened to or asked. Raises LinkError if ``connect`` is not an endpoint such as tcp/127.0.0.1:7447, or if the
-    identity is missing.
+    A client, not a peer: the vehicle's session then passes on what a simulator beside it publishes.
+    Raises LinkError if ``connect`` is not an endpoint such as tcp/127.0.0.1:7447.
     """
     protocol, _, address = connect.partition("/")
     if protocol not in _PROTOCOLS or not address:
@@ -57,10 +46,6 @@ def client_config(connect: str, *, vehicle: str = "", identity: Path | None = No
         "transport/shared_memory/enabled": False,  # a session's 17 MB stay in /dev/shm after a kill
         "transport/unicast/open_timeout": HANDSHAKE_MS,
     }
-    if protocol in _ENCRYPTED:
-        if identity is None:
-            raise LinkError(f"'{connect}' asks who you are: name your identity with --identity (see `goshawk keys`)")
-        settings |= _identified(identity, vehicle)
     config = zenoh.Config()
     try:
         for key, value in settings.items():
@@ -70,46 +55,43 @@ def client_config(connect: str, *, vehicle: str = "", identity: Path | None = No
     return config
 
 
-def _identified(folder: Path, vehicle: str) -> dict[str, Any]:
-    """Zenoh's settings for a certificate of our own, and for a vehicle that must show its own."""
-    for name in ("ca.pem", "cert.pem", "key.pem"):
-        try:
-            (folder / name).read_bytes()
-        except OSError as error:
-            raise LinkError(f"{folder / name} cannot be read ({error.strerror}): `goshawk keys` makes it") from error
-    return {
-        "transport/link/tls": {
-            "root_ca_certificate": str(folder / "ca.pem"),
-            "connect_certificate": str(folder / "cert.pem"),
-            "connect_private_key": str(folder / "key.pem"),
-            "enable_mtls": True,
-            # A vehicle's address changes, its name does not: the access list below judges that.
-            "verify_name_on_connect": False,
-            "close_link_on_expiration": True,
-        },
-        "access_control": {
-            "enabled": True,
-            "default_permission": "deny",
-            "rules": [
-                {
-                    "id": "all",
-                    "permission": "allow",
-                    "flows": ["ingress", "egress"],
-                    "messages": _ALL_MESSAGES,
-                    "key_exprs": [key_expression(name, vehicle) for name in KEYS],
-                }
-            ],
-            "subjects": [{"id": "vehicle", "cert_common_names": [f"vehicle.{vehicle}"]}],
-            "policies": [{"rules": ["all"], "subjects": ["vehicle"]}],
-        },
-    }
+class Way:
+    """How to reach a vehicle: straight, or by TLS through a tunnel of our own. Close it when done."""
 
-
-def open_when_reachable(config: zenoh.Config, giving_up: threading.Event) -> zenoh.Session | None:
-    """Dials until it is answered, or until ``giving_up`` is set: then None."""
-    while not giving_up.is_set():
+    def __init__(self, connect: str, vehicle: str, identity: Path | None) -> None:
+        """Raises LinkError if ``connect`` is no endpoint, or if it asks for an identity that is not there."""
+        protocol, _, address = connect.partition("/")
+        self.tunnel: Tunnel | None = None
+        if protocol != "tls":
+            self.config = client_config(connect)
+            return
+        host, _, port = address.rpartition(":")
+        if not (host and port.isdigit()):
+            raise LinkError(f"'{connect}' is not an endpoint such as tls/192.168.1.7:7447")
         try:
-            return zenoh.open(config)
-        except zenoh.ZError:
-            giving_up.wait(0.1)
-    return None
+            folder = identity or default_identity()
+            if folder is None:
+                raise LinkError(f"'{connect}' asks who you are: name your identity with --identity (`goshawk keys`)")
+            self.tunnel = Tunnel(host=host.strip("[]"), port=int(port), vehicle=vehicle, identity=folder)
+        except (IdentityError, KeysError) as error:
+            raise LinkError(str(error)) from error
+        self.config = client_config(self.tunnel.endpoint)
+
+    @property
+    def problem(self) -> str | None:
+        """Why the vehicle could not be reached, as far as that is known."""
+        return None if self.tunnel is None else self.tunnel.problem
+
+    def open(self, giving_up: threading.Event) -> zenoh.Session | None:
+        """Dials until it is answered, or until ``giving_up`` is set: then None."""
+        while not giving_up.is_set():
+            try:
+                return zenoh.open(self.config)
+            except zenoh.ZError:
+                giving_up.wait(0.1)
+        return None
+
+    def close(self) -> None:
+        """Ends the tunnel; safe to call twice."""
+        if self.tunnel is not None:
+            self.tunnel.close()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import statistics
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import zenoh
@@ -16,7 +17,7 @@ from goshawk_proto import goshawk_pb2 as pb
 from goshawk_proto import key_expression
 
 from goshawk_ground import round_trip
-from goshawk_ground.dial import client_config, open_when_reachable
+from goshawk_ground.dial import Way
 from goshawk_ground.doctor import Finding, State, ok
 
 ROUND_TRIPS = 10
@@ -43,21 +44,25 @@ class LinkFacts:
 def measure(vehicle: str, connect: str, timeout_s: float, identity: Path | None = None) -> LinkFacts:
     """Dials, asks and listens. Sends no command. Raises LinkError or ValueError for a bad endpoint or name."""
     keys = {name: key_expression(name, vehicle) for name in ("health", "control")}
-    config = client_config(connect, vehicle=vehicle, identity=identity)
+    with contextlib.closing(Way(connect, vehicle, identity)) as way:
+        return _measure(way, LinkFacts(connect=connect, vehicle=vehicle, reachable=False), keys, timeout_s)
+
+
+def _measure(way: Way, nobody: LinkFacts, keys: dict[str, str], timeout_s: float) -> LinkFacts:
     giving_up = threading.Event()
     timer = threading.Timer(timeout_s, giving_up.set)
     timer.daemon = True
     timer.start()
-    session = open_when_reachable(config, giving_up)
+    session = way.open(giving_up)
     timer.cancel()
     if session is None:
-        return LinkFacts(connect=connect, vehicle=vehicle, reachable=False)
+        return nobody
     with session:
         arrivals = _Arrivals(session, keys)
         deadline = time.monotonic() + timeout_s
         trips: list[float] = []
         while len(trips) < ROUND_TRIPS and time.monotonic() < deadline:
-            took_s = round_trip.measure_s(session, vehicle, max(0.1, deadline - time.monotonic()))
+            took_s = round_trip.measure_s(session, nobody.vehicle, max(0.1, deadline - time.monotonic()))
             if math.isfinite(took_s):
                 trips.append(took_s * 1e3)
             else:
@@ -67,9 +72,8 @@ def measure(vehicle: str, connect: str, timeout_s: float, identity: Path | None 
         # A sample is half a round trip old when it arrives; the one that waited least tells the most.
         late_ms = arrivals.least_late_ms
         offset_ms = None if late_ms is None or not trips else 0.5 * min(trips) - late_ms
-        return LinkFacts(
-            connect=connect,
-            vehicle=vehicle,
+        return replace(
+            nobody,
             reachable=True,
             round_trips_ms=tuple(trips),
             clock_offset_ms=offset_ms,

@@ -25,7 +25,7 @@ from goshawk_proto import KEYS, goshawk_pb2, key_expression
 from goshawk_ground import round_trip
 from goshawk_ground.channel import ChannelStats
 from goshawk_ground.command_client import CommandClient
-from goshawk_ground.dial import LinkError, client_config, open_when_reachable
+from goshawk_ground.dial import LinkError, Way
 
 EVENTS = 200
 RING = 32
@@ -76,7 +76,7 @@ class GroundLink:
             self._keys = {name: key_expression(name, vehicle) for name in KEYS}
         except ValueError as error:
             raise LinkError(str(error)) from error
-        self._config = client_config(connect, vehicle=vehicle, identity=identity)
+        self._way = Way(connect, vehicle, identity)
         self._session: zenoh.Session | None = None
         self._declared: list[Any] = []
         self._thread = threading.Thread(target=self._run, name="ground-link", daemon=True)
@@ -96,9 +96,10 @@ class GroundLink:
         if session is not None:
             with contextlib.suppress(zenoh.ZError):
                 session.close()
+        self._way.close()
 
     def _run(self) -> None:
-        session = open_when_reachable(self._config, self._closing)
+        session = self._way.open(self._closing)
         if session is None:
             return
         rings = {
@@ -276,6 +277,8 @@ class GroundLink:
 
     def why_silent(self, waited_s: float) -> str:
         """One line: what to check when the vehicle did not answer within ``waited_s``."""
+        if not self.linked and self._way.problem is not None:
+            return self._way.problem
         if not self.linked:
             return (
                 f"no vehicle at {self.connect} within {waited_s:g} s: check that goshawk-air runs and that --connect "
@@ -284,7 +287,7 @@ class GroundLink:
         if not self.snapshot().alive:
             return (
                 f"{self.connect} is up, but no vehicle named '{self.vehicle}' answered within {waited_s:g} s: check "
-                "--vehicle against its vehicle file"
+                "--vehicle against its vehicle file, and with keys that it admits you (`goshawk keys list`)"
             )
         return (
             f"'{self.vehicle}' is alive but did not answer within {waited_s:g} s: the link may be too weak; it may "

@@ -28,7 +28,7 @@ def stand_ins(folder: Path, *, air: str, sim: str = SLEEPER) -> Path:
 
 def flying_air(*flags: str) -> str:
     """A goshawk-air that is the stand-in vehicle at the endpoint it was given."""
-    return f'#!/bin/sh\nexec {sys.executable} {FAKE} --listen "$5" {" ".join(flags)}\n'
+    return f'#!/bin/sh\nexec {sys.executable} {FAKE} --listen "$5" --identity "$9" {" ".join(flags)}\n'
 
 
 def demo(folder: Path, bin_dir: Path, *arguments: str) -> subprocess.Popen[str]:
@@ -88,7 +88,7 @@ def test_a_simulator_that_dies_is_a_failure_with_its_last_words(tmp_path: Path) 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_demo_leaves_nothing_running(tmp_path: Path, number: signal.Signals) -> None:
     # The folder's name in the command line is how the children are found.
-    air = f"#!/bin/sh\nexec {sys.executable} {FAKE} --listen $5 --not-ready --vehicle goshawk # {tmp_path}\n"
+    air = f"#!/bin/sh\nexec {sys.executable} {FAKE} --listen $5 --identity $9 --not-ready # {tmp_path}\n"
     sim = f"#!/bin/sh\nexec sh -c 'sleep 600; : {tmp_path}'\n"
     process = demo(tmp_path, stand_ins(tmp_path / "bin", air=air, sim=sim), "--headless")
     deadline = time.monotonic() + 30
