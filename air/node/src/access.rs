@@ -119,7 +119,7 @@ impl Access {
         let mut settings = vec![
             ("listen/endpoints", json!(self.listen.iter().map(|e| endpoint(e)).collect::<Vec<_>>())),
             ("connect/endpoints", json!([])),
-            ("transport/unicast/accept_timeout", json!(HANDSHAKE_MS)),
+            ("transport/unicast/accept_timeout", json!(2 * HANDSHAKE_MS)),
             ("transport/unicast/accept_pending", json!(4096)),
             ("transport/link/rx/max_message_size", json!(LARGEST_MESSAGE)),
             ("low_pass_filter", rules::low_pass(&self.vehicle, LARGEST_QUESTION)),

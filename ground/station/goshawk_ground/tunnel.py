@@ -19,7 +19,8 @@ from goshawk_ground.keys.identity import revoked_vehicles
 from goshawk_ground.keys.names import KeysError
 
 CHUNK = 16_384
-HANDSHAKE_S = 5.0
+HANDSHAKE_S = 8.0
+"""Three round trips, of which a slow link may take two seconds for each."""
 
 
 class IdentityError(RuntimeError):
