@@ -15,8 +15,8 @@ from goshawk_ground.tunnel import IdentityError, Tunnel
 
 LEASE_MS = 2000
 HANDSHAKE_MS = 10_000
-"""One attempt to dial: two round trips and three of TLS, and a slow link's may take a second each. A refused one ends at once; between
-attempts the wish to give up is looked at."""
+"""One attempt to dial: two round trips, three more of TLS, and a slow link's may take a second each. A refused one ends
+at once; between attempts the wish to give up is looked at."""
 
 _PROTOCOLS = ("tcp", "tls", "unixsock-stream")
 
