@@ -17,7 +17,7 @@ from rich.table import Table
 
 from goshawk_ground import doctor_command, log_commands
 from goshawk_ground.dial import LinkError
-from goshawk_ground.keys import commands as keys_commands
+from goshawk_ground.keys import transfer_commands as keys_commands
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
 from goshawk_ground.options import (
     NO_REPLY,

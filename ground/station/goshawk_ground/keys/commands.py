@@ -215,7 +215,7 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
         if row["role"] == Role.VEHICLE:
             last = Text("" if row["paired"] else "pair it anew", style="yellow")
         else:
-            last = Text(", ".join(row["admitted_by"]) or "no vehicle", overflow="fold")
+            last = Text(", ".join(row["admitted_by"]) or "no vehicle here", overflow="fold")
         table.add_row(
             row["role"],
             Text(row["name"], overflow="fold"),
@@ -224,8 +224,3 @@ def _print_rows(rows: list[dict[str, Any]]) -> None:
             last,
         )
     Console(highlight=False).print(table)
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the commands to the `goshawk` command."""
-    app.add_typer(keys)
