@@ -281,6 +281,14 @@ def test_import_refuses_links_and_what_is_no_tar(home: Path, tmp_path: Path) -> 
     assert "cannot use" in refused("import", tmp_path / "nosuch.tar")
 
 
+def test_a_configuration_asks_for_the_side_that_fits(ring: Path) -> None:
+    facts = good("config", "alice", "--connect", "tls/10.0.0.7:7447")
+    assert f'"connect_private_key": "{ring}/operator.alice/key.pem"' in facts
+    assert "say --connect tls/HOST:7447" in refused("config", "alice", "--listen", "tls/0.0.0.0:7447", status=2)
+    assert "say --listen tls/HOST:7447" in refused("config", "hawk", status=2)
+    assert "has no place for keys" in refused("config", "alice", "--connect", "tcp/10.0.0.7:7447")
+
+
 def test_the_only_operator_is_chosen_and_two_must_be_told_apart(home: Path) -> None:
     assert default_identity() is None
     good("init")

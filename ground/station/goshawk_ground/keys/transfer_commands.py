@@ -124,8 +124,8 @@ def config(
         wanted, endpoint = ("--listen", listen) if found.role is Role.VEHICLE else ("--connect", connect)
         if not endpoint or (connect and listen):
             raise BadNameError(f"for {found} say {wanted} tls/HOST:7447, and nothing else")
-        if endpoint.partition("/")[0] not in ("tls", "quic"):
-            raise KeysError(f"'{endpoint}' has no place for keys; use tls/HOST:PORT or quic/HOST:PORT")
+        if not endpoint.startswith("tls/"):
+            raise KeysError(f"'{endpoint}' has no place for keys; use tls/HOST:PORT")
         text = zenoh_config(ring.identity(found), endpoint)
     typer.echo(text, nl=False)
 
