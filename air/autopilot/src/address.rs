@@ -8,7 +8,7 @@ use std::str::FromStr;
 /// A line to the autopilot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
-    /// Listen on UDP; the peer is whoever the first heartbeat of the target comes from.
+    /// Listen on UDP; who may be the peer, [`crate::peers`] says.
     UdpIn(SocketAddr),
     /// Send to a UDP peer, `HOST:PORT`, from any port.
     UdpOut(String),

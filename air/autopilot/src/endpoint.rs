@@ -6,6 +6,7 @@ use crate::config::LinkConfig;
 use crate::error::AutopilotError;
 use crate::messages::MavMessage;
 use crate::signing::{self, Signer, Verifier};
+use crate::peers::Peers;
 use crate::status::Status;
 use crate::transport::Transport;
 use crate::view::View;
@@ -19,6 +20,7 @@ pub(crate) struct State {
     pub(crate) commands: Commands,
     pub(crate) verifier: Verifier,
     pub(crate) peer: Option<Peer>,
+    pub(crate) peers: Peers,
     /// The line was opened anew: at the next heartbeat the streams are asked for again, as another line's may be.
     pub(crate) reopened: bool,
     pub(crate) sent: Sent,
@@ -68,6 +70,7 @@ impl Endpoint {
                 commands: Commands::default(),
                 verifier: Verifier::default(),
                 peer: transport.first_peer(),
+                peers: Peers::new(config.peer),
                 reopened: false,
                 sent: Sent::default(),
             }),

@@ -9,6 +9,7 @@ use crate::events::AutopilotEvent;
 use crate::frames::ned_from_frd;
 use crate::messages::{AttitudeTargetTypemask, MavMessage, SET_ATTITUDE_TARGET_DATA};
 use crate::parameters::{self, Parameter};
+use crate::peers::PeerEvent;
 use crate::signing::Stream;
 use crate::status::{Imu, Status, StatusText};
 use goshawk_core::Request;
@@ -194,6 +195,12 @@ impl AutopilotLink {
     #[must_use]
     pub fn take_events(&self) -> Vec<(Time, AutopilotEvent)> {
         self.endpoint.lock().view.take_events()
+    }
+
+    /// Takes what happened about the peer since the last call: who else speaks, and whether it moved; oldest first.
+    #[must_use]
+    pub fn take_peer_events(&self) -> Vec<PeerEvent> {
+        self.endpoint.lock().peers.take_events()
     }
 }
 

@@ -9,12 +9,13 @@ use crate::firmware::{Firmware, GUIDED_OPTIONS};
 use crate::line::{Line, LineReader, Step};
 use crate::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType};
 use crate::parameters;
+use crate::peers::Circumstances;
 use crate::signing::{self, Verdict};
 use crate::transport::Transport;
 use crate::wire::{self, Packet, Rejected, for_each_frame};
 use goshawk_core::types::Time;
 use std::io::ErrorKind;
-use std::net::UdpSocket;
+use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
 const HEARTBEAT_EVERY_S: f64 = 1.0;
@@ -96,14 +97,13 @@ impl Endpoint {
             let mut state = self.lock();
             let believed = self.believed(&mut state, bytes);
             if !self.is_peer(&mut state, now, packet, from, believed) {
-                if believed == Some(Verdict::Good) {
-                    self.not_our_peer(&mut state, packet);
-                }
+                self.not_our_peer(&mut state, packet, from, believed);
                 return;
             }
             if believed != Some(Verdict::Good) {
                 return;
             }
+            self.name_beside(&mut state, packet, from);
             let accepted = state.view.accept(now, packet);
             if accepted.greet || accepted.restarted {
                 state.commands.clear();
@@ -129,13 +129,36 @@ impl Endpoint {
         self.send_due_commands();
     }
 
-    /// Counts a packet that comes from elsewhere. Where nobody is known yet, an autopilot of other ids is worth a word.
-    fn not_our_peer(&self, state: &mut State, packet: &Packet) {
-        if state.peer.is_none() && !state.view.is_target(packet) {
+    /// Counts a packet that comes from elsewhere, and names who claims to be the autopilot. Where nobody is known yet, an
+    /// autopilot of other ids is worth a word.
+    fn not_our_peer(&self, state: &mut State, packet: &Packet, from: Peer, believed: Option<Verdict>) {
+        let Peer::Udp(address) = from else { return };
+        let ours = state.view.is_target(packet);
+        if ours {
+            let peer = known(state);
+            state.peers.name(address, self.config.target_system, self.config.target_component, peer);
+        }
+        if believed != Some(Verdict::Good) {
+            return; // counted already
+        }
+        if !ours && state.peer.is_none() && state.peers.allows(address) {
             state.view.foreign(packet);
         } else {
             state.view.counters.strangers += 1;
         }
+    }
+
+    /// Names who speaks from the peer's address with other ids than the autopilot's and ours. A telemetry radio's own
+    /// status is no other's.
+    fn name_beside(&self, state: &mut State, packet: &Packet, from: Peer) {
+        let (Peer::Udp(address), Ok(system)) = (from, u8::try_from(packet.header.system_id)) else { return };
+        let component = packet.header.component_id;
+        let us = (system, component) == (self.config.system_id, self.config.component_id);
+        if us || state.view.is_target(packet) || matches!(packet.message, MavMessage::RADIO_STATUS(_)) {
+            return;
+        }
+        let peer = known(state);
+        state.peers.name(address, system, component, peer);
     }
 
     /// Judges and counts a frame's signature. Without a key all are good. None: it is refused for good; a stale one
@@ -159,19 +182,24 @@ impl Endpoint {
         None
     }
 
-    /// Learns the peer from the target's heartbeat if none is configured: the first one, and another only when the
-    /// old one fell silent.
+    /// Learns the peer from the target's heartbeat if the line names none; who may be it, [`crate::peers`] says.
     fn is_peer(&self, state: &mut State, now: Time, packet: &Packet, from: Peer, believed: Option<Verdict>) -> bool {
         if state.peer == Some(from) {
             return true;
         }
         let heartbeat = matches!(packet.message, MavMessage::HEARTBEAT(_)) && state.view.is_target(packet);
-        let learns = self.transport.learns_peer() && believed.is_some();
-        if learns && heartbeat && !state.view.status(now).connected {
+        let (Peer::Udp(address), Some(verdict), true) = (from, believed, heartbeat) else { return false };
+        let circumstances = Circumstances {
+            peer: known(state),
+            heard: state.view.is_heard(now),
+            in_flight: state.view.may_fly(),
+            signed: self.signer.is_some() && verdict == Verdict::Good,
+        };
+        let admitted = self.transport.learns_peer() && state.peers.admit(address, circumstances);
+        if admitted {
             state.peer = Some(from);
-            return true;
         }
-        false
+        admitted
     }
 
     fn settle(&self, state: &mut State, now: Time, packet: &Packet) {
@@ -280,6 +308,14 @@ impl Endpoint {
             system_status: MavState::MAV_STATE_ACTIVE,
             mavlink_version: 3,
         })
+    }
+}
+
+/// The peer's UDP address, if it has one.
+fn known(state: &State) -> Option<SocketAddr> {
+    match state.peer {
+        Some(Peer::Udp(address)) => Some(address),
+        Some(Peer::Line) | None => None,
     }
 }
 

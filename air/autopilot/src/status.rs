@@ -131,7 +131,7 @@ impl Status {
         } else if counters.foreign > 0 {
             "others are heard on this link, the autopilot is not: check target_system and target_component"
         } else if counters.strangers > 0 {
-            "others speak to our port than the one that `link` names: check its address"
+            "others speak to our port than the one that `link` or `peer` names: check its address"
         } else if counters.garbage + counters.checksum + counters.truncated > 0 {
             "bytes come that are no MAVLink 2: check the baud rate, and that the autopilot's port speaks MAVLink 2"
         } else {

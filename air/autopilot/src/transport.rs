@@ -49,7 +49,7 @@ impl Transport {
         }
     }
 
-    /// The peer is whoever the target's heartbeat comes from.
+    /// The peer is learned from the target's heartbeat.
     pub(crate) fn learns_peer(&self) -> bool {
         matches!(self, Self::Udp { peer: None, .. })
     }

@@ -1,6 +1,6 @@
 //! Who is heard: what is missing between packets, others on the line, restarts, and the refusal to arm.
 
-use super::View;
+use super::{HEARTBEAT_TIMEOUT_S, View};
 use crate::messages::{MavAutopilot, MavMessage};
 use crate::wire::Packet;
 use goshawk_core::types::Time;
@@ -55,6 +55,18 @@ impl View {
     #[must_use]
     pub fn has_fallen_silent(&self, now: Time) -> bool {
         self.heard.is_some_and(|heard| now.since(heard) >= HEARD_S)
+    }
+
+    /// By what it last said, its motors may turn or it is in the air.
+    #[must_use]
+    pub fn may_fly(&self) -> bool {
+        self.armed || self.landed == Some(false)
+    }
+
+    /// Its heartbeat, or anything else of it, is younger than [`HEARTBEAT_TIMEOUT_S`].
+    #[must_use]
+    pub fn is_heard(&self, now: Time) -> bool {
+        [self.heartbeat, self.heard].iter().flatten().any(|heard| now.since(*heard) < HEARTBEAT_TIMEOUT_S)
     }
 
     /// On the ground it would refuse to arm, or SYS_STATUS says so: its reasons are worth asking for.
