@@ -36,7 +36,8 @@ impl FromStr for Pin {
 
     fn from_str(text: &str) -> Result<Self, PinError> {
         let with_port = || text.parse::<SocketAddr>().ok().filter(|a| a.port() != 0).map(|a| (a.ip(), Some(a.port())));
-        let (ip, port) = text.parse().ok().map(|ip: IpAddr| (ip, None)).or_else(with_port).ok_or(PinError(text.into()))?;
+        let (ip, port) =
+            text.parse().ok().map(|ip: IpAddr| (ip, None)).or_else(with_port).ok_or(PinError(text.into()))?;
         if ip.is_unspecified() || ip.is_multicast() {
             return Err(PinError(text.into()));
         }

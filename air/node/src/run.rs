@@ -79,7 +79,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         .wrap_err_with(|| format!("the vehicle file and the policy {} do not make a planner", model.display()))?;
     let controller = FlightController::new(vehicle.controller_config())?;
     let idle_demand = idle_demand(&vehicle, &policy)?;
-    let link = Arc::new(AutopilotLink::open(link_config(&vehicle)?, clock::now)?);
+    let line = link_config(&vehicle)?;
+    let exposure = line.exposure();
+    let link = Arc::new(AutopilotLink::open(line, clock::now)?);
     let bus = Bus::listen(&access)?;
 
     let (sender, reports) = sync_channel(REPORT_QUEUE);
@@ -97,6 +99,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         battery_start: vehicle.limits.battery_start,
         source: vehicle.sensors.odometry,
         insecure: *access.guard() == Guard::Nobody,
+        exposure,
     };
     let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, visitors.clone(), identity)?;
     bus.watch_links(access.clone(), visitors)?;
@@ -201,6 +204,7 @@ pub(crate) fn link_config(vehicle: &Vehicle) -> Result<LinkConfig, AutopilotErro
     });
     Ok(LinkConfig {
         address: a.link.clone(),
+        peer: a.peer,
         firmware: a.firmware(),
         signing: signing.transpose()?,
         system_id: a.system_id,

@@ -48,6 +48,8 @@ pub struct Identity {
     pub source: OdometrySource,
     /// Whoever connects may fly the vehicle.
     pub insecure: bool,
+    /// Why others may pose as the autopilot; none: they may not.
+    pub exposure: Option<String>,
 }
 
 struct Publishers {
@@ -141,6 +143,7 @@ impl Telemetry {
 
     /// Works until the process stops, then finishes the log.
     pub fn run(mut self, reports: &Receiver<Report>, shared: &Shared) {
+        self.tell_exposure();
         loop {
             let stopping = shared.stopping();
             while let Ok(report) = reports.try_recv() {
@@ -185,8 +188,16 @@ impl Telemetry {
         self.flight = started.flight;
         started.profile.as_ref().clone_into(&mut self.profile);
         self.facts.recorder_failed = self.log.open(&started.profile).err();
+        self.tell_exposure();
         if let Some(odometry) = odometry {
             self.record_odometry(odometry);
+        }
+    }
+
+    /// Each flight's log says that others could have posed as the autopilot.
+    fn tell_exposure(&mut self) {
+        if let Some(why) = self.identity.exposure.clone() {
+            self.event(v1::Severity::Warning, "mavlink", why);
         }
     }
 
@@ -300,7 +311,11 @@ impl Telemetry {
     }
 
     fn event(&mut self, severity: v1::Severity, kind: &str, text: String) {
-        tracing::info!("{kind}: {text}");
+        match severity {
+            v1::Severity::Warning => tracing::warn!("{kind}: {text}"),
+            v1::Severity::Error => tracing::error!("{kind}: {text}"),
+            _ => tracing::info!("{kind}: {text}"),
+        }
         let stamp = clock::now();
         let message = v1::Event { stamp_ns: stamp.0, severity: severity.into(), kind: kind.to_owned(), text };
         self.publishers.event.put(&message);
@@ -334,6 +349,9 @@ impl Telemetry {
                 let severity = if event.is_trouble() { v1::Severity::Warning } else { v1::Severity::Info };
                 self.event(severity, "autopilot", words.to_owned());
             }
+        }
+        for event in self.link.take_peer_events() {
+            self.event(v1::Severity::Warning, "mavlink", event.to_string());
         }
         for text in self.link.take_texts() {
             self.event(v1::Severity::Info, "autopilot", text.text);
@@ -421,6 +439,8 @@ impl Telemetry {
 
     fn faults(&self) -> Vec<String> {
         let failing = self.checks.iter().filter(|c| !c.ok).map(|c| format!("{}: {}", c.name, c.reason));
-        failing.chain(self.identity.insecure.then(|| format!("network: {INSECURE}"))).collect()
+        let insecure = self.identity.insecure.then(|| format!("network: {INSECURE}"));
+        let exposed = self.identity.exposure.as_ref().map(|why| format!("mavlink: {why}"));
+        failing.chain(insecure).chain(exposed).collect()
     }
 }

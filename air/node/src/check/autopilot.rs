@@ -6,6 +6,7 @@ use goshawk_autopilot::{AutopilotLink, Firmware, Parameter, Status};
 
 use super::Findings;
 use crate::config::{OdometrySource, Vehicle};
+use crate::run::link_config;
 use crate::{clock, health};
 
 /// How long it may go on without us, s.
@@ -59,6 +60,13 @@ pub(super) fn judge(link: &Result<AutopilotLink, String>, vehicle: &Vehicle, fin
             let then = "it levels, keeps its height and drifts: the pilot takes over";
             loss_time(second, link.parameter(second), then, findings);
         }
+    }
+}
+
+/// Others may pose as the autopilot. A key that cannot be read is told of as the link's failure.
+pub(super) fn exposure(vehicle: &Vehicle, findings: &mut Findings) {
+    if let Some(why) = link_config(vehicle).ok().and_then(|config| config.exposure()) {
+        findings.warn("mavlink", why);
     }
 }
 

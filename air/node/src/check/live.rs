@@ -102,6 +102,7 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
     }
     drop(bus);
     autopilot::signing(vehicle, findings);
+    autopilot::exposure(vehicle, findings);
     autopilot::judge(&link, vehicle, findings);
     camera(&lock(&frames), policy, findings);
     motion(&lock(&odometry), vehicle.sensors.odometry, findings);

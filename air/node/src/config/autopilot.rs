@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use goshawk_autopilot::{Address, Firmware, Guided};
+use goshawk_autopilot::{Address, Firmware, Guided, Pin};
 use goshawk_core::within;
 use serde::{Deserialize, Deserializer};
 
@@ -16,6 +16,9 @@ pub struct Autopilot {
     /// The line to it.
     #[serde(deserialize_with = "parsed")]
     pub link: Address,
+    /// On `udpin:`, the only address that may be the autopilot's; absent: whoever speaks first with its ids.
+    #[serde(default, deserialize_with = "parsed_if_any")]
+    pub peer: Option<Pin>,
     #[serde(default)]
     firmware: FirmwareName,
     /// Which mode takes our setpoints, of ArduPilot alone; absent: guided.
@@ -61,6 +64,11 @@ impl Autopilot {
                 "autopilot.guided is a mode of ArduPilot: set firmware = \"ardupilot\" or leave it out".to_owned()
             );
         }
+        if self.peer.is_some() && !matches!(self.link, Address::UdpIn(_)) {
+            return Err(
+                "autopilot.peer is for a udpin: link, others name their other end themselves: leave it out".to_owned()
+            );
+        }
         for (name, id) in [("system_id", self.system_id), ("component_id", self.component_id)] {
             let own = "in MAVLink 0 is everybody, and a number has one byte";
             within(&format!("autopilot.{name}"), id.into(), 1.0..=255.0, own).map_err(|e| e.to_string())?;
@@ -87,4 +95,8 @@ const SERIAL_SHARE: f64 = 0.8;
 
 fn parsed<'de, T: FromStr<Err: Display>, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
     String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+}
+
+fn parsed_if_any<'de, T: FromStr<Err: Display>, D: Deserializer<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    parsed(deserializer).map(Some)
 }
