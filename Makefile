@@ -5,9 +5,13 @@ PYTHON ?= python3.11
 SEED ?= 1
 VENV := .venv
 UV := $(VENV)/bin/uv
+# Only what the requirements name by its hash is installed; our own packages bring nothing with them.
+INSTALL := $(UV) pip install -q --python $(VENV)/bin/python --require-hashes
+INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-build-isolation
+PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint bench train
+.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint pins deny bench train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -19,22 +23,24 @@ $(UV):
 	@command -v cargo >/dev/null || { echo "cargo is missing: install Rust (see README)"; exit 1; }
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) is missing: install Python 3.11, or say PYTHON=… (see README)"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip -q install --disable-pip-version-check uv
+	$(VENV)/bin/pip -q install --disable-pip-version-check --require-hashes -r ground/bootstrap/requirements.txt
 
 $(VENV)/.station: ground/requirements.txt proto/pyproject.toml dashboards/pyproject.toml ground/station/pyproject.toml | $(UV)
-	$(UV) pip install -q --python $(VENV)/bin/python -r ground/requirements.txt $(PACKAGES)
+	$(INSTALL) -r ground/requirements.txt
+	$(INSTALL_OWN) $(PACKAGES)
 	@touch $@
 
 $(VENV)/.train: ground/train/requirements.txt ground/train/pyproject.toml $(VENV)/.station
-	$(UV) pip install -q --python $(VENV)/bin/python -r ground/train/requirements.txt -e ground/train
+	$(INSTALL) -r ground/train/requirements.txt
+	$(INSTALL_OWN) -e ground/train
 	@touch $@
 
 $(VENV)/.rerun: ground/rerun/requirements.txt $(VENV)/.station
-	$(UV) pip install -q --python $(VENV)/bin/python -r ground/rerun/requirements.txt
+	$(INSTALL) -r ground/rerun/requirements.txt
 	@touch $@
 
 $(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun
-	$(UV) pip install -q --python $(VENV)/bin/python -r tests/requirements.txt
+	$(INSTALL) -r tests/requirements.txt
 	@command -v chromium >/dev/null || { echo "installing chromium for the browser tests"; apt-get -qq update && apt-get -qq install -y chromium >/dev/null; }
 	@touch $@
 
@@ -64,6 +70,17 @@ test-rust: setup-test
 
 test-python: setup-test build
 	$(VENV)/bin/pytest -q --import-mode=importlib ground dashboards tests
+
+pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
+	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt
+	for f in ground/bootstrap ground ground/rerun ground/train; do \
+	  $(PIN) $(if $(UPGRADE),--upgrade) $$f/requirements.in -c tests/requirements.txt -o $$f/requirements.txt || exit 1; done
+
+deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (which it installs)
+	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
+	cargo deny --locked check licenses bans sources
+	@cargo deny --locked fetch db >/dev/null 2>&1 || { echo "advisories NOT checked: their data base cannot be had from here; run make deny where it can"; exit 1; }
+	cargo deny --locked check --disable-fetch advisories
 
 test: lint test-rust test-python ## exactly what CI runs
 

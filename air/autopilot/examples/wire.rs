@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo run --release -p goshawk-autopilot --example wire -- udpout:127.0.0.1:14580
-//! … wire -- tcpout:127.0.0.1:5760 ardupilot|ardupilot-nogps|px4 [KEY_FILE]
+//! … wire -- tcpout:127.0.0.1:5760 ardupilot|ardupilot-nogps|px4 [KEY_FILE|- [PEER]]
 //! setpoint W X Y Z THRUST     send attitude (ENU from FLU) and thrust 0..1
 //! request offboard|arm|disarm|hand-back
 //! read                        what is known: odometry (ENU, FLU), status, answers to requests
@@ -21,18 +21,19 @@ use std::time::Instant;
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
     let address =
-        args.next().ok_or("usage: wire LINE [FIRMWARE [KEY_FILE]], such as udpout:127.0.0.1:14580")?.parse()?;
+        args.next().ok_or("usage: wire LINE [FIRMWARE [KEY_FILE|- [PEER]]], such as udpout:127.0.0.1:14580")?.parse()?;
     let firmware = match args.next().as_deref() {
         None | Some("px4") => Firmware::Px4,
         Some("ardupilot") => Firmware::ArduPilot(Guided::Guided),
         Some("ardupilot-nogps") => Firmware::ArduPilot(Guided::NoGps),
         Some(other) => return Err(format!("unknown firmware {other}").into()),
     };
-    let key = args.next().map(|path| SigningKey::load(Path::new(&path))).transpose()?;
+    let key = args.next().filter(|path| path != "-").map(|path| SigningKey::load(Path::new(&path))).transpose()?;
+    let peer = args.next().map(|peer| peer.parse()).transpose()?;
     let signing = key.map(|key| SigningConfig { key, stamps: None });
     let start = Instant::now();
     let clock = move || Time(start.elapsed().as_nanos() as u64);
-    let config = LinkConfig { address, firmware, signing, ..LinkConfig::customary("127.0.0.1:0".parse()?) };
+    let config = LinkConfig { address, firmware, signing, peer, ..LinkConfig::customary("127.0.0.1:0".parse()?) };
     let link = AutopilotLink::open(config, clock)?;
     println!("{}", json!({ "listening": link.local_address().ok().map(|address| address.port()) }));
     for line in std::io::stdin().lock().lines() {
@@ -82,11 +83,13 @@ fn read(link: &AutopilotLink, now: Time) -> Value {
             "reset_counter": odometry.reset_counter,
         })
     });
+    let events: Vec<String> = link.take_peer_events().iter().map(ToString::to_string).collect();
     let acks: Vec<Value> =
         link.take_acks().iter().map(|ack| json!([ack.command.to_string(), ack.outcome.to_string()])).collect();
     json!({
         "odometry": odometry,
         "acks": acks,
+        "peer_events": events,
         "problem": link.line_problem().or_else(|| status.problem()),
         "connected": status.connected,
         "armed": status.armed,
