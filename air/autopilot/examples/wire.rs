@@ -20,8 +20,10 @@ use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
-    let address =
-        args.next().ok_or("usage: wire LINE [FIRMWARE [KEY_FILE|- [PEER]]], such as udpout:127.0.0.1:14580")?.parse()?;
+    let address = args
+        .next()
+        .ok_or("usage: wire LINE [FIRMWARE [KEY_FILE|- [PEER]]], such as udpout:127.0.0.1:14580")?
+        .parse()?;
     let firmware = match args.next().as_deref() {
         None | Some("px4") => Firmware::Px4,
         Some("ardupilot") => Firmware::ArduPilot(Guided::Guided),
