@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from goshawk_dashboards import protocol
 from goshawk_dashboards.snapshot import Snapshot
 
 HOLD_S = 5.0
@@ -13,6 +14,8 @@ COMMAND_S = 15.0
 """How long the outcome of a command counts as news."""
 RADIO_STALE_S = 3.0
 """The autopilot's heartbeat comes once a second."""
+STOP_LATE_S = 1.0
+"""A Stop that is not confirmed within this is told about; until then there is nothing to do but wait."""
 LOSSY = 0.1
 LATE_S = 0.5
 """A round trip over this: what is seen is no longer what is."""
@@ -34,19 +37,47 @@ class Alert:
 
 def alerts(snap: Snapshot) -> list[Alert]:
     """All that is wrong now, the severe first; empty: nothing is. A vehicle that was never heard is no alert."""
-    found = [*_of_command(snap), *_of_link(snap), *_of_flight(snap), *_of_radio(snap)]
+    parts = (_of_stop, _of_command, _of_protocol, _of_link, _of_flight, _of_radio)
+    found = [alert for part in parts for alert in part(snap)]
     return sorted(found, key=lambda alert: not alert.severe)
+
+
+def _of_stop(snap: Snapshot) -> list[Alert]:
+    stop = snap.stop
+    if stop is None or (not stop.lapsed and stop.age_s < STOP_LATE_S):
+        return []
+    age = age_words(stop.age_s)
+    if stop.lapsed:
+        text = f"A Stop pressed {age} ago was never delivered. It has lapsed and is not sent any more."
+        return [Alert(key="lapsed", severe=False, text=text)]
+    text = f"STOP PENDING for {age}: not delivered. Pilot: take over."
+    if stop.trouble:
+        text += f" (A restart of the ground station would forget it: {stop.trouble}.)"
+    return [Alert(key="stop", severe=True, text=text)]
+
+
+def age_words(age_s: float) -> str:
+    """Seconds, or minutes once there are some."""
+    return f"{age_s:.0f} s" if age_s < 120.0 else f"{age_s / 60.0:.0f} min"
 
 
 def _of_command(snap: Snapshot) -> list[Alert]:
     command = snap.command
-    if command is None or command.pending or command.accepted:
+    if command is None or command.pending or command.accepted or command.cancelled:
         return []
-    if command.at_s is not None and snap.now_s - command.at_s > COMMAND_S:
+    if command.at_s is not None and snap.now_s - command.at_s - (command.took_s or 0.0) > COMMAND_S:
         return []
-    verdict = "refused" if command.answered else "NOT CONFIRMED"
-    severe = not command.answered or command.verb == "stop"
-    return [Alert(key="command", severe=severe, text=f"{command.verb} {verdict}: {command.text}")]
+    if command.verb == "stop":
+        verdict = "Stop refused. Pilot: take over. " if command.answered else ""
+        return [Alert(key="command", severe=True, text=verdict + command.text)]
+    refused = command.answered or command.refused_here
+    verdict = "refused" if refused else "not confirmed"
+    return [Alert(key="command", severe=not refused, text=f"{command.verb} {verdict}: {command.text}")]
+
+
+def _of_protocol(snap: Snapshot) -> list[Alert]:
+    text = protocol.mismatch(snap.health)
+    return [Alert(key="protocol", severe=False, text=text)] if text else []
 
 
 def _of_link(snap: Snapshot) -> list[Alert]:

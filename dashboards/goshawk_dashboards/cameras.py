@@ -7,7 +7,6 @@ one of them.
 
 from __future__ import annotations
 
-import threading
 from typing import Literal
 
 import numpy as np
@@ -46,23 +45,21 @@ class Viewpoint:
         self.offset_3 = turned(self.offset_3, 0.15 * left)
 
 
-class Cameras:
-    """The cameras of all viewers of one server."""
+def place_first(server: viser.ViserServer) -> None:
+    """The camera of a viewer that has not seen the vehicle yet."""
+    server.initial_camera.fov = START_FOV_RAD
 
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
-        self._lock = threading.Lock()
-        self._views: dict[int, Viewpoint] = {}
+
+class ViewerCamera:
+    """One viewer's camera."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client = client
+        self._view: Viewpoint | None = None
         self._focus_3: Array | None = None
-        server.initial_camera.fov = START_FOV_RAD
-        server.on_client_disconnect(self._forget)
-
-    def _forget(self, client: viser.ClientHandle) -> None:
-        with self._lock:
-            self._views.pop(client.client_id, None)
 
     def update(self, control: ControlView | None, mode: CameraMode) -> None:
-        """Moves every camera along; Free leaves those that have been placed alone."""
+        """Moves it along; Free leaves one that has been placed alone."""
         if control is None:
             return
         goal_3 = control.pos_world_3 + np.array([0.0, 0.0, 0.3])
@@ -70,29 +67,25 @@ class Cameras:
             self._focus_3 = goal_3
         self._focus_3 = self._focus_3 + 0.35 * (goal_3 - self._focus_3)
         yaw = yaw_of(control.world_from_body_4)
-        for client in self._server.get_clients().values():
-            view = self._view_of(client, yaw)
-            if mode == "Free" and view.settled:
-                continue
-            if mode == "Chase":
-                view.turn_behind(yaw)
-            camera = client.camera
-            wanted_3 = self._focus_3 + view.offset_3
-            still = float(np.linalg.norm(camera.position - wanted_3)) < 0.005
-            if still and float(np.linalg.norm(camera.look_at - self._focus_3)) < 0.005:
-                continue
-            with client.atomic():
-                camera.position = wanted_3
-                camera.look_at = self._focus_3
+        view = self._viewpoint(yaw)
+        if mode == "Free" and view.settled:
+            return
+        if mode == "Chase":
+            view.turn_behind(yaw)
+        camera = self._client.camera
+        wanted_3 = self._focus_3 + view.offset_3
+        still = float(np.linalg.norm(camera.position - wanted_3)) < 0.005
+        if still and float(np.linalg.norm(camera.look_at - self._focus_3)) < 0.005:
+            return
+        with self._client.atomic():
+            camera.position = wanted_3
+            camera.look_at = self._focus_3
 
-    def _view_of(self, client: viser.ClientHandle, yaw: float) -> Viewpoint:
-        with self._lock:
-            view = self._views.get(client.client_id)
-            if view is not None:
-                return view
-            view = self._views[client.client_id] = Viewpoint(turned(START_OFFSET_FLU_3, yaw))
-        client.camera.on_update(lambda camera: view.reported(camera.position - camera.look_at))
-        return view
+    def _viewpoint(self, yaw: float) -> Viewpoint:
+        if self._view is None:
+            view = self._view = Viewpoint(turned(START_OFFSET_FLU_3, yaw))
+            self._client.camera.on_update(lambda camera: view.reported(camera.position - camera.look_at))
+        return self._view
 
 
 def yaw_of(wxyz_4: Array) -> float:

@@ -1,64 +1,80 @@
-"""Start and Stop: what they do, and the question before a start."""
+"""Start and Stop: what they do, the question before a start, and the second press before all are stopped."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import viser
 
-from goshawk_dashboards import overlay
 from goshawk_dashboards import panels_html as html
-from goshawk_dashboards.snapshot import CommandView, Snapshot
+from goshawk_dashboards import protocol
+from goshawk_dashboards.feed import Feed
+from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.viewer import Viewer
 
 DEFAULT_PROFILE = "default profile"
 GREEN, AMBER = (38, 150, 92), (205, 140, 30)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Watched:
-    """One vehicle as the dashboard needs it. ``latest`` is quick and safe from any thread; the others may block."""
-
-    name: str
-    latest: Callable[[], Snapshot]
-    on_start: Callable[[str], CommandView]
-    """Takes a start profile; empty: the vehicle's default."""
-    on_stop: Callable[[], CommandView]
+STOP_ALL_WITHIN_S = 4.0
+"""The second press that stops all must come this soon after the first."""
 
 
 class Commands:
-    """The commands of the vehicle that is ``shown()``, and Stop for all where there are several."""
+    """One viewer's commands: those of the vehicle that is ``shown()``, and Stop for all where there are several."""
 
-    def __init__(self, server: viser.ViserServer, vehicles: Sequence[Watched], *, shown: Callable[[], int]) -> None:
-        self._server = server
-        self._vehicles = vehicles
+    def __init__(
+        self, viewer: Viewer, feeds: Sequence[Feed], *, shown: Callable[[], Feed], on_armed: Callable[[], None]
+    ) -> None:
+        """``on_armed``: Stop all was pressed once, which is to be seen at once."""
+        self._viewer = viewer
+        self._feeds = feeds
         self._shown = shown
-        # A reply may take seconds; Stop for all must not wait for one vehicle after the other.
-        self._stopping = ThreadPoolExecutor(max_workers=max(1, len(vehicles)), thread_name_prefix="stop")
-        gui = server.gui
+        self._on_armed = on_armed
+        self._armed_until_s = 0.0
+        gui = viewer.gui
         choices = tuple[str, ...]((DEFAULT_PROFILE,))
         self._profile = gui.add_dropdown("Profile", choices, initial_value=DEFAULT_PROFILE)
-        start = gui.add_button("Start", color=GREEN, icon=viser.Icon.PLAYER_PLAY, hint="Asks before it starts")
-        start.on_click(self._ask_start)
-        # The stop buttons are the overlay's; they and the keys come as these commands.
-        gui.add_html(overlay.frame_html())
+        self._start = gui.add_button("Start", color=GREEN, icon=viser.Icon.PLAYER_PLAY, hint="Asks before it starts")
+        self._start.on_click(lambda _: self._ask_start())
+        # The buttons are the overlay's; they and the keys come as these commands.
         key = gui.add_command("Stop", description="The vehicle shown brakes and lands", hotkey="space")
-        key.on_trigger(lambda _: self._stop_shown())
-        if len(vehicles) > 1:
-            key = gui.add_command("Stop all", description="Every vehicle lands", hotkey="space", modifier="shift")
-            key.on_trigger(lambda _: self.stop_all())
+        key.on_trigger(lambda _: self._stop())
+        key = gui.add_command(
+            "Cancel Stop",
+            description="A Stop of the vehicle shown that is not confirmed is taken back",
+            hotkey="backspace",
+            modifier="alt+shift",
+        )
+        key.on_trigger(lambda _: self._cancel())
+        if len(feeds) > 1:
+            key = gui.add_command(
+                "Stop all", description="Twice: every vehicle lands", hotkey="space", modifier="shift"
+            )
+            key.on_trigger(lambda _: self._stop_all())
 
-    def _stop_shown(self) -> None:
-        self._vehicles[self._shown()].on_stop()
+    @property
+    def armed(self) -> bool:
+        """Whether one more press stops all."""
+        return time.monotonic() < self._armed_until_s
 
-    def stop_all(self) -> None:
-        """Every vehicle brakes and lands, all asked at once."""
-        for vehicle in self._vehicles:
-            self._stopping.submit(vehicle.on_stop)
+    def _stop(self) -> None:
+        self._shown().vehicle.on_stop()
+
+    def _cancel(self) -> None:
+        self._shown().vehicle.on_cancel()
+
+    def _stop_all(self) -> None:
+        if self.armed:
+            self._armed_until_s = 0.0
+            for feed in self._feeds:
+                feed.vehicle.on_stop()
+        else:
+            self._armed_until_s = time.monotonic() + STOP_ALL_WITHIN_S
+        self._on_armed()
 
     def update(self, snap: Snapshot) -> None:
-        """Offers the start profiles of the vehicle shown."""
+        """Offers Start with the profiles of the vehicle shown, unless only Stop works."""
+        self._start.visible = self._profile.visible = not protocol.mismatch(snap.health)
         if snap.health is None:
             return
         profiles = (DEFAULT_PROFILE, *snap.health.profiles)
@@ -67,17 +83,15 @@ class Commands:
             self._profile.options = profiles
             self._profile.value = kept
 
-    def close(self) -> None:
-        """Waits for no reply."""
-        self._stopping.shutdown(wait=False, cancel_futures=True)
-
-    def _ask_start(self, event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-        gui = event.client.gui if event.client is not None else self._server.gui
+    def _ask_start(self) -> None:
         # What is asked about is what is started, whatever is shown by the time of the answer.
-        vehicle = self._vehicles[self._shown()]
+        vehicle = self._shown().vehicle
         profile = "" if self._profile.value == DEFAULT_PROFILE else self._profile.value
-        failing = html.failing_checks(vehicle.latest())
-        modal = gui.add_modal(f"Start {vehicle.name}?")
+        snap = vehicle.latest()
+        failing = html.failing_checks(snap)
+        heard = snap.health is not None and not snap.stale
+        gui = self._viewer.gui
+        modal = gui.add_modal(f"Start {vehicle.name}?" if heard else f"{vehicle.name} cannot be started")
         with modal:
             if failing:
                 gui.add_markdown("**Not ready:**\n\n" + "\n".join(f"- {_plain(line)}" for line in failing))
@@ -86,21 +100,19 @@ class Commands:
                     f"Every check passes. **{_plain(vehicle.name)}** will arm and take off"
                     f" with {'its default profile' if not profile else f'profile **{_plain(profile)}**'}."
                 )
-            go = gui.add_button(
-                "Start anyway" if failing else "Start now",
-                color=AMBER if failing else GREEN,
-                icon=viser.Icon.PLAYER_PLAY,
-            )
-            cancel = gui.add_button("Cancel", color="gray")
+            if heard:
+                go = gui.add_button(
+                    "Start anyway" if failing else "Start now",
+                    color=AMBER if failing else GREEN,
+                    icon=viser.Icon.PLAYER_PLAY,
+                )
 
-        @go.on_click
-        def _(_: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-            modal.close()
-            vehicle.on_start(profile)
+                @go.on_click
+                def _(_: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+                    modal.close()
+                    vehicle.on_start(profile)
 
-        @cancel.on_click
-        def _(_: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-            modal.close()
+            gui.add_button("Cancel" if heard else "Close", color="gray").on_click(lambda _: modal.close())
 
 
 def _plain(text: str) -> str:

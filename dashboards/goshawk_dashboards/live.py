@@ -1,4 +1,7 @@
-"""The live dashboard: a viser server that shows whatever snapshot it is handed, about 15 times a second."""
+"""The live dashboard: a viser server that shows whatever snapshots it is handed, about 15 times a second.
+
+What is shown is each viewer's own choice; what is shown of one vehicle is worked out once for all who look at it.
+"""
 
 from __future__ import annotations
 
@@ -6,40 +9,89 @@ import threading
 import time
 from collections.abc import Sequence
 
-from goshawk_dashboards.cameras import Cameras
-from goshawk_dashboards.commands import Watched
-from goshawk_dashboards.panels import LivePanels
-from goshawk_dashboards.scene import LiveScene
-from goshawk_dashboards.serving import PortBusyError, close_server, open_server, url_of
-from goshawk_dashboards.snapshot import Snapshot
+import viser
 
-__all__ = ["LiveDashboard", "PortBusyError"]
+from goshawk_dashboards.cameras import ViewerCamera, place_first
+from goshawk_dashboards.feed import Feed, Watched
+from goshawk_dashboards.panels import LivePanels
+from goshawk_dashboards.scene import LiveScene, prepare
+from goshawk_dashboards.serving import PortBusyError, close_server, open_server, url_of
+from goshawk_dashboards.viewer import Viewer, Views
+
+__all__ = ["LiveDashboard", "LiveView", "PortBusyError"]
 
 RATE_HZ = 15.0
 TEXT_HZ = 5.0
 PLOT_HZ = 4.0
 
 
-class LiveDashboard:
-    """Serves the live view of one vehicle or several: all in a table, one of them in full.
+class LiveView:
+    """What one viewer sees: panels, scene and camera of their own.
 
-    Only one is in the 3-D view: each vehicle's world frame begins where its own odometry began, so that two of them
-    drawn together would stand wrongly to each other.
+    Only one vehicle is in the 3-D view: each vehicle's world frame begins where its own odometry began, so that two of
+    them drawn together would stand wrongly to each other.
     """
 
-    def __init__(self, *, host: str, port: int, vehicles: Sequence[Watched]) -> None:
-        """Raises PortBusyError if ``port`` cannot be bound, ValueError if there is no vehicle."""
+    def __init__(self, viewer: Viewer, feeds: Sequence[Feed], *, commands: bool = True) -> None:
+        """``commands``: with the buttons and keys that command."""
+        self.viewer = viewer
+        self._feeds = feeds
+        self.scene = LiveScene(viewer)
+        self.panels = LivePanels(
+            viewer,
+            feeds,
+            commands=commands,
+            on_select=self._select,
+            on_clear=self.scene.clear_trails,
+            on_armed=self._words_now,
+        )
+        self._camera = ViewerCamera(viewer) if isinstance(viewer, viser.ClientHandle) else None
+        self._late = True
+
+    def _select(self) -> None:
+        self.scene.forget()
+        self._words_now()
+
+    def _words_now(self) -> None:
+        self._late = True
+
+    def draw(self, *, words: bool, plots: bool) -> None:
+        """Shows what the feeds hold; ``words`` and ``plots`` are due at their own slower rates."""
+        self.panels.settle()
+        snap = self._feeds[self.panels.shown].snap
+        self.scene.update(snap, self.panels.options)
+        if words or self._late:
+            self._late = False
+            self.panels.update()
+        if plots:
+            self.panels.draw_plots()
+        if self._camera is not None:
+            self._camera.update(snap.control, self.panels.camera_mode)
+
+
+class LiveDashboard:
+    """Serves the live view of one vehicle or several: all in a table, one of them in full."""
+
+    def __init__(self, *, host: str, port: int, vehicles: Sequence[Watched], commands: bool = True) -> None:
+        """``commands``: viewers may start and stop; else they only look.
+
+        Raises PortBusyError if ``port`` cannot be bound, ValueError if there is no vehicle.
+        """
         if not vehicles:
             raise ValueError("a dashboard needs a vehicle")
-        self._vehicles = vehicles
-        self._snaps: list[Snapshot] = []
+        self.feeds = [Feed(vehicle) for vehicle in vehicles]
         self.server = open_server(host, port, "Goshawk")
-        self.scene = LiveScene(self.server)
-        self.panels = LivePanels(self.server, vehicles, on_select=self._select, on_clear=self.scene.clear_trails)
-        self._cameras = Cameras(self.server)
+        prepare(self.server)
+        place_first(self.server)
+        self._views = Views(self.server, lambda client: LiveView(client, self.feeds, commands=commands))
         self._due = {"text": 0.0, "plots": 0.0}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
+
+    @property
+    def views(self) -> tuple[LiveView, ...]:
+        """One for each browser that is connected, the oldest first."""
+        return self._views.all
 
     @property
     def url(self) -> str:
@@ -56,43 +108,29 @@ class LiveDashboard:
         self._stop.set()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
-        self.panels.commands.close()
         close_server(self.server)
 
     def _run(self) -> None:
         period_s = 1.0 / RATE_HZ
         due = time.monotonic()
         while not self._stop.is_set():
-            self.panels.settle()
-            self.tick(*self._newest())
+            self.tick(time.monotonic())
             due = max(due + period_s, time.monotonic())
             self._stop.wait(due - time.monotonic())
 
-    def _newest(self) -> list[Snapshot]:
-        """One snapshot a vehicle; of those not shown in full only as often as the table is renewed."""
-        whole = len(self._snaps) != len(self._vehicles) or time.monotonic() >= self._due["text"]
-        self._snaps = [
-            vehicle.latest() if whole or k == self.panels.shown else self._snaps[k]
-            for k, vehicle in enumerate(self._vehicles)
-        ]
-        return self._snaps
-
-    def _select(self) -> None:
-        self.scene.forget()
-        self._due["text"] = 0.0
-
-    def tick(self, *snaps: Snapshot) -> None:
-        """Shows one snapshot a vehicle; words and plots at their own slower rates."""
-        snap = snaps[self.panels.shown]
-        for group in self.panels.plots:
-            group.sample(snap)
-        self.scene.update(snap, self.panels.options)
-        if self._is_due("text", snap.now_s, TEXT_HZ):
-            self.panels.update(snaps)
-        if self._is_due("plots", snap.now_s, PLOT_HZ):
-            for group in self.panels.plots:
-                group.draw()
-        self._cameras.update(snap.control, self.panels.camera_mode)
+    def tick(self, now_s: float) -> None:
+        """Takes what is new of the vehicles and shows it to everyone."""
+        views = self._views.settle()
+        words, plots = self._is_due("text", now_s, TEXT_HZ), self._is_due("plots", now_s, PLOT_HZ)
+        shown = {view.panels.shown for view in views}
+        for k, feed in enumerate(self.feeds):
+            # Those that nobody shows in full only as often as the table is renewed.
+            if words or k in shown:
+                feed.take(feed.vehicle.latest())
+            if words:
+                feed.judge()
+        for view in views:
+            view.draw(words=words, plots=plots)
 
     def _is_due(self, what: str, now_s: float, rate_hz: float) -> bool:
         if now_s < self._due[what]:

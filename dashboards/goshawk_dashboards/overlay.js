@@ -1,38 +1,74 @@
 // Stop, alerts and the last command's outcome in a layer of their own, above whatever viser's panels do: scrolled,
 // folded away or behind a dialog, they would take their content with them.
 if (!window.goshawkOver) {
-  const press = (shiftKey) =>
+  const press = (key, code, held = {}) =>
     // viser's hotkeys listen here, and ignore a key whose target is an input field: so the target is the document.
-    document.documentElement.dispatchEvent(
-      new KeyboardEvent("keydown", { key: " ", code: "Space", shiftKey, bubbles: true }),
-    );
+    document.documentElement.dispatchEvent(new KeyboardEvent("keydown", { key, code, bubbles: true, ...held }));
+  const stop = (shiftKey) => press(" ", "Space", { shiftKey });
   const layer = document.createElement("div");
   layer.id = "goshawk-over";
   layer.innerHTML =
-    '<div class="goshawk-news"></div><div class="goshawk-stops">' +
-    '<button><span>Stop</span><kbd aria-hidden="true">space</kbd></button>' +
-    '<button hidden><span>Stop all</span><kbd aria-hidden="true">shift + space</kbd></button></div>';
+    '<div class="goshawk-news"></div><div class="goshawk-stops" hidden>' +
+    '<button class="goshawk-all"><span></span><kbd aria-hidden="true">shift + space, twice</kbd></button>' +
+    '<button class="goshawk-one"><span></span><kbd aria-hidden="true">space</kbd></button>' +
+    '<button class="goshawk-cancel"><span></span></button></div>';
   document.body.append(layer);
   const [news, stops] = layer.children;
-  const [one, all] = stops.children;
-  one.onclick = () => press(false);
-  all.onclick = () => press(true);
+  const [all, one, cancel] = stops.children;
+  one.onclick = () => stop(false);
+  all.onclick = () => stop(true);
+  cancel.onclick = () => press("Backspace", "Backspace", { altKey: true, shiftKey: true });
   for (const kind of ["keydown", "keyup"])
     window.addEventListener(
       kind,
       (event) => {
-        if (event.code !== "Space" || !event.isTrusted) return;
+        if (event.code !== "Space" || !event.isTrusted || stops.hidden) return;
         event.preventDefault();
         event.stopImmediatePropagation();
-        if (kind === "keydown" && !event.repeat) press(event.shiftKey);
+        if (kind === "keydown" && !event.repeat) stop(event.shiftKey);
       },
       true,
     );
-  window.goshawkOver = (template) => {
-    news.innerHTML = template.innerHTML;
+
+  // Which vehicle this tab shows outlives a reload and a lost connection, after which viser begins with the first one.
+  // Its digit asks for it again, until it is shown: viser may not listen yet.
+  let visit, now, wanted;
+  const remember = ({ visit: visitNow, shown, vehicles }) => {
+    const names = vehicles.split(" ");
+    if (visit !== visitNow) {
+      const before = sessionStorage.getItem("goshawk-shown");
+      wanted = before !== shown && names.includes(before) ? before : undefined;
+    }
+    visit = visitNow;
+    now = shown;
+    if (now === wanted) wanted = undefined;
+    if (wanted === undefined) sessionStorage.setItem("goshawk-shown", now);
+    else askFor(wanted, names.indexOf(wanted) + 1, 25);
+  };
+  const askFor = (name, digit, tries) => {
+    if (name !== wanted) return;
+    if (tries === 0 || digit > 9) wanted = undefined;
+    else {
+      press(`${digit}`, `Digit${digit}`);
+      clearTimeout(askFor.timer);
+      askFor.timer = setTimeout(askFor, 200, name, digit, tries - 1);
+    }
+  };
+
+  const label = (button, words) => {
     // The buttons stay the same elements: a press must not lose its button between down and up.
-    one.firstChild.textContent = template.dataset.stop;
-    all.hidden = template.dataset.fleet !== "true";
+    button.firstChild.textContent = words;
+    button.hidden = words === "";
+  };
+  window.goshawkOver = (template) => {
+    const facts = template.dataset;
+    news.innerHTML = template.innerHTML;
+    stops.hidden = facts.stop === "";
+    label(one, facts.stop);
+    label(all, facts.all);
+    label(cancel, facts.cancel);
+    all.dataset.armed = facts.armed;
+    remember(facts);
   };
   const waiting = document.querySelector("template[data-stop]");
   if (waiting) window.goshawkOver(waiting);

@@ -7,6 +7,8 @@ there. Its buttons and the stop key go the way of viser's own hotkeys.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib import resources
 
@@ -27,10 +29,31 @@ def _run(script: str) -> str:
     return f'<img alt="" hidden src="data:," onerror="{escape(script)}">'
 
 
-def overlay_html(snap: Snapshot, shown: list[tuple[str, Alert]], *, fleet: bool = False) -> str:
-    """Alerts, each with the name of its vehicle (empty: the only one), the red edge, and the last command's outcome.
+@dataclass(frozen=True, kw_only=True)
+class Stops:
+    """What the buttons say; empty: the button is not there."""
 
-    ``fleet``: there are other vehicles, so Stop names the one it stops, and there is Stop all.
+    one: str = ""
+    """Stops the vehicle shown; empty: this viewer commands nothing."""
+    every: str = ""
+    armed: bool = False
+    """The next press of ``every`` stops all."""
+    cancel: str = ""
+
+
+def overlay_html(
+    snap: Snapshot,
+    shown: list[tuple[str, Alert]],
+    *,
+    stops: Stops,
+    visit: str = "",
+    vehicles: Sequence[str] = (),
+) -> str:
+    """Alerts, each with the name of its vehicle (empty: the only one), the red edge, the last command's outcome, and
+    the buttons.
+
+    ``visit`` names this connection and ``vehicles`` are all there are: a page that is connected anew, where viser
+    begins anew, asks for the vehicle that it showed before.
     """
     severe = any(alert.severe and not alert.over for _, alert in shown)
     edge = (
@@ -41,9 +64,19 @@ def overlay_html(snap: Snapshot, shown: list[tuple[str, Alert]], *, fleet: bool 
     )
     lines = "".join(_alert(name, alert) for name, alert in shown)
     news = f'{edge}<div data-goshawk="alerts" class="goshawk-top">{lines}</div>{_toast(snap)}{_dimmed(snap)}'
-    stop = f"Stop {snap.vehicle}" if fleet else "Stop"
-    template = f'<template data-stop="{escape(stop)}" data-fleet="{str(fleet).lower()}">{news}</template>'
-    return template + _run("window.goshawkOver && goshawkOver(this.previousElementSibling)")
+    facts = {
+        "stop": stops.one,
+        "all": stops.every,
+        "armed": str(stops.armed).lower(),
+        "cancel": stops.cancel,
+        "visit": visit,
+        "shown": snap.vehicle,
+        "vehicles": " ".join(vehicles),
+    }
+    data = " ".join(f'data-{name}="{escape(value)}"' for name, value in facts.items())
+    return f"<template {data}>{news}</template>" + _run(
+        "window.goshawkOver && goshawkOver(this.previousElementSibling)"
+    )
 
 
 def _alert(name: str, alert: Alert) -> str:
@@ -62,7 +95,9 @@ def _alert(name: str, alert: Alert) -> str:
 def _toast(snap: Snapshot) -> str:
     """The last command while it is news: waiting, or what the vehicle replied, and how long that took."""
     command = snap.command
-    if command is None or command.at_s is None or snap.now_s - command.at_s > COMMAND_S:
+    if command is None or command.at_s is None:
+        return ""
+    if snap.now_s - command.at_s - (command.took_s or 0.0) > COMMAND_S:
         return ""
     if command.pending:
         color = theme.WARN
@@ -71,6 +106,9 @@ def _toast(snap: Snapshot) -> str:
         color = theme.GOOD if command.accepted else theme.BAD
         took = "" if command.took_s is None else f" after {1e3 * command.took_s:.0f} ms"
         words = f"vehicle {'confirms' if command.accepted else 'refuses'} {command.verb}{took}: {command.text}"
+    elif command.cancelled or command.refused_here:
+        color = theme.WARN
+        words = f"{command.verb} {'cancelled' if command.cancelled else 'not sent'}: {command.text}"
     else:
         color, words = theme.BAD, f"{command.verb} NOT CONFIRMED: {command.text}"
     return (

@@ -2,45 +2,56 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable, Sequence
 
 import viser
 
-from goshawk_dashboards import candidates_html, fleet_html, link_html, overlay, plots
-from goshawk_dashboards import panels_html as html
-from goshawk_dashboards.alerts import Alert, AlertBoard
+from goshawk_dashboards import fleet_html, overlay, plots
 from goshawk_dashboards.cameras import CameraMode
-from goshawk_dashboards.commands import Commands, Watched
-from goshawk_dashboards.scene import PLAN_STALE_S, ViewOptions
+from goshawk_dashboards.commands import Commands
+from goshawk_dashboards.feed import Feed, worst_alerts
+from goshawk_dashboards.scene import ViewOptions
 from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.viewer import Viewer
 
-MAX_ALERTS = 4
-"""Lines of the banner; the worst come first, and the rest is counted."""
+SHOW_KEYS = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
 
 
 class LivePanels:
-    """Shows snapshots in a viser server's GUI. All viewers of a server see the same vehicle in full."""
+    """The panels of one viewer, who chooses which vehicle they show in full."""
 
     def __init__(
         self,
-        server: viser.ViserServer,
-        vehicles: Sequence[Watched],
+        viewer: Viewer,
+        feeds: Sequence[Feed],
         *,
+        commands: bool,
         on_select: Callable[[], None],
         on_clear: Callable[[], None],
+        on_armed: Callable[[], None],
     ) -> None:
-        self._server = server
-        self._vehicles = vehicles
-        self._boards = [AlertBoard() for _ in vehicles]
+        """``commands``: with the buttons and keys that command; without them the viewer only looks.
+
+        ``on_select``: another vehicle is shown; ``on_clear``: the trails are to be forgotten; ``on_armed``: what the
+        stop buttons say has changed.
+        """
+        self._viewer = viewer
+        self._feeds = feeds
         self._on_select = on_select
         self.shown = 0
         """Index of the vehicle shown in full."""
         self._wanted = 0
-        gui = server.gui
+        self._visit = uuid.uuid4().hex
+        """Tells the page that it is connected anew, here or to a ground station that was started again."""
+        gui = viewer.gui
+        gui.add_html(overlay.frame_html())
         self._overlay = gui.add_html("")
-        self._fleet = self._make_fleet() if len(vehicles) > 1 else None
+        self._fleet = self._make_fleet(commands) if len(feeds) > 1 else None
         self._status = gui.add_html("")
-        self.commands = Commands(server, vehicles, shown=lambda: self.shown)
+        self.commands = (
+            Commands(viewer, feeds, shown=lambda: feeds[self.shown], on_armed=on_armed) if commands else None
+        )
         self._command = gui.add_html("")
         with gui.add_folder("Readiness"):
             self._readiness = gui.add_html("")
@@ -58,25 +69,28 @@ class LivePanels:
         gui.main_panel.set_width(340)
         self._make_instruments()
 
-    def _make_fleet(self) -> viser.GuiHtmlHandle:
-        """A table of all vehicles, and two buttons for each."""
-        gui = self._server.gui
+    def _make_fleet(self, commands: bool) -> viser.GuiHtmlHandle:
+        """A table of all vehicles, and buttons for each; the digits show one too."""
+        gui = self._viewer.gui
         table = gui.add_html("")
         with gui.add_folder("Vehicles"):
-            for k, vehicle in enumerate(self._vehicles):
-                group = gui.add_button_group(vehicle.name, ("Show", "Stop"))
+            for k, feed in enumerate(self._feeds):
+                group = gui.add_button_group(feed.vehicle.name, ("Show", "Stop") if commands else ("Show",))
 
                 @group.on_click
                 def _(event: viser.GuiEvent[viser.GuiButtonGroupHandle], k: int = k) -> None:
                     if event.target.value == "Show":
                         self.show(k)
                     else:
-                        self._vehicles[k].on_stop()
+                        self._feeds[k].vehicle.on_stop()
 
+        for k, (digit, feed) in enumerate(zip(SHOW_KEYS, self._feeds, strict=False)):
+            key = gui.add_command(f"Show {feed.vehicle.name}", hotkey=digit)
+            key.on_trigger(lambda _, k=k: self.show(k))
         return table
 
     def _make_view_options(self, on_clear: Callable[[], None]) -> None:
-        gui = self._server.gui
+        gui = self._viewer.gui
         with gui.add_folder("View", expand_by_default=False):
             self._camera = gui.add_dropdown("Camera", ("Follow", "Chase", "Free"), initial_value="Follow")
             self._rejected = gui.add_checkbox("Rejected candidates", True)
@@ -88,18 +102,16 @@ class LivePanels:
             gui.add_button("Clear trails").on_click(lambda _: on_clear())
 
     def _make_instruments(self) -> None:
-        server = self._server
-        instruments = server.gui.add_panel()
+        gui = self._viewer.gui
+        instruments = gui.add_panel()
         first = instruments.add_tab("Instruments", viser.Icon.CHART_LINE)
         with first:
-            self._picture = server.gui.add_html("")
-            self._strip = server.gui.add_html("")
-            server.gui.add_html(plots.legend_html())
-        motion = plots.PlotGroup(server, first, plots.MOTION, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
+            self._picture = gui.add_html("")
+            self._strip = gui.add_html("")
+            gui.add_html(plots.legend_html())
         second = instruments.add_tab("Timing", viser.Icon.CLOCK)
-        effort = plots.PlotGroup(server, second, plots.EFFORT, plots.MOTION_WINDOW_S, plots.control_stamp_ns)
-        timing = plots.PlotGroup(server, second, plots.TIMING, plots.TIMING_WINDOW_S, plots.health_stamp_ns)
-        self.plots = (motion, effort, timing)
+        tabs = (first, second, second)
+        self.plots = [plots.PlotGroup(self._viewer, t, kind) for t, kind in zip(tabs, plots.KINDS, strict=True)]
         instruments.dock_left()
         instruments.set_width(340)
 
@@ -134,34 +146,43 @@ class LivePanels:
             group.clear()
         self._on_select()
 
-    def update(self, snaps: Sequence[Snapshot]) -> None:
-        """Shows the snapshots' words, one a vehicle; cheap to call often, unchanged text is not sent."""
-        snap = snaps[self.shown]
-        self._overlay.content = overlay.overlay_html(snap, self._alerts(snaps), fleet=len(snaps) > 1)
-        if self._fleet is not None:
-            self._fleet.content = fleet_html.fleet_html(snaps, snap.vehicle)
-        self._status.content = html.status_html(snap)
-        self.commands.update(snap)
-        self._command.content = html.command_html(snap)
-        self._readiness.content = html.readiness_html(snap)
-        self._link.content = link_html.link_html(snap)
-        self._radio_folder.visible = snap.autopilot is not None
-        self._radio.content = link_html.radio_html(snap)
-        self._vehicle.content = html.vehicle_html(snap)
-        self._events.content = html.events_html(snap)
-        fresh = snap.fresh("plan", PLAN_STALE_S)
-        self._picture.content = candidates_html.picture_html(snap, fresh=fresh)
-        self._strip.content = candidates_html.strip_html(snap, fresh=fresh)
+    def draw_plots(self) -> None:
+        """Sends the curves of the vehicle shown."""
+        for group, curves in zip(self.plots, self._feeds[self.shown].curves, strict=True):
+            group.draw(curves)
 
-    def _alerts(self, snaps: Sequence[Snapshot]) -> list[tuple[str, Alert]]:
-        """Of all vehicles, the severe first, each with its vehicle's name if there are several."""
-        found = [
-            (snap.vehicle if len(snaps) > 1 else "", alert)
-            for snap, board in zip(snaps, self._boards, strict=True)
-            for alert in board.update(snap)
-        ]
-        found.sort(key=lambda pair: (pair[1].over, not pair[1].severe))
-        if len(found) > MAX_ALERTS:
-            more = Alert(key="more", severe=False, text=f"and {len(found) - MAX_ALERTS} more")
-            return [*found[:MAX_ALERTS], ("", more)]
-        return found
+    def _stops(self, snap: Snapshot) -> overlay.Stops:
+        """What the buttons over the window say."""
+        if self.commands is None:
+            return overlay.Stops()
+        several = len(self._feeds) > 1
+        one = f"Stop {snap.vehicle}" if several else "Stop"
+        every = ("Press again: all stop" if self.commands.armed else "Stop all") if several else ""
+        cancel = "" if snap.stop is None else "Dismiss" if snap.stop.lapsed else f"Cancel {one}"
+        return overlay.Stops(one=one, every=every, armed=self.commands.armed, cancel=cancel)
+
+    def update(self) -> None:
+        """Shows the feeds' words; cheap to call often, unchanged text is not sent."""
+        feed = self._feeds[self.shown]
+        snap, words = feed.snap, feed.words
+        self._overlay.content = overlay.overlay_html(
+            snap,
+            worst_alerts(self._feeds),
+            stops=self._stops(snap),
+            visit=self._visit,
+            vehicles=[f.vehicle.name for f in self._feeds],
+        )
+        if self._fleet is not None:
+            self._fleet.content = fleet_html.fleet_html([f.snap for f in self._feeds], snap.vehicle)
+        self._status.content = words.status
+        if self.commands is not None:
+            self.commands.update(snap)
+        self._command.content = words.command
+        self._readiness.content = words.readiness
+        self._link.content = words.link
+        self._radio_folder.visible = snap.autopilot is not None
+        self._radio.content = words.radio
+        self._vehicle.content = words.vehicle
+        self._events.content = words.events
+        self._picture.content = words.picture
+        self._strip.content = words.strip

@@ -107,6 +107,8 @@ def command_html(snap: Snapshot) -> str:
     verdict = "accepted" if command.accepted else ("refused" if command.answered else "no reply")
     if command.pending:
         verdict = "sent"
+    elif command.cancelled or command.refused_here:
+        verdict = "cancelled" if command.cancelled else "not sent"
     return (
         f'<div data-goshawk="command" style="{TEXT};padding:0 12px 4px">'
         f'<b style="color:{theme.css(color)}">{escape(command.verb)} {verdict}</b> '

@@ -16,10 +16,12 @@ SCRUB_HOLD_S = 0.4
 class Player:
     """A position within 0 .. ``duration_s``. Safe from any thread."""
 
-    def __init__(self, duration_s: float) -> None:
+    def __init__(self, duration_s: float, wake: threading.Event | None = None) -> None:
+        """``wake`` is set with ``moved``: several players can have one for whoever waits for any of them."""
         self.duration_s = duration_s
         self.moved = threading.Event()
         """Set by everything but the passing of time: there is something new to show at once."""
+        self._wake = wake
         self._lock = threading.Lock()
         self._time_s = 0.0
         self._playing = False
@@ -36,6 +38,12 @@ class Player:
         """Whether time passes."""
         return self._playing
 
+    def touch(self) -> None:
+        """There is something new to show."""
+        self.moved.set()
+        if self._wake is not None:
+            self._wake.set()
+
     def advance(self, elapsed_s: float) -> None:
         """Lets time pass; at the end it stops."""
         with self._lock:
@@ -51,7 +59,7 @@ class Player:
         """Goes to a time, or as near as the recording has."""
         with self._lock:
             self._time_s = min(max(time_s, 0.0), self.duration_s)
-        self.moved.set()
+        self.touch()
 
     def scrub(self, time_s: float) -> None:
         """As ``seek``, by a hand that may go on moving."""
@@ -65,13 +73,13 @@ class Player:
             if not self._playing and self._time_s >= self.duration_s:
                 self._time_s = 0.0
             self._playing, self._hold_s = not self._playing, 0.0
-        self.moved.set()
+        self.touch()
 
     def set_speed(self, speed: float) -> None:
         """Recorded seconds in each second."""
         with self._lock:
             self._speed = speed
-        self.moved.set()
+        self.touch()
 
     def step(self, stops_s: Array, direction: int) -> None:
         """Pauses, and goes to the next (+1) or the previous (-1) of these ascending times, if there is one."""

@@ -16,6 +16,7 @@ from viser import uplot
 from goshawk_dashboards import theme
 from goshawk_dashboards.history import History
 from goshawk_dashboards.snapshot import Array, Snapshot
+from goshawk_dashboards.viewer import Viewer
 
 MOTION_WINDOW_S = 20.0
 TIMING_WINDOW_S = 120.0
@@ -130,49 +131,56 @@ TIMING = (
 )
 
 
-class PlotGroup:
-    """Plots that take a row each time ``stamp_ns`` changes, all from one history."""
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """Plots that share a window and take a row each time ``stamp_ns`` changes."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        tab: viser.GuiTabHandle,
-        plots: Sequence[Plot],
-        window_s: float,
-        stamp_ns: Callable[[Snapshot], int | None],
-    ) -> None:
-        self._server = server
-        self._tab = tab
-        self._plots = plots
-        self._window_s = window_s
-        self._stamp_ns = stamp_ns
+    plots: tuple[Plot, ...]
+    window_s: float
+    stamp_ns: Callable[[Snapshot], int | None]
+
+
+class Curves:
+    """What one kind of plots shows of one vehicle: sampled once, for all who look."""
+
+    def __init__(self, kind: Kind) -> None:
+        self.kind = kind
         self._last_ns: int | None = None
-        self._history = History(sum(len(plot.lines) for plot in plots))
-        self._tops = [plot.step or 0.0 for plot in plots]
-        with tab:
-            self.handles = [_add(server, plot, plot.step or 0.0) for plot in plots]
+        self._history = History(sum(len(plot.lines) for plot in kind.plots))
 
     @property
     def nbytes(self) -> int:
         """Memory held, constant."""
         return self._history.nbytes
 
-    def clear(self) -> None:
-        """Forgets everything."""
-        self._history.clear()
-        self._last_ns = None
-
     def sample(self, snap: Snapshot) -> None:
         """Keeps the snapshot's values, once per stamp."""
-        stamp_ns = self._stamp_ns(snap)
+        stamp_ns = self.kind.stamp_ns(snap)
         if stamp_ns is None or stamp_ns == self._last_ns:
             return
         self._last_ns = stamp_ns
-        self._history.add(stamp_ns * 1e-9, np.array([value for plot in self._plots for value in plot.values(snap)]))
+        values = [value for plot in self.kind.plots for value in plot.values(snap)]
+        self._history.add(stamp_ns * 1e-9, np.array(values))
 
-    def draw(self) -> None:
-        """Sends the window to the viewers."""
-        ago, rows = self._history.window(self._window_s)
+    def window(self) -> tuple[Array, Array]:
+        """Times relative to the newest row, and the rows."""
+        return self._history.window(self.kind.window_s)
+
+
+class PlotGroup:
+    """The plots of one kind in one viewer's window."""
+
+    def __init__(self, viewer: Viewer, tab: viser.GuiTabHandle, kind: Kind) -> None:
+        self._viewer = viewer
+        self._tab = tab
+        self._plots = kind.plots
+        self._tops = [plot.step or 0.0 for plot in kind.plots]
+        with tab:
+            self.handles = [_add(viewer, plot, plot.step or 0.0) for plot in kind.plots]
+
+    def draw(self, curves: Curves) -> None:
+        """Sends the window to the viewer."""
+        ago, rows = curves.window()
         if len(ago) < 2:
             return
         first = 0
@@ -183,6 +191,11 @@ class PlotGroup:
                 self._raise(k, plot.step, lines)
             self.handles[k].data = (ago, *(np.ascontiguousarray(column) for column in lines.T))
 
+    def clear(self) -> None:
+        """Shows nothing: another vehicle's curves are to be drawn next, once it has some."""
+        for plot, handle in zip(self._plots, self.handles, strict=True):
+            handle.data = _nothing(plot)
+
     def _raise(self, k: int, step: float, lines: Array) -> None:
         """uPlot cannot find the range of a line with gaps by itself, and viser's plot loses its data when its range is
         changed: a new one takes its place. In steps, and never down, so that this is rare."""
@@ -191,7 +204,7 @@ class PlotGroup:
         if top > self._tops[k]:
             self._tops[k] = top
             with self._tab:
-                fresh = _add(self._server, self._plots[k], top, order=self.handles[k].order)
+                fresh = _add(self._viewer, self._plots[k], top, order=self.handles[k].order)
             self.handles[k].remove()
             self.handles[k] = fresh
 
@@ -203,14 +216,18 @@ def _scales(step: float | None, top: float) -> dict[str, uplot.Scale]:
     return {"x": {"time": False}, "y": at_least_4 if step is None else {"range": (0.0, top)}}
 
 
-def _add(server: viser.ViserServer, plot: Plot, top: float, order: float | None = None) -> viser.GuiUplotHandle:
+def _nothing(plot: Plot) -> tuple[Array, ...]:
+    return (np.array([-1.0, 0.0]), *(np.zeros(2) for _ in plot.lines))
+
+
+def _add(viewer: Viewer, plot: Plot, top: float, order: float | None = None) -> viser.GuiUplotHandle:
     line = {"show": True, "stroke": "#2a303b", "width": 1.0}
     axis: uplot.Axis = {"stroke": "#8b95a5", "grid": line, "ticks": line, "font": "11px system-ui", "gap": 2.0}  # type: ignore[typeddict-item]
     series: list[uplot.Series] = [{"label": "s"}]
     for label, color in plot.lines:
         series.append({"label": label, "stroke": theme.css(color), "width": 1.5, "points": {"show": False}})
-    return server.gui.add_uplot(
-        data=(np.array([-1.0, 0.0]), *(np.zeros(2) for _ in plot.lines)),
+    return viewer.gui.add_uplot(
+        data=_nothing(plot),
         series=tuple(series),
         title=plot.title,
         scales=_scales(plot.step, top),
@@ -243,3 +260,11 @@ def control_stamp_ns(snap: Snapshot) -> int | None:
 def health_stamp_ns(snap: Snapshot) -> int | None:
     """When timing was sampled, by the vehicle's clock."""
     return None if snap.health is None else snap.health.stamp_ns
+
+
+KINDS = (
+    Kind(plots=MOTION, window_s=MOTION_WINDOW_S, stamp_ns=control_stamp_ns),
+    Kind(plots=EFFORT, window_s=MOTION_WINDOW_S, stamp_ns=control_stamp_ns),
+    Kind(plots=TIMING, window_s=TIMING_WINDOW_S, stamp_ns=health_stamp_ns),
+)
+"""In the order of the panels."""

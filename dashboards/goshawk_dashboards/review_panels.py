@@ -15,6 +15,7 @@ from goshawk_dashboards.review_plots import Plot
 from goshawk_dashboards.review_scene import ReviewOptions, SecondMode
 from goshawk_dashboards.scene import ViewOptions, decode_preview
 from goshawk_dashboards.snapshot import Array, PlanView, Snapshot
+from goshawk_dashboards.viewer import Viewer
 
 WINDOWS: dict[str, float | None] = {"whole flight": None, "60 s": 60.0, "20 s": 20.0, "5 s": 5.0}
 JUMP = "jump to …"
@@ -22,11 +23,11 @@ PREVIOUS_EVENT, PREVIOUS_FRAME, NEXT_FRAME, NEXT_EVENT = "◀ event", "◀ frame
 
 
 class ReviewPanels:
-    """Shows instants in a viser server's GUI, and moves a player."""
+    """Shows instants to one viewer, and moves their player."""
 
     def __init__(
         self,
-        server: viser.ViserServer,
+        viewer: Viewer,
         player: Player,
         flight: Flight,
         *,
@@ -42,7 +43,7 @@ class ReviewPanels:
         self._columns: int | None = None
         self._preview_seq: int | None = None
         self._window: Window | None = None
-        gui = server.gui
+        gui = viewer.gui
         self._status = gui.add_html("")
         self._marks_html = gui.add_html("")
         self._add_jump(gui)
@@ -58,7 +59,7 @@ class ReviewPanels:
         with instruments.add_tab("Instruments", viser.Icon.CHART_LINE):
             self._picture = gui.add_image(np.full((192, 320, 3), theme.BACKGROUND, dtype=np.uint8))
             self._plot_window = gui.add_dropdown("Plots show", tuple(WINDOWS), initial_value="whole flight")
-            self._plot_window.on_update(lambda _: player.moved.set())
+            self._plot_window.on_update(lambda _: player.touch())
             self._cursor = gui.add_html("")
             self._plots_html = gui.add_html("")
         instruments.dock_left()
@@ -121,7 +122,7 @@ class ReviewPanels:
             }
         self._boxes = boxes
         for handle in (*boxes.values(), self._camera, self._second):
-            handle.on_update(lambda _: self._player.moved.set())
+            handle.on_update(lambda _: self._player.touch())
 
     def _add_keys(self, gui: viser.GuiApi) -> None:
         add = gui.add_command

@@ -12,8 +12,9 @@ import viser
 from goshawk_dashboards import curves, recorded, theme
 from goshawk_dashboards.flight import Flight
 from goshawk_dashboards.recorded import Replay
-from goshawk_dashboards.scene import SAMPLES, LiveScene, ViewOptions, prepare
+from goshawk_dashboards.scene import SAMPLES, LiveScene, ViewOptions
 from goshawk_dashboards.snapshot import Array, PlanView, Snapshot
+from goshawk_dashboards.viewer import Viewer
 
 SECOND_ROOT = "/second"
 SIDE_GAP_M = 12.0
@@ -33,24 +34,23 @@ class ReviewOptions:
 
 
 class ReviewScene:
-    """Draws instants of one flight, or of two, into a viser server's scene."""
+    """Draws instants of one flight, or of two, into a viewer's scene, on the ground that ``prepare`` made."""
 
     def __init__(
-        self, server: viser.ViserServer, flight: Flight, replay: Replay | None, second: Flight | None, by_s: float
+        self, viewer: Viewer, flight: Flight, replay: Replay | None, second: Flight | None, by_s: float
     ) -> None:
         """The second flight's own time is ``by_s`` less than the first one's."""
-        self._server = server
+        self._viewer = viewer
         self._flight, self._replay, self._second, self._by_s = flight, replay, second, by_s
-        prepare(server)
-        self.first = LiveScene(server, "/first")
+        self.first = LiveScene(viewer, "/first")
         self._add_way("/first", flight, theme.VEHICLE)
         self.second: LiveScene | None = None
         if second is not None:
-            self._second_root = server.scene.add_frame(SECOND_ROOT, show_axes=False)
-            self.second = LiveScene(server, SECOND_ROOT, theme.SECOND, theme.SECOND)
+            self._second_root = viewer.scene.add_frame(SECOND_ROOT, show_axes=False)
+            self.second = LiveScene(viewer, SECOND_ROOT, theme.SECOND, theme.SECOND)
             self._add_way(SECOND_ROOT, second, theme.SECOND)
         self.depth: viser.PointCloudHandle | None = None
-        self.replayed = server.scene.add_line_segments(
+        self.replayed = viewer.scene.add_line_segments(
             "/replay/chosen",
             np.zeros((SAMPLES - 1, 2, 3)),
             theme.vivid(theme.REPLAY),
@@ -64,7 +64,7 @@ class ReviewScene:
         if len(way_N3) < 2:
             return
         faint = 0.4 * np.array(theme.vivid(rgb)) + 0.6 * np.array(theme.BACKGROUND)
-        self._server.scene.add_line_segments(
+        self._viewer.scene.add_line_segments(
             f"{root}/way",
             np.stack([way_N3[:-1], way_N3[1:]], axis=1),
             (int(faint[0]), int(faint[1]), int(faint[2])),
@@ -91,7 +91,7 @@ class ReviewScene:
         points_P3, colors_P3 = found
         if self.depth is not None:
             self.depth.remove()
-        self.depth = self._server.scene.add_point_cloud(
+        self.depth = self._viewer.scene.add_point_cloud(
             "/depth", points_P3.astype(np.float32), colors_P3, point_size=0.035, point_shape="square"
         )
 

@@ -14,6 +14,7 @@ from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards import curves, shapes, theme
 from goshawk_dashboards.snapshot import Array, ControlView, PlanView, PreviewView, Snapshot, TargetView
+from goshawk_dashboards.viewer import Viewer
 from goshawk_dashboards.world_scene import WorldScene
 
 SAMPLES = 24
@@ -61,24 +62,22 @@ def prepare(server: viser.ViserServer) -> None:
 
 
 class LiveScene:
-    """Draws snapshots into a viser server's scene."""
+    """Draws snapshots into a viewer's scene, on the ground that ``prepare`` made."""
 
     def __init__(
         self,
-        server: viser.ViserServer,
+        viewer: Viewer,
         root: str = "",
         vehicle_rgb: theme.Rgb = theme.VEHICLE,
         flown_rgb: theme.Rgb = theme.GOOD,
     ) -> None:
-        """``root`` is the node that it is drawn under; with one, several vehicles share a server (``prepare`` it)."""
-        self._server = server
+        """``root`` is the node that it is drawn under, so that several vehicles can share a scene."""
+        self._viewer = viewer
         self._root = root
         self._vehicle_rgb, self._flown_rgb = theme.vivid(vehicle_rgb), theme.vivid(flown_rgb)
-        if not root:
-            prepare(server)
         self._plan_drawn: tuple[int, bool] | None = None
         self._preview_seq: int | None = None
-        self.world = WorldScene(server, root)
+        self.world = WorldScene(viewer, root)
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
         self._target_trail = shapes.Trail(spacing_m=0.3)
         self._make_vehicle()
@@ -86,7 +85,7 @@ class LiveScene:
         self._make_target()
 
     def _make_vehicle(self) -> None:
-        scene = self._server.scene
+        scene = self._viewer.scene
         self.vehicle = scene.add_frame(f"{self._root}/vehicle", show_axes=False, visible=False)
         mesh = shapes.quadrotor(VEHICLE_DRAWN, self._vehicle_rgb)
         self.model = scene.add_mesh_trimesh(f"{self._root}/vehicle/model", mesh)
@@ -133,7 +132,7 @@ class LiveScene:
         )
 
     def _make_plan(self) -> None:
-        scene = self._server.scene
+        scene = self._viewer.scene
         self.candidates: viser.LineSegmentsHandle | None = None
         self.detections = scene.add_point_cloud(
             f"{self._root}/plan/detections",
@@ -154,7 +153,7 @@ class LiveScene:
         )
 
     def _make_target(self) -> None:
-        scene = self._server.scene
+        scene = self._viewer.scene
         self.target = scene.add_frame(f"{self._root}/target", show_axes=False, visible=False)
         self._target_dot = scene.add_icosphere(
             f"{self._root}/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2
@@ -217,7 +216,7 @@ class LiveScene:
     def forget(self) -> None:
         """Shows nothing of what was drawn: another vehicle is to be shown next."""
         self.clear_trails()
-        self._plan_seq = self._preview_seq = None
+        self._plan_drawn = self._preview_seq = None
         for node in (self.vehicle, self.camera, self.chosen, self.target, self._truth, self._disturbance):
             node.visible = False
         self.detections.visible = self._vehicle_line.visible = self._target_line.visible = False
@@ -282,9 +281,9 @@ class LiveScene:
         )
         points = curves.segments_M23(shown_NS3).astype(np.float32)
         colors = np.repeat(np.repeat(colors_N3, SAMPLES - 1, axis=0)[:, None, :], 2, axis=1)
-        with self._server.atomic():
+        with self._viewer.atomic():
             if self.candidates is None or self.candidates.points.shape != points.shape:
-                self.candidates = self._server.scene.add_line_segments(
+                self.candidates = self._viewer.scene.add_line_segments(
                     f"{self._root}/plan/candidates", points, colors, thickness=2.0, thickness_units="screen"
                 )
             else:

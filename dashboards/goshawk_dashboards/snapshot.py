@@ -231,12 +231,31 @@ class CommandView:
     text: str
     mode: str | None
     """The vehicle's mode when it replied; None without a reply."""
+    refused_here: bool = False
+    """The ground did not send it; ``text`` says why."""
+    cancelled: bool = False
+    """A Stop that the operator took back before the vehicle confirmed it."""
     pending: bool = False
     """Sent, and still waiting for the reply."""
     at_s: float | None = None
     """When it was sent, by the ground's monotonic clock."""
     took_s: float | None = None
     """From the press to the reply; None while there is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopView:
+    """A Stop that the vehicle has not confirmed."""
+
+    command_id: str
+    age_s: float
+    """Seconds since it was pressed."""
+    resumed: bool = False
+    """It was pressed before the ground was started anew."""
+    lapsed: bool = False
+    """It was too old for that: it is shown, and not asked."""
+    trouble: str = ""
+    """Why a restart of the ground would forget it, one line; empty: it would not."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -289,6 +308,8 @@ class Snapshot:
     """The newest last; bounded."""
     channels: tuple[ChannelView, ...] = ()
     command: CommandView | None = None
+    stop: StopView | None = None
+    """The Stop that is pending or lapsed; None: there is none."""
     round_trip_s: float | None = None
     """The newest round trip to the vehicle's own process; infinite: unanswered; None: not yet measured."""
     autopilot: AutopilotView | None = None

@@ -7,6 +7,7 @@ import viser
 
 from goshawk_dashboards import shapes, theme
 from goshawk_dashboards.snapshot import BoxesView, WorldView
+from goshawk_dashboards.viewer import Viewer
 
 WALL_OPACITY = 0.4
 """What flies inside a house is to be seen from outside."""
@@ -15,9 +16,9 @@ WALL_OPACITY = 0.4
 class WorldScene:
     """Draws what the simulator says of its world; a real vehicle has none."""
 
-    def __init__(self, server: viser.ViserServer, root: str = "") -> None:
+    def __init__(self, viewer: Viewer, root: str = "") -> None:
         """``root`` is the scene node that it is drawn under; empty: the world frame."""
-        self._scene = server.scene
+        self._scene = viewer.scene
         self._root = root
         self._fixed = tuple(f"{root}/world/{what}" for what in ("trunks", "foliage", "boxes"))
         self._world: WorldView | None = None

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from goshawk_dashboards.alerts import HOLD_S, AlertBoard, alerts
-from goshawk_dashboards.snapshot import AutopilotView, CommandView, Snapshot
+from goshawk_dashboards.snapshot import AutopilotView, CommandView, Snapshot, StopView
+from goshawk_proto import PROTOCOL
 
 Make = Callable[..., Snapshot]
 
@@ -60,15 +61,45 @@ def test_faults_and_battery_count_in_flight_only(snap: Make) -> None:
     assert keys(idle) == []
 
 
-def test_a_stop_without_reply_is_severe_for_a_while(snap: Make) -> None:
+def test_a_stop_that_was_given_up_is_severe_for_a_while(snap: Make) -> None:
+    text = "Stop not delivered. Pilot: take over. There is no link."
+    command = CommandView(verb="stop", command_id="1", answered=False, accepted=False, text=text, mode=None, at_s=99.0)
+    (alert,) = alerts(snap(command=command))
+    assert (alert.severe, alert.text) == (True, text)
+    assert keys(snap(command=replace(command, cancelled=True))) == []
+    assert keys(snap(command=replace(command, pending=True))) == []
+    assert keys(snap(command=replace(command, at_s=50.0))) == []
+
+
+def test_a_refused_stop_tells_the_pilot_what_to_do(snap: Make) -> None:
     command = CommandView(
-        verb="stop", command_id="1", answered=False, accepted=False, text="no reply", mode=None, at_s=99.0
+        verb="stop", command_id="1", answered=True, accepted=False, text="the controller did not answer", mode=None
     )
     (alert,) = alerts(snap(command=command))
     assert alert.severe
-    assert "NOT CONFIRMED" in alert.text
-    assert keys(snap(command=replace(command, pending=True))) == []
-    assert keys(snap(command=replace(command, at_s=50.0))) == []
+    assert alert.text == "Stop refused. Pilot: take over. the controller did not answer"
+
+
+def test_a_stop_that_is_not_confirmed_is_told_with_its_age_until_it_is(snap: Make) -> None:
+    stop = StopView(command_id="1", age_s=7.4)
+    (alert,) = alerts(snap(stop=stop))
+    assert (alert.severe, alert.text) == (True, "STOP PENDING for 7 s: not delivered. Pilot: take over.")
+    assert alerts(snap(stop=replace(stop, age_s=0.4))) == []
+    assert "for 5 min" in alerts(snap(stop=replace(stop, age_s=300.0)))[0].text
+    (lapsed,) = alerts(snap(stop=replace(stop, age_s=900.0, lapsed=True)))
+    assert not lapsed.severe
+    assert "15 min ago was never delivered" in lapsed.text
+
+
+def test_a_vehicle_of_another_protocol_is_told_in_one_line(snap: Make) -> None:
+    base = snap()
+    assert base.health is not None
+    (older,) = alerts(replace(base, health=replace(base.health, protocol=0)))
+    assert older.text == (
+        f"only Stop works: goshawk speaks protocol 0, this ground station {PROTOCOL}. Update the vehicle."
+    )
+    (newer,) = alerts(replace(base, health=replace(base.health, protocol=PROTOCOL + 1)))
+    assert newer.text.endswith("Update the ground station.")
 
 
 def test_the_severe_come_first(snap: Make) -> None:

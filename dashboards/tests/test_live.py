@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from goshawk_dashboards import theme
-from goshawk_dashboards.commands import Watched
-from goshawk_dashboards.live import LiveDashboard, PortBusyError
+from goshawk_dashboards.feed import Watched
+from goshawk_dashboards.live import LiveDashboard, LiveView, PortBusyError
 from goshawk_dashboards.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
 from viser import BatchedMeshHandle
 
@@ -55,28 +55,47 @@ def truth(moving: BoxesView) -> TruthView:
 
 def watched(name: str, snap: Make) -> Watched:
     """A vehicle that answers at once."""
-    return Watched(name=name, latest=snap, on_start=lambda _: _command("start"), on_stop=lambda: _command("stop"))
+    return Watched(
+        name=name,
+        latest=snap,
+        on_start=lambda _: _command("start"),
+        on_stop=lambda: _command("stop"),
+        on_cancel=lambda: None,
+    )
+
+
+class Live:
+    """One viewer of a dashboard whose own thread is not running: the tests tick it. The server stands for a browser."""
+
+    def __init__(self, *vehicles: Watched) -> None:
+        self.dashboard = LiveDashboard(host="127.0.0.1", port=_free_port(), vehicles=vehicles)
+        self.server = self.dashboard.server
+        view = LiveView(self.server, self.dashboard.feeds)
+        self.scene, self.panels, self._view = view.scene, view.panels, view
+
+    def tick(self, *snaps: Snapshot) -> None:
+        """Shows one snapshot a vehicle."""
+        for feed, snap in zip(self.dashboard.feeds, snaps, strict=True):
+            feed.take(snap)
+            feed.judge()
+        self._view.draw(words=True, plots=True)
 
 
 @pytest.fixture
-def live(snap: Make) -> Iterator[LiveDashboard]:
-    """A dashboard whose own thread is not running: the tests tick it."""
-    dashboard = LiveDashboard(
-        host="127.0.0.1",
-        port=_free_port(),
-        vehicles=[watched("goshawk", snap)],
-    )
-    yield dashboard
-    dashboard.close()
+def live(snap: Make) -> Iterator[Live]:
+    """A viewer of one vehicle."""
+    live = Live(watched("goshawk", snap))
+    yield live
+    live.dashboard.close()
 
 
-def test_the_vehicle_stands_where_control_says(live: LiveDashboard, snap: Make) -> None:
+def test_the_vehicle_stands_where_control_says(live: Live, snap: Make) -> None:
     live.tick(snap())
     np.testing.assert_allclose(live.scene.vehicle.position, [10.0, 0.0, 2.0])
     assert live.scene.vehicle.visible
 
 
-def test_fifteen_curves_start_at_the_plan_and_end_at_its_end_states(live: LiveDashboard, snap: Make) -> None:
+def test_fifteen_curves_start_at_the_plan_and_end_at_its_end_states(live: Live, snap: Make) -> None:
     plan = snap().plan
     live.tick(snap())
     lines = live.scene.candidates
@@ -90,7 +109,7 @@ def test_fifteen_curves_start_at_the_plan_and_end_at_its_end_states(live: LiveDa
     assert live.scene.chosen.thickness > 2 * lines.thickness
 
 
-def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: LiveDashboard, snap: Make) -> None:
+def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: Live, snap: Make) -> None:
     live.tick(snap())
     assert live.scene.candidates is not None
     colors = live.scene.candidates.colors.reshape(15, -1, 3)[:, 0]
@@ -100,7 +119,7 @@ def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: Live
     assert tuple(colors[8]) == theme.vivid(theme.BAD)
 
 
-def test_a_stale_plan_is_not_drawn(live: LiveDashboard, snap: Make) -> None:
+def test_a_stale_plan_is_not_drawn(live: Live, snap: Make) -> None:
     live.tick(snap())
     live.tick(snap(age_s=2.0))
     assert live.scene.candidates is not None
@@ -111,7 +130,7 @@ def test_a_stale_plan_is_not_drawn(live: LiveDashboard, snap: Make) -> None:
     assert live.scene.candidates.visible
 
 
-def test_no_choice_draws_no_thick_line(live: LiveDashboard, snap: Make) -> None:
+def test_no_choice_draws_no_thick_line(live: Live, snap: Make) -> None:
     base = snap()
     assert base.plan is not None
     live.tick(replace(base, plan=replace(base.plan, chosen=None)))
@@ -120,7 +139,7 @@ def test_no_choice_draws_no_thick_line(live: LiveDashboard, snap: Make) -> None:
     assert not live.scene.chosen.visible
 
 
-def test_trees_appear_and_go_with_the_simulator(live: LiveDashboard, snap: Make) -> None:
+def test_trees_appear_and_go_with_the_simulator(live: Live, snap: Make) -> None:
     world = WorldView(
         base_world_K3=np.zeros((3, 3)),
         top_world_K3=np.tile([0.3, 0.0, 6.0], (3, 1)),
@@ -138,7 +157,7 @@ def test_trees_appear_and_go_with_the_simulator(live: LiveDashboard, snap: Make)
     assert scene.get_handle_by_name("/world/trunks") is None
 
 
-def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: LiveDashboard, snap: Make) -> None:
+def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, snap: Make) -> None:
     none_K3, none_K = np.zeros((0, 3)), np.zeros(0)
     world = WorldView(
         base_world_K3=none_K3,
@@ -164,14 +183,14 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: LiveDash
     assert scene.get_handle_by_name("/truth/moving") is None
 
 
-def test_a_broken_picture_changes_nothing(live: LiveDashboard, snap: Make) -> None:
+def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
     from goshawk_dashboards.snapshot import PreviewView
 
     live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"not a jpeg")))
     live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, picture=b"\xff\xd8\xff\xe0broken")))
 
 
-def test_a_busy_port_is_an_error_and_not_another_port(live: LiveDashboard, snap: Make) -> None:
+def test_a_busy_port_is_an_error_and_not_another_port(live: Live, snap: Make) -> None:
     with pytest.raises(PortBusyError, match=str(live.server.get_port())):
         LiveDashboard(
             host="127.0.0.1",
@@ -180,11 +199,11 @@ def test_a_busy_port_is_an_error_and_not_another_port(live: LiveDashboard, snap:
         )
 
 
-def test_an_empty_snapshot_can_be_shown(live: LiveDashboard, snap: Make) -> None:
+def test_an_empty_snapshot_can_be_shown(live: Live, snap: Make) -> None:
     live.tick(Snapshot(now_s=1.0, vehicle="goshawk", endpoint="tcp/x:1", linked=False, alive=False))
 
 
-def test_the_last_pose_of_a_silent_vehicle_is_a_ghost(live: LiveDashboard, snap: Make) -> None:
+def test_the_last_pose_of_a_silent_vehicle_is_a_ghost(live: Live, snap: Make) -> None:
     live.tick(snap())
     assert live.scene.model.visible
     assert not live.scene.ghost.visible
@@ -194,7 +213,7 @@ def test_the_last_pose_of_a_silent_vehicle_is_a_ghost(live: LiveDashboard, snap:
     assert live.scene.vehicle.visible
 
 
-def test_detections_stand_beside_the_estimate_and_weak_ones_are_left_out(live: LiveDashboard, snap: Make) -> None:
+def test_detections_stand_beside_the_estimate_and_weak_ones_are_left_out(live: Live, snap: Make) -> None:
     base = snap()
     assert base.plan is not None
     seen_N3 = np.tile([14.0, 1.0, 1.0], (15, 1)) + 0.1 * np.arange(15)[:, None]
@@ -207,40 +226,54 @@ def test_detections_stand_beside_the_estimate_and_weak_ones_are_left_out(live: L
 
 
 def test_the_vehicle_asked_for_is_shown_and_the_other_leaves_the_scene(snap: Make) -> None:
-    vehicles = [watched("alpha", snap), watched("bravo", snap)]
-    dashboard = LiveDashboard(host="127.0.0.1", port=_free_port(), vehicles=vehicles)
+    live = Live(watched("alpha", snap), watched("bravo", snap))
     try:
         quiet = Snapshot(now_s=100.0, vehicle="bravo", endpoint="tcp/x:1", linked=False, alive=False)
-        dashboard.tick(snap(vehicle="alpha"), quiet)
-        assert dashboard.scene.vehicle.visible
-        dashboard.panels.show(1)
-        dashboard.panels.settle()
-        dashboard.tick(snap(vehicle="alpha"), quiet)
-        assert not dashboard.scene.vehicle.visible
-        assert not dashboard.scene.chosen.visible
+        live.tick(snap(vehicle="alpha"), quiet)
+        assert live.scene.vehicle.visible
+        live.panels.show(1)
+        live.tick(snap(vehicle="alpha"), quiet)
+        assert not live.scene.vehicle.visible
+        assert not live.scene.chosen.visible
     finally:
-        dashboard.close()
+        live.dashboard.close()
 
 
-def test_memory_of_the_plots_is_constant(live: LiveDashboard, snap: Make) -> None:
+def test_a_plan_is_drawn_anew_though_another_vehicles_had_its_number(snap: Make) -> None:
+    live = Live(watched("alpha", snap), watched("bravo", snap))
+    try:
+        one, other = snap(vehicle="alpha"), snap(vehicle="bravo")
+        assert other.plan is not None
+        start_3 = other.plan.start_pos_world_3 + np.array([0.0, 50.0, 0.0])
+        other = replace(other, plan=replace(other.plan, start_pos_world_3=start_3))
+        live.tick(one, other)
+        live.panels.show(1)
+        live.tick(one, other)
+        assert live.scene.candidates is not None
+        assert live.scene.candidates.visible
+        np.testing.assert_allclose(live.scene.candidates.position, start_3)
+    finally:
+        live.dashboard.close()
+
+
+def test_memory_of_the_plots_is_constant(live: Live, snap: Make) -> None:
     base = snap()
     assert base.control is not None
-    before = [group.nbytes for group in live.panels.plots]
+    (feed,) = live.dashboard.feeds
+    before = [curves.nbytes for curves in feed.curves]
     for k in range(1500):
-        for group in live.panels.plots:
-            group.sample(replace(base, control=replace(base.control, stamp_ns=k * 50_000_000)))
-    assert [group.nbytes for group in live.panels.plots] == before
+        feed.take(replace(base, control=replace(base.control, stamp_ns=k * 50_000_000)))
+    assert [curves.nbytes for curves in feed.curves] == before
 
 
-def test_a_plot_whose_range_grows_keeps_its_place(live: LiveDashboard, snap: Make) -> None:
+def test_a_plot_whose_range_grows_keeps_its_place(live: Live, snap: Make) -> None:
     base = snap()
     assert base.control is not None
     group = live.panels.plots[0]
     speed, place = group.handles[3], group.handles[3].order
     for k, speed_mps in enumerate((3.0, 3.0, 12.0)):
-        fast = replace(base.control, stamp_ns=k * 50_000_000, vel_world_3=np.array([speed_mps, 0.0, 0.0]))
-        group.sample(replace(base, control=fast))
-    group.draw()
+        fast = replace(base.control, stamp_ns=int(2e9) + k * 50_000_000, vel_world_3=np.array([speed_mps, 0.0, 0.0]))
+        live.tick(replace(base, control=fast))
     assert group.handles[3] is not speed
     assert group.handles[3].order == place
     np.testing.assert_allclose(group.handles[3].data[1], [3.0, 3.0, 12.0])

@@ -11,32 +11,39 @@ from goshawk_dashboards.alerts import Alert
 from goshawk_dashboards.snapshot import AutopilotView, CommandView, PreviewView, Snapshot
 
 Make = Callable[..., Snapshot]
+
+STOP = overlay.Stops(one="Stop")
 PICTURE = PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"\xff\xd8\xff\xe0")
+
+
+def over(snap: Snapshot, shown: list[tuple[str, Alert]]) -> str:
+    """The layer of a viewer who may stop the vehicle."""
+    return overlay.overlay_html(snap, shown, stops=STOP)
 
 
 def test_only_a_severe_alert_reddens_the_edge(snap: Make) -> None:
     mild = Alert(key="a", severe=False, text="look soon")
     severe = Alert(key="b", severe=True, text="look now")
-    assert 'data-goshawk="edge"' not in overlay.overlay_html(snap(), [("", mild)])
-    assert 'data-goshawk="edge"' in overlay.overlay_html(snap(), [("", severe)])
-    assert 'data-goshawk="edge"' not in overlay.overlay_html(snap(), [("", replace(severe, over=True))])
+    assert 'data-goshawk="edge"' not in over(snap(), [("", mild)])
+    assert 'data-goshawk="edge"' in over(snap(), [("", severe)])
+    assert 'data-goshawk="edge"' not in over(snap(), [("", replace(severe, over=True))])
 
 
 def test_a_command_is_shown_from_the_press_to_the_reply(snap: Make) -> None:
     sent = CommandView(
         verb="stop", command_id="1", answered=False, accepted=False, text="x", mode=None, pending=True, at_s=98.8
     )
-    assert "waiting for the vehicle to reply, 1.2 s" in overlay.overlay_html(snap(command=sent), [])
+    assert "waiting for the vehicle to reply, 1.2 s" in over(snap(command=sent), [])
     done = replace(sent, pending=False, answered=True, accepted=True, text="braking", took_s=0.012)
-    assert "vehicle confirms stop after 12 ms: braking" in overlay.overlay_html(snap(command=done), [])
+    assert "vehicle confirms stop after 12 ms: braking" in over(snap(command=done), [])
     lost = replace(sent, pending=False, text="no link")
-    assert "stop NOT CONFIRMED: no link" in overlay.overlay_html(snap(command=lost), [])
-    assert "toast" not in overlay.overlay_html(snap(command=replace(done, at_s=10.0)), [])
+    assert "stop NOT CONFIRMED: no link" in over(snap(command=lost), [])
+    assert "toast" not in over(snap(command=replace(done, at_s=10.0)), [])
 
 
 def test_what_a_silent_vehicle_showed_loses_its_colour(snap: Make) -> None:
-    assert "grayscale" in overlay.overlay_html(snap(age_s=5.0), [])
-    assert "grayscale" not in overlay.overlay_html(snap(), [])
+    assert "grayscale" in over(snap(age_s=5.0), [])
+    assert "grayscale" not in over(snap(), [])
 
 
 def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:
@@ -124,7 +131,7 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
         autopilot=AutopilotView(source=evil, age_s=0.1, mode=evil, texts=((evil, evil),), trouble=evil),
     )
     words = (
-        overlay.overlay_html(hostile, [(evil, Alert(key=evil, severe=True, text=evil))])
+        over(hostile, [(evil, Alert(key=evil, severe=True, text=evil))])
         + candidates_html.strip_html(hostile, fresh=True)
         + candidates_html.picture_html(hostile, fresh=True)
         + fleet_html.fleet_html([hostile], evil)

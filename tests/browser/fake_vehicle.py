@@ -31,6 +31,8 @@ HFOV_RAD = math.pi / 2
 VFOV_RAD = 2 * math.atan(48 / 80)
 TAKEOFF_S = 2.0
 LANDING_S = 2.0
+UNKNOWN = b"\xfa\x3f\x03new" + b"\xf0\x3f\x2a"
+"""Fields 1023 and 1022 of a message that has grown: text and a number."""
 
 
 def runner_at(path_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -118,6 +120,9 @@ class FakeVehicle:
                 reason = "not flying"
             reply = pb.CommandReply(command_id=command_id, accepted=accepted, reason=reason, mode=self.mode)
             self.answers[command_id] = reply
+            if self.args.acted:
+                with open(self.args.acted, "a", encoding="utf-8") as file:
+                    file.write(f"{verb} {command_id}\n")
             return reply
 
     def motion(self, now_s: float) -> Motion:
@@ -242,7 +247,7 @@ class FakeVehicle:
             version="0.1.0-fake",
             battery_fraction=self.args.battery,
             log_path="logs/fake.mcap",
-            protocol=PROTOCOL,
+            protocol=self.args.protocol,
             autopilot="OFFBOARD" if ready else "HOLD",
             profiles=["normal", "fast"],
         )
@@ -349,7 +354,7 @@ def publish(session: zenoh.Session, fake: FakeVehicle, stop: threading.Event) ->
                 message = fake.truth(m, stamp_ns)
             else:
                 message = getattr(fake, name)(m, seqs[name], stamp_ns)
-            publishers[name].put(message.SerializeToString())
+            publishers[name].put(message.SerializeToString() + (UNKNOWN if args.tomorrow else b""))
         if args.malformed:
             for name in ("plan", "control", "health"):
                 publishers[name].put(b"\xff\xfenot protobuf")
@@ -369,6 +374,9 @@ def main() -> None:
     parser.add_argument("--not-ready", action="store_true", help="stay idle")
     parser.add_argument("--battery", type=float, default=0.83, help="its fraction, 0 … 1")
     parser.add_argument("--identity", type=Path, help="folder of the vehicle's identity, where it listens by tls")
+    parser.add_argument("--protocol", type=int, default=PROTOCOL, help="the count that the heartbeat carries")
+    parser.add_argument("--tomorrow", action="store_true", help="every message has fields that nobody knows yet")
+    parser.add_argument("--acted", help="a file that gets a line for each command that is acted on, not answered again")
     parser.add_argument("--mute", action="store_true", help="answer no command")
     args = parser.parse_args()
     stop = threading.Event()
@@ -402,12 +410,12 @@ def main() -> None:
         def on_start(query: zenoh.Query) -> None:
             request = pb.StartRequest.FromString(query.payload.to_bytes() if query.payload else b"")
             answer = fake.command("start", request.command_id, request.profile, time.monotonic() - born)
-            query.reply(query.key_expr, answer.SerializeToString())
+            query.reply(query.key_expr, answer.SerializeToString() + (UNKNOWN if args.tomorrow else b""))
 
         def on_stop(query: zenoh.Query) -> None:
             request = pb.StopRequest.FromString(query.payload.to_bytes() if query.payload else b"")
             answer = fake.command("stop", request.command_id, "", time.monotonic() - born)
-            query.reply(query.key_expr, answer.SerializeToString())
+            query.reply(query.key_expr, answer.SerializeToString() + (UNKNOWN if args.tomorrow else b""))
 
         token = session.liveliness().declare_token(key_expression("alive_air", args.vehicle))
         kept = [

@@ -39,7 +39,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     deadline = time.monotonic() + 60
     while look.flown_green(look.picture(page)) < 60:
         assert time.monotonic() < deadline, "the chosen trajectory was never seen"
-    scene = g.dashboard.scene
+    scene = g.dashboard.views[0].scene
     assert scene.candidates is not None
     points, place = scene.candidates.points.copy(), np.asarray(scene.candidates.position).copy()
     before = look.picture(page)
@@ -73,6 +73,34 @@ def test_start_asks_first_and_shows_what_is_not_ready(ground: Start, visit: Visi
     assert g.link.snapshot().mode == "idle"
 
 
+def test_without_a_heartbeat_there_is_nothing_to_start(ground: Start, visit: Visit) -> None:
+    g = ground()
+    page = visit(g.dashboard.url).page
+    mode(page, "ready")
+    g.vehicle.kill()
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-stale", "true")
+    page.get_by_role("button", name="Start", exact=True).click()
+    modal = page.get_by_role("dialog")
+    expect(modal).to_contain_text("goshawk cannot be started")
+    expect(modal).to_contain_text("The vehicle is silent")
+    expect(modal.get_by_role("button", name="Start")).to_have_count(0)
+    modal.get_by_role("button", name="Close").click()
+    expect(modal).to_be_hidden()
+    assert g.link.snapshot().command is None
+
+
+def test_a_vehicle_of_another_protocol_can_only_be_stopped(ground: Start, visit: Visit) -> None:
+    g = ground("--protocol", "0")
+    page = visit(g.dashboard.url).page
+    mode(page, "ready")
+    expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("only Stop works: goshawk speaks protocol 0")
+    expect(page.get_by_role("button", name="Start", exact=True)).to_be_hidden()
+    assert "Update the vehicle" in g.link.start().text
+    assert g.link.snapshot().mode == "ready"
+    page.keyboard.press("Space")
+    expect(page.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
+
+
 def test_a_silent_vehicle_is_marked_stale_and_stop_still_answers(ground: Start, visit: Visit) -> None:
     g = ground()
     page = visit(g.dashboard.url).page
@@ -85,7 +113,8 @@ def test_a_silent_vehicle_is_marked_stale_and_stop_still_answers(ground: Start, 
     stop = page.get_by_role("button", name="Stop", exact=True)
     expect(stop).to_be_enabled()
     stop.click()
-    expect(page.locator('[data-goshawk="command"]')).to_contain_text("no reply")
+    expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("STOP PENDING")
+    expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("Pilot: take over.")
 
 
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:

@@ -82,8 +82,9 @@ def test_a_vehicle_that_falls_silent_in_flight_is_an_alert_and_a_ghost(ground: S
     g.vehicle.kill()
     expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("VEHICLE SILENT")
     expect(page.locator('[data-goshawk="edge"]')).to_be_visible()
-    assert g.dashboard.scene.ghost.visible
-    assert not g.dashboard.scene.model.visible
+    (view,) = g.dashboard.views
+    assert view.scene.ghost.visible
+    assert not view.scene.model.visible
 
 
 def test_candidates_are_ranked_with_reasons_and_say_their_cost_under_the_mouse(ground: Start, visit: Visit) -> None:
@@ -129,5 +130,74 @@ def test_several_vehicles_are_seen_at_once_and_each_and_all_can_be_stopped(groun
 
     reachable(page, "Stop all")
     page.get_by_role("button", name="Stop all", exact=True).click()
+    again = page.get_by_role("button", name="Press again: all stop")
+    expect(again).to_be_visible()
+    assert [links[0].snapshot().mode, links[2].snapshot().mode] == ["track", "track"]
+    again.click()
     for link in links:
         assert link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+
+
+def test_space_stops_only_what_this_browser_shows(ground: Start, visit: Visit) -> None:
+    g = ground(names=("alpha", "bravo"))
+    links = [g.link, g.others[0][1]]
+    for link in links:
+        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.start().accepted
+    for link in links:
+        assert link.wait_for(lambda s: s.mode == "track", 20)
+    one, two = visit(g.dashboard.url).page, visit(g.dashboard.url).page
+    reachable(one, "Stop alpha")
+    reachable(two, "Stop alpha")
+    two.keyboard.press("2")
+    reachable(two, "Stop bravo")
+    reachable(one, "Stop alpha")
+
+    one.keyboard.press("Space")
+    assert links[0].wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+    expect(one.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
+    assert links[1].snapshot().mode == "track"
+    assert links[1].snapshot().command is not None and links[1].snapshot().command.verb == "start"
+    two.keyboard.press("Space")
+    assert links[1].wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+
+
+def test_a_tab_that_is_loaded_again_shows_the_vehicle_that_it_showed(ground: Start, visit: Visit) -> None:
+    g = ground(names=("alpha", "bravo"))
+    page = visit(g.dashboard.url).page
+    page.get_by_role("button", name="Show", exact=True).nth(1).click()
+    reachable(page, "Stop bravo")
+    page.reload()
+    reachable(page, "Stop bravo")
+    other = visit(g.dashboard.url).page
+    reachable(other, "Stop alpha")
+
+
+def test_shift_and_space_stop_all_only_when_pressed_twice(ground: Start, visit: Visit) -> None:
+    g = ground(names=("alpha", "bravo"))
+    links = [g.link, g.others[0][1]]
+    page = visit(g.dashboard.url).page
+    reachable(page, "Stop all")
+    page.keyboard.press("Shift+Space")
+    expect(page.get_by_role("button", name="Press again: all stop")).to_be_visible()
+    assert [link.snapshot().command for link in links] == [None, None]
+    # The first press is forgotten after a few seconds.
+    expect(page.get_by_role("button", name="Stop all", exact=True)).to_be_visible()
+    page.keyboard.press("Shift+Space")
+    expect(page.get_by_role("button", name="Press again: all stop")).to_be_visible()
+    assert [link.snapshot().command for link in links] == [None, None]
+    page.keyboard.press("Shift+Space")
+    for link in links:
+        assert link.wait_for(lambda s: s.command is not None and s.command.verb == "stop" and s.command.accepted, 20)
+
+
+def test_a_viewer_without_commands_has_no_button_and_no_key(ground: Start, visit: Visit) -> None:
+    g = ground(commands=False)
+    page = visit(g.dashboard.url).page
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "ready")
+    for name in ("Start", "Stop"):
+        expect(page.get_by_role("button", name=name, exact=True)).to_have_count(0)
+    page.keyboard.press("Space")
+    page.keyboard.press("Shift+Space")
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "ready")
+    assert g.link.snapshot().command is None

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from goshawk_dashboards.flight import Flight
 from goshawk_dashboards.recorded import marks_of
-from goshawk_dashboards.review import ReviewDashboard
+from goshawk_dashboards.review import ReviewDashboard, ReviewView
 from goshawk_ground.ports import free_port
 from goshawk_ground.review import open_review
 from playwright.sync_api import Page, expect
@@ -66,6 +66,12 @@ def eventually(what: str, true: Callable[[], bool], limit_s: float = 60.0) -> No
         time.sleep(0.05)
 
 
+def first_view(r: ReviewDashboard) -> ReviewView:
+    """What the only browser sees."""
+    eventually("nobody is connected", lambda: len(r.views) == 1)
+    return r.views[0]
+
+
 def press(page: Page, name: str) -> None:
     """A click on a button."""
     page.get_by_role("button", name=name, exact=True).click()
@@ -82,25 +88,25 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     r = review(trial)
     flight = Flight.open(trial)
     seen = visit(r.url)
-    page = seen.page
+    page, view = seen.page, first_view(r)
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", re.compile("idle|ready|takeoff"))
     expect(page.locator('[data-goshawk="band"]')).to_have_attribute("data-phases", re.compile("take-off.*tracking"))
 
     track = page.locator(".mantine-Slider-root").bounding_box()
     assert track is not None
     page.mouse.click(track["x"] + 0.5 * track["width"], track["y"] + 0.5 * track["height"])
-    middle_s = 0.5 * r.player.duration_s
-    eventually("the slider did not seek", lambda: r.shown_s is not None and abs(r.shown_s - middle_s) < 0.5)
+    middle_s = 0.5 * view.player.duration_s
+    eventually("the slider did not seek", lambda: view.shown_s is not None and abs(view.shown_s - middle_s) < 0.5)
     number = page.locator('input[inputmode="decimal"]')
     number.fill("9")
     number.press("Enter")
-    eventually("the timeline did not move", lambda: r.shown_s == 9.0)
+    eventually("the timeline did not move", lambda: view.shown_s == 9.0)
     plan, control = flight.plan_at(9.0), flight.control_at(9.0)
     assert plan is not None and control is not None
     expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", "9.000")
     expect(page.locator('[data-goshawk="candidates"]')).to_have_attribute("data-seq", str(plan.seq))
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
-    scene = r.scene.first
+    scene = view.scene.first
     assert np.allclose(scene.vehicle.position, control.pos_world_3, atol=1e-5)
     assert scene.candidates is not None
     assert scene.candidates.points.shape[0] == 15 * 23
@@ -108,42 +114,42 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)) > 40)
     assert seen.errors == []
     assert flight.world is not None, "a trial's log holds its forest"
-    assert r.server.scene.get_handle_by_name("/first/world/trunks") is not None
+    assert view.viewer.scene.get_handle_by_name("/first/world/trunks") is not None
 
 
 def test_play_steps_keys_and_jumps(review: Review, visit: Visit, trial: Path) -> None:
     r = review(trial)
     flight = Flight.open(trial)
-    page = visit(r.url).page
+    page, view = visit(r.url).page, first_view(r)
     expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", re.compile(r"^0\.0"))
     # Slow enough that a machine with much else to do does not reach the end before it is asked to pause.
     page.get_by_label("Speed").click()
     page.get_by_role("option", name="0.1 ×", exact=True).click()
     press(page, "Play")
-    eventually("it did not play", lambda: r.player.playing and r.player.time_s > 0.1)
+    eventually("it did not play", lambda: view.player.playing and view.player.time_s > 0.1)
     press(page, "Pause")
-    eventually("it did not pause", lambda: not r.player.playing)
-    paused_s = r.player.time_s
-    assert paused_s < r.player.duration_s
+    eventually("it did not pause", lambda: not view.player.playing)
+    paused_s = view.player.time_s
+    assert paused_s < view.player.duration_s
     eventually("the page did not follow", lambda: abs(shown_s(page) - paused_s) < 1e-3)
 
     frames_s = flight.times_s("rgbd")
     press(page, "frame ▶")
-    eventually("no step ahead", lambda: r.player.time_s == frames_s[np.searchsorted(frames_s, paused_s + 1e-3)])
-    after_s = r.player.time_s
+    eventually("no step ahead", lambda: view.player.time_s == frames_s[np.searchsorted(frames_s, paused_s + 1e-3)])
+    after_s = view.player.time_s
     page.keyboard.press("ArrowRight")
-    eventually("the arrow key did not step", lambda: r.player.time_s > after_s)
+    eventually("the arrow key did not step", lambda: view.player.time_s > after_s)
     page.keyboard.press("ArrowLeft")
-    eventually("the arrow key did not step back", lambda: r.player.time_s == after_s)
+    eventually("the arrow key did not step back", lambda: view.player.time_s == after_s)
 
-    r.player.seek(1.0)
+    view.player.seek(1.0)
     press(page, "event ▶")
     following_s = min(m.time_s for m in marks_of(flight) if m.time_s > 1.0)
-    eventually("no jump to the next event", lambda: abs(r.player.time_s - following_s) < 1e-6)
+    eventually("no jump to the next event", lambda: abs(view.player.time_s - following_s) < 1e-6)
     page.get_by_label("Jump").click()
     page.get_by_role("option", name=re.compile("the target is confirmed")).click()
     confirmed_s = next(p.start_s for p in flight.phases if p.name == "tracking")
-    eventually("no jump to the event chosen", lambda: abs(r.player.time_s - confirmed_s) < 0.02)
+    eventually("no jump to the event chosen", lambda: abs(view.player.time_s - confirmed_s) < 0.02)
 
 
 def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, visit: Visit, tmp_path: Path) -> None:
@@ -152,12 +158,12 @@ def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, visi
     (log,), cell = fly(tmp_path, *arguments)
     assert cell["successes"] == 0
     r = review(log)
-    page = visit(r.url).page
+    page, view = visit(r.url).page, first_view(r)
     marks = marks_of(Flight.open(log))
     expect(page.locator('[data-goshawk="marks"]')).to_contain_text(marks[0].text)
     if cell["failures"]["collision"]:
         collision = next(m for m in marks if m.text.startswith("collision ("))
-        r.player.seek(collision.time_s)
+        view.player.seek(collision.time_s)
         expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", f"{collision.time_s:.3f}")
         assert Flight.open(log).columns("sim_truth", ["collisions"])["collisions"][-1] == 1
 
@@ -167,9 +173,9 @@ def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, visit: Visit, 
     data = trial.read_bytes()
     cut.write_bytes(data[: len(data) * 2 // 3])
     r = review(cut)
-    assert r.player.duration_s > 5.0
-    page = visit(r.url).page
-    r.player.seek(r.player.duration_s)
+    page, view = visit(r.url).page, first_view(r)
+    assert view.player.duration_s > 5.0
+    view.player.seek(view.player.duration_s)
     expect(page.locator('[data-goshawk="marks"]')).to_contain_text("the log was cut off here")
 
 
@@ -180,25 +186,44 @@ def test_two_flights_and_a_replay_share_the_scene(review: Review, visit: Visit, 
     other = rec.write_flight(tmp_path / "other.mcap", 10.0, chosen=2)
     replay = rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3)
     r = review(first, other, replay=replay)
-    page = visit(r.url).page
-    assert r.player.duration_s > 9.9
-    r.player.seek(2.0)
+    page, view = visit(r.url).page, first_view(r)
+    assert view.player.duration_s > 9.9
+    view.player.seek(2.0)
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text("the other policy chose 4")
-    assert r.scene.second is not None
-    assert r.scene.second.chosen.visible
-    assert r.scene.replayed.visible
-    ends = r.scene.replayed.points[-1, 1]
+    assert view.scene.second is not None
+    assert view.scene.second.chosen.visible
+    assert view.scene.replayed.visible
+    ends = view.scene.replayed.points[-1, 1]
     plan = Flight.open(first).plan_at(2.0)
     assert plan is not None
     assert np.allclose(ends, plan.end_pos_world_N3[3], atol=1e-4)
-    assert np.allclose(r.scene.second.vehicle.position, r.scene.first.vehicle.position)
+    assert np.allclose(view.scene.second.vehicle.position, view.scene.first.vehicle.position)
 
 
-def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, tmp_path: Path) -> None:
+def test_each_browser_has_a_timeline_of_its_own(review: Review, visit: Visit, tmp_path: Path) -> None:
+    import recordings as rec
+
+    r = review(rec.write_flight(tmp_path / "flight.mcap"))
+    page = visit(r.url).page
+    first_view(r)
+    other = visit(r.url).page
+    cursor, other_cursor = page.locator('[data-goshawk="cursor"]'), other.locator('[data-goshawk="cursor"]')
+    expect(other_cursor).to_have_attribute("data-time", re.compile(r"^0\.0"))
+    page.keyboard.press("ArrowRight")
+    expect(cursor).not_to_have_attribute("data-time", re.compile(r"^0\.000"))
+    page.keyboard.press("Space")
+    eventually("it does not play", lambda: shown_s(page) > 0.5)
+    expect(other_cursor).to_have_attribute("data-time", re.compile(r"^0\.0"))
+    assert [view.player.playing for view in r.views][1:] == [False]
+
+
+def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, visit: Visit, tmp_path: Path) -> None:
     import recordings as rec
 
     first = rec.write_flight(tmp_path / "first.mcap")
     r = review(first, rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3))
-    assert r.scene.second is None
-    r.player.seek(2.0)
-    eventually("the other policy's choice was not drawn", lambda: r.scene.replayed.visible)
+    visit(r.url)
+    view = first_view(r)
+    assert view.scene.second is None
+    view.player.seek(2.0)
+    eventually("the other policy's choice was not drawn", lambda: view.scene.replayed.visible)

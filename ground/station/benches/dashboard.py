@@ -1,11 +1,11 @@
 """What the ground station costs: ten vehicles at 30 Hz over real Zenoh, their dashboard served, memory over time.
 
-    python dashboard.py [--seconds 120]
+    python dashboard.py [--seconds 120] [--browsers 1]
 
 The vehicles are one other process, the ground station is `goshawk ground` itself in a third, so its figure is its own:
-share of one core, and the slope of its memory after it has warmed up. No browser is open: drawing is
-the browser's. The keys: `dashboard_core_fraction_10_vehicles`,
-`dashboard_memory_mb_per_min`.
+share of one core, and the slope of its memory after it has warmed up. The browsers are a fourth process, which takes
+what is sent and draws nothing. The keys: `dashboard_core_fraction_10_vehicles`, `dashboard_memory_mb_per_min`; with
+another number of browsers than one they end in `_N_browsers`.
 """
 
 from __future__ import annotations
@@ -34,28 +34,36 @@ def main() -> None:
     """Measures and records."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=120.0, help="how long to measure")
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--warm-up", type=float, default=WARM_UP_S, help="seconds before it")
+    parser.add_argument("--browsers", type=int, default=1, help="how many watch")
+    args = parser.parse_args()
     endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in range(VEHICLES)]
     script = Path(__file__).with_name("vehicles.py")
     fleet = subprocess.Popen([sys.executable, str(script), *endpoints], stdout=subprocess.PIPE, text=True)
-    ground = None
+    ground = viewers = None
+    port = str(free_port())
     try:
         if fleet.stdout is None or fleet.stdout.readline() != "listening\n":
             raise SystemExit("the vehicles did not start")
         named = [word for k, e in enumerate(endpoints) for word in ("--vehicle", f"v{k}@{e}")]
         command = [sys.executable, "-c", "from goshawk_ground.cli import main; main()", "ground"]
-        ground = subprocess.Popen([*command, "--port", str(free_port()), *named], stdout=subprocess.PIPE, text=True)
+        ground = subprocess.Popen([*command, "--port", port, *named], stdout=subprocess.PIPE, text=True)
         if ground.stdout is None or not ground.stdout.readline().startswith("dashboard:"):
             raise SystemExit("the ground station did not start")
-        time.sleep(WARM_UP_S)
-        report(ground.pid, seconds)
+        if args.browsers:
+            watchers = [str(Path(__file__).with_name("viewers.py")), f"ws://127.0.0.1:{port}", str(args.browsers)]
+            viewers = subprocess.Popen([sys.executable, *watchers], stdout=subprocess.PIPE, text=True)
+            if viewers.stdout is None or viewers.stdout.readline() != "watching\n":
+                raise SystemExit("the browsers did not connect")
+        time.sleep(args.warm_up)
+        report(ground.pid, args.seconds, args.browsers)
     finally:
-        for process in filter(None, (ground, fleet)):
+        for process in filter(None, (viewers, ground, fleet)):
             process.terminate()
             process.wait(timeout=20)
 
 
-def report(pid: int, seconds: float) -> None:
+def report(pid: int, seconds: float, browsers: int) -> None:
     """Watches the ground station for a while, then prints and records."""
     began_s, before, waited_before = time.monotonic(), core_seconds_of_threads(pid), waited_seconds(pid)
     times_s, used_mb = [], []
@@ -67,7 +75,7 @@ def report(pid: int, seconds: float) -> None:
     waited = (waited_seconds(pid) - waited_before) / (time.monotonic() - began_s)
     share = (sum(after.values()) - sum(before.values())) / (time.monotonic() - began_s)
     slope = float(np.polyfit(np.array(times_s) / 60.0, np.array(used_mb), 1)[0])
-    print(f"ground station, {VEHICLES} vehicles at 30 Hz over Zenoh, {seconds:.0f} s")
+    print(f"ground station, {VEHICLES} vehicles at 30 Hz over Zenoh, {browsers} browsers, {seconds:.0f} s")
     print(f"  share of one core   {100 * share:8.1f} %         target 100 %: {verdict(share <= TARGET_CORE)}")
     parts = sorted(((after[n] - before.get(n, 0.0), n) for n in after), reverse=True)[:4]
     print("  of which            " + ", ".join(f"{n} {100 * s / (time.monotonic() - began_s):.1f} %" for s, n in parts))
@@ -79,8 +87,9 @@ def report(pid: int, seconds: float) -> None:
         raise SystemExit(
             f"not recorded: this machine is too busy, its threads waited {waited:.1f} s a second for a core"
         )
-    record("dashboard_core_fraction_10_vehicles", round(share, 3))
-    record("dashboard_memory_mb_per_min", round(slope, 3))
+    suffix = "" if browsers == 1 else f"_{browsers}_browsers"
+    record(f"dashboard_core_fraction_10_vehicles{suffix}", round(share, 3))
+    record(f"dashboard_memory_mb_per_min{suffix}", round(slope, 3))
 
 
 if __name__ == "__main__":

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import signal
-import threading
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from goshawk_dashboards.snapshot import CommandView, Snapshot
+from goshawk_dashboards import protocol
+from goshawk_dashboards.snapshot import FLYING, CommandView, Snapshot
 from rich.console import Console
 from rich.table import Table
 
@@ -31,6 +30,9 @@ from goshawk_ground.options import (
     Vehicle,
     fail,
 )
+from goshawk_ground.stop_file import state_folder
+from goshawk_ground.stop_latch import RESUME_S
+from goshawk_ground.stopping import stop_until_confirmed, wait_for_interrupt
 from goshawk_ground.trainer import run_trainer, trainer_installed
 
 app = typer.Typer(
@@ -54,6 +56,8 @@ def open_link(vehicle: str, connect: str, identity: Path | None) -> GroundLink:
 def _report(view: CommandView, as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps(dataclasses.asdict(view)))
+    if view.refused_here:
+        fail(f"{view.verb} not sent: {view.text}", REFUSED)
     if not view.answered:
         fail(view.text, NO_REPLY)
     if not view.accepted:
@@ -81,12 +85,15 @@ def stop(
     vehicle: Vehicle = DEFAULT_VEHICLE,
     connect: Connect = DEFAULT_CONNECT,
     identity: Identity = None,
-    timeout: Timeout = 5.0,
+    timeout: Annotated[
+        float | None, typer.Option(min=0.1, help="Seconds after which it gives up; absent: only Ctrl-C ends it.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """End the flight: brake, land, disarm. Exit status 1 if refused, 2 if there is no answer."""
+    """End the flight: brake, land, disarm. Asks until the vehicle confirms. Exit status 1 if refused, 2 if not
+    delivered."""
     with open_link(vehicle, connect, identity) as link:
-        _report(link.stop(timeout_s=timeout), as_json)
+        _report(stop_until_confirmed(link, timeout), as_json)
 
 
 @app.command(epilog="Examples: goshawk status | goshawk status --json | jq .ready")
@@ -107,8 +114,7 @@ def status(
         typer.echo(json.dumps(dataclasses.asdict(health)))
     else:
         _print_status(snap)
-    flying = health.mode in ("takeoff", "track", "navigate", "search", "hold", "stopping")
-    if not (health.ready or flying):
+    if protocol.mismatch(health) or not (health.ready or health.mode in FLYING):
         raise typer.Exit(REFUSED)
 
 
@@ -117,6 +123,8 @@ def _print_status(snap: Snapshot) -> None:
     if health is None:
         return
     console = Console(highlight=False)
+    if other := protocol.mismatch(health):
+        console.print(f"[red]{_literal(other)}[/red]", soft_wrap=True)
     ready = "ready" if health.ready else "not ready"
     console.print(f"[bold]{health.vehicle}[/bold]  {health.mode}, {ready}; autopilot {health.autopilot or 'unknown'}")
     checks = Table("", "check", "reason", box=None, pad_edge=False, show_header=False)
@@ -163,7 +171,7 @@ def ground(
     port: Port = 8080,
     as_json: Json = False,
 ) -> None:
-    """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space all."""
+    """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space twice all."""
     from goshawk_ground import fleet  # viser takes a second to import: only where it is used
     from goshawk_ground.serve import serve_dashboard
 
@@ -171,7 +179,7 @@ def ground(
         try:
             endpoints = fleet.places(vehicle or [DEFAULT_VEHICLE], connect)
             sources = fleet.radio_sources(autopilot or [], list(endpoints))
-            links, radios = fleet.open_all(stack, endpoints, sources, identity)
+            links, radios = fleet.open_all(stack, endpoints, sources, identity, state_folder())
         except LinkError as error:
             fail(str(error), NO_REPLY)
         try:
@@ -185,18 +193,16 @@ def ground(
             typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")
         wait_for_interrupt()
         dashboard.close()
+        for link in links:
+            _say_if_pending(link)
 
 
-def wait_for_interrupt() -> None:
-    """Returns on Ctrl-C or SIGTERM."""
-    done = threading.Event()
-    before = {s: signal.signal(s, lambda *_: done.set()) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        while not done.wait(0.5):
-            pass
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _say_if_pending(link: GroundLink) -> None:
+    """Whoever ends the ground station must know that a Stop did not arrive."""
+    stop = link.snapshot().stop
+    if stop is not None and not stop.lapsed:
+        words = f"goshawk: {link.vehicle}: {link.why_undelivered()} The next `goshawk ground` sends it again"
+        typer.echo(f"{words} within {RESUME_S / 60.0:.0f} minutes.", err=True)
 
 
 @app.command(

@@ -1,4 +1,4 @@
-"""Commands to the vehicle: asks until it is answered or time is up, and says in a line what became of it."""
+"""Start, and what it shares with Stop: a question is put to the vehicle until it is answered, under one id."""
 
 from __future__ import annotations
 
@@ -35,55 +35,34 @@ class Asker(Protocol):
         """One line: what to check when no answer came."""
         ...
 
+    def refuses_start(self, timeout_s: float) -> str:
+        """One line: why this ground must not start the vehicle, as soon as a heartbeat tells; empty: nothing is known
+        against it."""
+        ...
 
-class CommandClient:
-    """Sends start and stop. Each view, the pending one first, goes to ``told``."""
+
+class Starter:
+    """Sends Start. Each view, the pending one first, goes to ``told``."""
 
     def __init__(self, link: Asker, told: Callable[[CommandView], None]) -> None:
         self._link = link
         self._told = told
 
     def start(self, profile: str, timeout_s: float) -> CommandView:
-        """Asks for the flight to begin; ``profile`` empty: the vehicle's default."""
+        """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Waits for the answer."""
         request = goshawk_pb2.StartRequest(command_id=str(uuid.uuid4()), profile=profile)
-        return self._command("start", request, timeout_s)
-
-    def stop(self, timeout_s: float) -> CommandView:
-        """Asks for the flight to end."""
-        return self._command("stop", goshawk_pb2.StopRequest(command_id=str(uuid.uuid4())), timeout_s)
-
-    def _command(
-        self, verb: str, request: goshawk_pb2.StartRequest | goshawk_pb2.StopRequest, timeout_s: float
-    ) -> CommandView:
-        at_s = time.monotonic()
-        view = CommandView(
-            verb=verb,
-            command_id=request.command_id,
-            answered=False,
-            accepted=False,
-            text="sent, no reply yet",
-            mode=None,
-            pending=True,
-            at_s=at_s,
-        )
+        view = sent("start", request.command_id, time.monotonic())
         self._told(view)
-        reply = self._reply(f"cmd_{verb}", request, timeout_s)
-        if reply is None:
-            view = replace(view, pending=False, text=self._link.why_silent(timeout_s))
+        if why_not := self._link.refuses_start(timeout_s):
+            view = replace(view, pending=False, refused_here=True, text=why_not)
+        elif (reply := self._reply(request, timeout_s - (time.monotonic() - (view.at_s or 0.0)))) is not None:
+            view = answered(view, reply)
         else:
-            view = replace(
-                view,
-                pending=False,
-                answered=True,
-                accepted=reply.accepted,
-                text=_one_line(reply.reason) or ("accepted" if reply.accepted else "refused without a reason"),
-                mode=decode.mode_name(reply.mode),
-                took_s=time.monotonic() - at_s,
-            )
+            view = replace(view, pending=False, text=self._link.why_silent(timeout_s))
         self._told(view)
         return view
 
-    def _reply(self, key: str, request: Any, timeout_s: float) -> goshawk_pb2.CommandReply | None:
+    def _reply(self, request: goshawk_pb2.StartRequest, timeout_s: float) -> goshawk_pb2.CommandReply | None:
         """Asks until it is answered or time is up. The id stays the same, so the vehicle acts once at most."""
         deadline = time.monotonic() + timeout_s
         while (left_s := deadline - time.monotonic()) > 0.0 and not self._link.closing:
@@ -91,11 +70,46 @@ class CommandClient:
                 time.sleep(min(0.05, left_s))
                 continue
             # One attempt is short, so that a request lost on a weak link is soon sent again.
-            for reply in self._link.ask(key, request, min(left_s, max(0.5, timeout_s / 3.0))):
-                if isinstance(reply, goshawk_pb2.CommandReply) and reply.command_id == request.command_id:
-                    return reply
+            reply = ask_once(self._link, "cmd_start", request, min(left_s, max(0.5, timeout_s / 3.0)))
+            if reply is not None:
+                return reply
             time.sleep(min(0.1, max(0.0, deadline - time.monotonic())))
         return None
+
+
+def ask_once(link: Asker, key: str, request: Any, timeout_s: float) -> goshawk_pb2.CommandReply | None:
+    """The vehicle's reply to one question; None: none came in time."""
+    for reply in link.ask(key, request, timeout_s):
+        if isinstance(reply, goshawk_pb2.CommandReply) and reply.command_id == request.command_id:
+            return reply
+    return None
+
+
+def sent(verb: str, command_id: str, at_s: float) -> CommandView:
+    """A command without an answer yet."""
+    return CommandView(
+        verb=verb,
+        command_id=command_id,
+        answered=False,
+        accepted=False,
+        text="sent, no reply yet",
+        mode=None,
+        pending=True,
+        at_s=at_s,
+    )
+
+
+def answered(view: CommandView, reply: goshawk_pb2.CommandReply) -> CommandView:
+    """The same with the vehicle's answer."""
+    return replace(
+        view,
+        pending=False,
+        answered=True,
+        accepted=reply.accepted,
+        text=_one_line(reply.reason) or ("accepted" if reply.accepted else "refused without a reason"),
+        mode=decode.mode_name(reply.mode),
+        took_s=time.monotonic() - (view.at_s or 0.0),
+    )
 
 
 def _one_line(text: object) -> str:

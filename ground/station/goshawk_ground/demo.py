@@ -158,7 +158,7 @@ def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console:
                 if not reply.accepted:
                     director.refused(time.monotonic(), reply.text)
             elif action is Action.STOP:
-                link.stop(timeout_s=10.0)
+                link.press_stop()
             elif action is Action.END:
                 break
             status.update(_progress(director.phase, snap))

@@ -40,14 +40,19 @@ def radio_sources(autopilots: Sequence[str], names: Sequence[str]) -> dict[str, 
 
 
 def open_all(
-    stack: ExitStack, endpoints: dict[str, str], sources: dict[str, str], identity: Path | None = None
+    stack: ExitStack,
+    endpoints: dict[str, str],
+    sources: dict[str, str],
+    identity: Path | None = None,
+    state: Path | None = None,
 ) -> tuple[list[GroundLink], dict[str, Radio]]:
-    """Every link and radio, closed with the stack. Raises LinkError, naming the vehicle."""
+    """Every link and radio, closed with the stack; ``state``: see GroundLink. Raises LinkError, naming the vehicle."""
     links = []
     radios = {}
     for name, endpoint in endpoints.items():
         try:
-            links.append(stack.enter_context(GroundLink(vehicle=name, connect=endpoint, identity=identity)))
+            link = GroundLink(vehicle=name, connect=endpoint, identity=identity, state=state)
+            links.append(stack.enter_context(link))
             if name in sources:
                 radios[name] = stack.enter_context(Radio(sources[name]))
         except LinkError as error:

@@ -18,14 +18,16 @@ from typing import Any, Self
 
 import zenoh
 from google.protobuf.message import DecodeError, Message
-from goshawk_dashboards import decode
+from goshawk_dashboards import decode, protocol
 from goshawk_dashboards.snapshot import CommandView, EventView, Snapshot, WorldView
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
-from goshawk_ground import round_trip
+from goshawk_ground import round_trip, silence
 from goshawk_ground.channel import ChannelStats
-from goshawk_ground.command_client import CommandClient
+from goshawk_ground.command_client import Starter
 from goshawk_ground.dial import LinkError, Way
+from goshawk_ground.stop_file import StopFile
+from goshawk_ground.stop_latch import StopLatch
 
 EVENTS = 200
 RING = 32
@@ -33,6 +35,8 @@ RING = 32
 DRAIN_PERIOD_S = 0.005
 WORLD_TIMEOUT_S = 30.0
 """A simulator's world may be 100 kB, of which a weak link carries a tenth in a second. To ask anew would not help."""
+HEARTBEAT_S = 3.0
+"""A heartbeat as old as this no longer says who the vehicle is: it comes twice a second."""
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
 DEFAULT_VEHICLE = "goshawk"
 
@@ -53,10 +57,16 @@ class GroundLink:
     """One vehicle, watched and commanded. Every method may be called from any thread."""
 
     def __init__(
-        self, *, vehicle: str = DEFAULT_VEHICLE, connect: str = DEFAULT_CONNECT, identity: Path | None = None
+        self,
+        *,
+        vehicle: str = DEFAULT_VEHICLE,
+        connect: str = DEFAULT_CONNECT,
+        identity: Path | None = None,
+        state: Path | None = None,
     ) -> None:
         """Begins to dial and returns at once; ``identity``: the folder of who we are, for tls and quic.
 
+        ``state``: the folder where a pending Stop is kept, and from which one is taken up; None: it ends with us.
         Raises LinkError if the endpoint or the name cannot be one, or the identity is missing.
         """
         self.vehicle = vehicle
@@ -69,7 +79,7 @@ class GroundLink:
         self._alive = False
         self._world: WorldView | None = None
         self._command: CommandView | None = None
-        self._commands = CommandClient(self, self._take_command)
+        self._starter = Starter(self, self._take_command)
         self._round_trip_s: float | None = None
         self._closing = threading.Event()
         try:
@@ -79,6 +89,7 @@ class GroundLink:
         self._way = Way(connect, vehicle, identity)
         self._session: zenoh.Session | None = None
         self._declared: list[Any] = []
+        self._stops = StopLatch(self, self._take_command, None if state is None else StopFile(state, vehicle))
         self._thread = threading.Thread(target=self._run, name="ground-link", daemon=True)
         self._thread.start()
 
@@ -96,6 +107,7 @@ class GroundLink:
         if session is not None:
             with contextlib.suppress(zenoh.ZError):
                 session.close()
+        self._stops.join(timeout_s=2.0)
         self._way.close()
 
     def _run(self) -> None:
@@ -141,7 +153,7 @@ class GroundLink:
 
     def snapshot(self) -> Snapshot:
         """All that is known now."""
-        linked = self.linked
+        linked, stop = self.linked, self._stops.view()
         with self._lock:
             now_s = time.monotonic()
             return Snapshot(
@@ -160,6 +172,7 @@ class GroundLink:
                 events=tuple(self._events),
                 channels=tuple(stats.view(now_s) for stats in self._stats.values()),
                 command=self._command,
+                stop=stop,
                 round_trip_s=self._round_trip_s,
             )
 
@@ -240,17 +253,45 @@ class GroundLink:
 
     def start(self, profile: str = "", *, timeout_s: float = 5.0) -> CommandView:
         """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Returns what became of it."""
-        return self._commands.start(profile, timeout_s)
+        return self._starter.start(profile, timeout_s)
+
+    def refuses_start(self, timeout_s: float) -> str:
+        """One line: why this ground must not start the vehicle, as soon as a heartbeat tells; empty: nothing is known
+        against it."""
+        stop = self._stops.view()
+        if stop is not None and not stop.lapsed:
+            return "a Stop is not confirmed yet: wait until it is, or cancel it"
+        snap = self.wait_for(lambda s: self.closing or s.fresh("health", HEARTBEAT_S), timeout_s)
+        return "" if snap is None else protocol.mismatch(snap.health)
+
+    def press_stop(self) -> CommandView:
+        """Asks for the flight to end, until the vehicle confirms it or ``cancel_stop`` is called. Returns at once."""
+        return self._stops.press()
+
+    def cancel_stop(self) -> None:
+        """Takes a pending Stop back, and forgets a lapsed one."""
+        self._stops.cancel()
+
+    def stop_ended(self, timeout_s: float) -> bool:
+        """Whether no Stop is pending; waits for that at most ``timeout_s``."""
+        return self._stops.wait(timeout_s)
+
+    def give_up_stop(self) -> None:
+        """Asks no more for a Stop that is pending, and says so to whoever looks."""
+        self._stops.give_up(self.why_undelivered())
 
     def stop(self, *, timeout_s: float = 5.0) -> CommandView:
-        """Asks for the flight to end. Returns what became of it."""
-        return self._commands.stop(timeout_s)
+        """Asks for the flight to end, for as long as given. Returns what became of it."""
+        pressed = self.press_stop()
+        if not self.stop_ended(timeout_s):
+            self.give_up_stop()
+        return self.snapshot().command or pressed
 
     def _take_command(self, view: CommandView) -> None:
-        """A late reply to an older command never replaces news of a newer one."""
+        """A late reply to an older Start never replaces news of a newer command; what becomes of a Stop always does."""
         with self._lock:
             kept = self._command
-            if kept is None or (kept.at_s or 0.0) <= (view.at_s or 0.0):
+            if kept is None or view.verb == "stop" or (kept.at_s or 0.0) <= (view.at_s or 0.0):
                 self._command = view
 
     def ask(self, key: str, request: Message | None, timeout_s: float) -> Iterator[Message]:
@@ -277,19 +318,8 @@ class GroundLink:
 
     def why_silent(self, waited_s: float) -> str:
         """One line: what to check when the vehicle did not answer within ``waited_s``."""
-        if not self.linked and self._way.problem is not None:
-            return self._way.problem
-        if not self.linked:
-            return (
-                f"no vehicle at {self.connect} within {waited_s:g} s: check that goshawk-air runs and that --connect "
-                "is an endpoint it listens on"
-            )
-        if not self.snapshot().alive:
-            return (
-                f"{self.connect} is up, but no vehicle named '{self.vehicle}' answered within {waited_s:g} s: check "
-                "--vehicle against its vehicle file, and with keys that it admits you (`goshawk keys list`)"
-            )
-        return (
-            f"'{self.vehicle}' is alive but did not answer within {waited_s:g} s: the link may be too weak; it may "
-            "still act, watch `goshawk status`"
-        )
+        return (None if self.linked else self._way.problem) or silence.why_silent(self.snapshot(), waited_s)
+
+    def why_undelivered(self) -> str:
+        """What to do now that a Stop is not confirmed, then why it is not."""
+        return silence.why_undelivered(self.snapshot())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from goshawk_dashboards.commands import Watched
+from goshawk_dashboards.feed import Watched
 from goshawk_dashboards.live import LiveDashboard
 from goshawk_dashboards.snapshot import Snapshot
 
@@ -14,14 +14,16 @@ from goshawk_ground.radio import Radio
 
 
 def serve_dashboard(
-    *links: GroundLink, host: str, port: int, radios: Mapping[str, Radio] | None = None
+    *links: GroundLink, host: str, port: int, radios: Mapping[str, Radio] | None = None, commands: bool = True
 ) -> LiveDashboard:
     """A running dashboard of the links' vehicles, and of the radios of some of them, by the vehicle's name.
+
+    ``commands``: those who look may start and stop.
 
     Raises PortBusyError (an OSError) if the port is taken.
     """
     vehicles = watched(links, radios or {})
-    dashboard = LiveDashboard(host=host, port=port, vehicles=vehicles)
+    dashboard = LiveDashboard(host=host, port=port, vehicles=vehicles, commands=commands)
     dashboard.start()
     return dashboard
 
@@ -36,4 +38,10 @@ def _watched(link: GroundLink, radio: Radio | None) -> Watched:
         snap = link.snapshot()
         return snap if radio is None else replace(snap, autopilot=radio.view())
 
-    return Watched(name=link.vehicle, latest=latest, on_start=link.start, on_stop=link.stop)
+    return Watched(
+        name=link.vehicle,
+        latest=latest,
+        on_start=link.start,
+        on_stop=link.press_stop,
+        on_cancel=link.cancel_stop,
+    )

@@ -1,0 +1,44 @@
+"""Who looks: one browser, or, in tests of what is drawn, a server that stands for all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from typing import Generic, TypeVar
+
+import viser
+
+Viewer = viser.ClientHandle | viser.ViserServer
+"""Both have a GUI and a scene; what a client's hold is seen by that browser alone."""
+
+View = TypeVar("View")
+
+
+class Views(Generic[View]):
+    """What each browser that is connected to a server sees, for the one thread that draws."""
+
+    def __init__(self, server: viser.ViserServer, make: Callable[[viser.ClientHandle], View]) -> None:
+        """``make`` is called on that thread, for a browser that has come."""
+        self._server = server
+        self._make = make
+        self._came: SimpleQueue[viser.ClientHandle] = SimpleQueue()
+        self._views: dict[int, View] = {}
+        server.on_client_connect(lambda client: self._came.put(client))
+
+    @property
+    def all(self) -> tuple[View, ...]:
+        """The oldest first; safe from any thread."""
+        return tuple(self._views.values())
+
+    def settle(self) -> tuple[View, ...]:
+        """Makes a view for everyone who came, and drops those of who left."""
+        came: dict[int, View] = {}
+        try:
+            while True:
+                client = self._came.get_nowait()
+                came[client.client_id] = self._make(client)
+        except Empty:
+            pass
+        here = self._server.get_clients()
+        self._views = {k: view for k, view in (self._views | came).items() if k in here}
+        return self.all

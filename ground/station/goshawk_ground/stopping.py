@@ -1,0 +1,51 @@
+"""`goshawk stop`: waits until the vehicle confirms, says meanwhile that it has not, and ends with a verdict."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+from goshawk_dashboards.snapshot import CommandView
+
+from goshawk_ground.link import GroundLink
+
+SAY_EVERY_S = 3.0
+
+
+def stop_until_confirmed(link: GroundLink, timeout_s: float | None) -> CommandView:
+    """What became of a Stop. Gives up at the time given, or on Ctrl-C or SIGTERM."""
+    began_s = time.monotonic()
+    said_s = began_s
+    with interrupted() as ended:
+        pressed = link.press_stop()
+        while not link.stop_ended(0.1):
+            now_s = time.monotonic()
+            if ended.is_set() or (timeout_s is not None and now_s - began_s >= timeout_s):
+                link.give_up_stop()
+            elif now_s - said_s >= SAY_EVERY_S:
+                said_s = now_s
+                typer.echo(f"goshawk: stop pending for {now_s - began_s:.0f} s. {link.why_undelivered()}", err=True)
+    return link.snapshot().command or pressed
+
+
+@contextmanager
+def interrupted() -> Iterator[threading.Event]:
+    """An event that Ctrl-C and SIGTERM set, in place of what they do otherwise."""
+    done = threading.Event()
+    before = {s: signal.signal(s, lambda *_: done.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield done
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def wait_for_interrupt() -> None:
+    """Returns on Ctrl-C or SIGTERM."""
+    with interrupted() as done:
+        while not done.wait(0.5):
+            pass
