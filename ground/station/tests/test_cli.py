@@ -27,13 +27,20 @@ def one_line(text: str) -> str:
     return lines[0]
 
 
-@pytest.mark.parametrize("command", ["start", "stop", "status"])
+@pytest.mark.parametrize("command", ["start", "status"])
 def test_no_vehicle_is_one_clear_line_and_status_2(command: str, free_endpoint: str) -> None:
     done = goshawk(command, "--connect", free_endpoint, "--timeout", "0.5")
     assert done.returncode == 2
     assert done.stdout == ""
     line = one_line(done.stderr)
     assert line.startswith(f"goshawk: no vehicle at {free_endpoint}")
+
+
+def test_a_stop_that_is_given_up_tells_the_pilot_what_to_do_and_is_status_2(free_endpoint: str) -> None:
+    done = goshawk("stop", "--connect", free_endpoint, "--timeout", "0.5")
+    assert (done.returncode, done.stdout) == (2, "")
+    line = one_line(done.stderr)
+    assert line == f"goshawk: Stop not delivered. Pilot: take over. There is no link to {free_endpoint}."
 
 
 @pytest.mark.parametrize("command", ["start", "stop", "status", "ground"])
