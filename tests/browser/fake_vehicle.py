@@ -376,7 +376,9 @@ def main() -> None:
     parser.add_argument("--identity", type=Path, help="folder of the vehicle's identity, where it listens by tls")
     parser.add_argument("--protocol", type=int, default=PROTOCOL, help="the count that the heartbeat carries")
     parser.add_argument("--tomorrow", action="store_true", help="every message has fields that nobody knows yet")
-    parser.add_argument("--acted", type=Path, help="a file that gets a line for each command that is acted on, not answered again")
+    parser.add_argument(
+        "--acted", type=Path, help="a file that gets a line for each command that is acted on, not answered again"
+    )
     parser.add_argument("--mute", action="store_true", help="answer no command")
     args = parser.parse_args()
     stop = threading.Event()
