@@ -68,8 +68,8 @@ def _of_command(snap: Snapshot) -> list[Alert]:
     if command.at_s is not None and snap.now_s - command.at_s - (command.took_s or 0.0) > COMMAND_S:
         return []
     if command.verb == "stop":
-        verdict = "Stop refused. Pilot: take over. " if command.answered else ""
-        return [Alert(key="command", severe=True, text=verdict + command.text)]
+        text = f"Stop refused: {command.text}. Pilot: take over." if command.answered else command.text
+        return [Alert(key="command", severe=True, text=text)]
     refused = command.answered or command.refused_here
     verdict = "refused" if refused else "not confirmed"
     return [Alert(key="command", severe=not refused, text=f"{command.verb} {verdict}: {command.text}")]

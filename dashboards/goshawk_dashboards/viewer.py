@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from typing import Generic, TypeVar
@@ -23,6 +24,8 @@ class Views(Generic[View]):
         self._make = make
         self._came: SimpleQueue[viser.ClientHandle] = SimpleQueue()
         self._views: dict[int, View] = {}
+        # A browser may leave while it is drawn for; that it then gets nothing is no news to anyone.
+        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
         server.on_client_connect(lambda client: self._came.put(client))
 
     @property

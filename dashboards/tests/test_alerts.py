@@ -77,7 +77,7 @@ def test_a_refused_stop_tells_the_pilot_what_to_do(snap: Make) -> None:
     )
     (alert,) = alerts(snap(command=command))
     assert alert.severe
-    assert alert.text == "Stop refused. Pilot: take over. the controller did not answer"
+    assert alert.text == "Stop refused: the controller did not answer. Pilot: take over."
 
 
 def test_a_stop_that_is_not_confirmed_is_told_with_its_age_until_it_is(snap: Make) -> None:

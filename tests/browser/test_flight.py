@@ -47,7 +47,9 @@ def flight(tmp_path: Path) -> Iterator[tuple[GroundLink, str]]:
     processes: dict[str, subprocess.Popen[bytes]] = {}
     for name, command in commands.items():
         with (tmp_path / f"{name}.out").open("wb") as out:
-            processes[name] = subprocess.Popen(command, stdout=out, stderr=out, start_new_session=True)
+            # A Stop that another test's ground left pending is not this one's.
+            environment = os.environ | {"XDG_STATE_HOME": str(tmp_path)}
+            processes[name] = subprocess.Popen(command, stdout=out, stderr=out, start_new_session=True, env=environment)
     link = GroundLink(connect=endpoint)
     ready = link.wait_for(lambda s: s.mode == "ready" and s.health is not None and s.health.ready, 90)
     deadline = time.monotonic() + 30

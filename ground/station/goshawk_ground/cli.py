@@ -61,7 +61,8 @@ def _report(view: CommandView, as_json: bool) -> None:
     if not view.answered:
         fail(view.text, NO_REPLY)
     if not view.accepted:
-        fail(f"{view.verb} refused ({view.mode}): {view.text}", REFUSED)
+        advice = ". Pilot: take over." if view.verb == "stop" else ""
+        fail(f"{view.verb} refused ({view.mode}): {view.text}{advice}", REFUSED)
     if not as_json:
         typer.echo(f"{view.verb} accepted ({view.mode}): {view.text}")
 
