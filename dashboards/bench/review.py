@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.gate import Access, Gate, Role
 from goshawk_dashboards.review import Recording, ReviewView
 from goshawk_dashboards.serving import close_server, open_server
 
@@ -35,7 +36,8 @@ def main() -> None:
         print(f"{DURATION_S:.0f} s of flight, {path.stat().st_size / 1e6:.0f} MB")
         wall_s, cpu_s = time.perf_counter(), time.process_time()
         # The server stands for a browser: what is sent to nobody costs as much to make.
-        server = open_server("127.0.0.1", PORT, "bench")
+        gate = Gate(host="127.0.0.1", port=PORT, access=Access())
+        server = open_server(gate, Role.OPERATOR, "bench")
         view = ReviewView(server, Recording.of(Flight.open(path), None, None), threading.Event())
         view.show()
         wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
@@ -53,6 +55,7 @@ def main() -> None:
             f"limit {1e3 * SEEK_LIMIT_S:.0f} ms"
         )
         close_server(server)
+        gate.close()
 
 
 if __name__ == "__main__":

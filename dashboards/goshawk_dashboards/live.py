@@ -13,9 +13,10 @@ import viser
 
 from goshawk_dashboards.cameras import ViewerCamera, place_first
 from goshawk_dashboards.feed import Feed, Watched
+from goshawk_dashboards.gate import Gate, PortBusyError, Role
 from goshawk_dashboards.panels import LivePanels
 from goshawk_dashboards.scene import LiveScene, prepare
-from goshawk_dashboards.serving import PortBusyError, close_server, open_server, url_of
+from goshawk_dashboards.serving import close_server, open_server
 from goshawk_dashboards.viewer import Viewer, Views
 
 __all__ = ["LiveDashboard", "LiveView", "PortBusyError"]
@@ -70,33 +71,47 @@ class LiveView:
 
 
 class LiveDashboard:
-    """Serves the live view of one vehicle or several: all in a table, one of them in full."""
+    """Serves the live view of one vehicle or several: all in a table, one of them in full.
 
-    def __init__(self, *, host: str, port: int, vehicles: Sequence[Watched], commands: bool = True) -> None:
-        """``commands``: viewers may start and stop; else they only look.
+    Operators and observers have a viser server each. The observers' knows no command, so nothing that a browser of
+    theirs sends can be one.
+    """
 
-        Raises PortBusyError if ``port`` cannot be bound, ValueError if there is no vehicle.
-        """
+    def __init__(self, *, gate: Gate, vehicles: Sequence[Watched]) -> None:
+        """For whoever comes through ``gate``, which it closes with itself. Raises ValueError if there is no vehicle."""
         if not vehicles:
             raise ValueError("a dashboard needs a vehicle")
         self.feeds = [Feed(vehicle) for vehicle in vehicles]
-        self.server = open_server(host, port, "Goshawk")
-        prepare(self.server)
-        place_first(self.server)
-        self._views = Views(self.server, lambda client: LiveView(client, self.feeds, commands=commands))
+        self._gate = gate
+        self.servers = {
+            Role.OPERATOR: open_server(gate, Role.OPERATOR, "Goshawk"),
+            Role.OBSERVER: open_server(gate, Role.OBSERVER, "Goshawk, observing"),
+        }
+        self._views = [self._views_of(role) for role in self.servers]
         self._due = {"text": 0.0, "plots": 0.0}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
+    def _views_of(self, role: Role) -> Views[LiveView]:
+        server, commands = self.servers[role], role is Role.OPERATOR
+        prepare(server)
+        place_first(server)
+        return Views(server, lambda client: LiveView(client, self.feeds, commands=commands))
+
     @property
     def views(self) -> tuple[LiveView, ...]:
-        """One for each browser that is connected, the oldest first."""
-        return self._views.all
+        """One for each browser that is connected, operators' first, then the oldest first."""
+        return tuple(view for views in self._views for view in views.all)
 
     @property
     def url(self) -> str:
-        """Where to point a browser on this machine."""
-        return url_of(self.server)
+        """The link that opens it in a browser on this machine, to command."""
+        return self._gate.link(Role.OPERATOR)
+
+    @property
+    def observer_url(self) -> str:
+        """The link that opens it to see and no more."""
+        return self._gate.link(Role.OBSERVER)
 
     def start(self) -> None:
         """Updates from a thread of its own until ``close``."""
@@ -108,7 +123,9 @@ class LiveDashboard:
         self._stop.set()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
-        close_server(self.server)
+        for server in self.servers.values():
+            close_server(server)
+        self._gate.close()
 
     def _run(self) -> None:
         period_s = 1.0 / RATE_HZ
@@ -120,7 +137,7 @@ class LiveDashboard:
 
     def tick(self, now_s: float) -> None:
         """Takes what is new of the vehicles and shows it to everyone."""
-        views = self._views.settle()
+        views = [view for views in self._views for view in views.settle()]
         words, plots = self._is_due("text", now_s, TEXT_HZ), self._is_due("plots", now_s, PLOT_HZ)
         shown = {view.panels.shown for view in views}
         for k, feed in enumerate(self.feeds):

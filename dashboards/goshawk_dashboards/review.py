@@ -11,13 +11,14 @@ import viser
 from goshawk_dashboards import recorded
 from goshawk_dashboards.cameras import ViewerCamera, place_first
 from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.gate import Gate, Role
 from goshawk_dashboards.player import Player
 from goshawk_dashboards.recorded import Mark, Replay
 from goshawk_dashboards.review_panels import ReviewPanels
 from goshawk_dashboards.review_plots import Plot, plots_of
 from goshawk_dashboards.review_scene import ReviewOptions, ReviewScene
 from goshawk_dashboards.scene import prepare
-from goshawk_dashboards.serving import close_server, open_server, url_of
+from goshawk_dashboards.serving import close_server, open_server
 from goshawk_dashboards.snapshot import Array
 from goshawk_dashboards.viewer import Viewer, Views
 
@@ -100,11 +101,12 @@ class ReviewDashboard:
     """Serves a review. Everything of the flights is read by one thread, its own once it has started."""
 
     def __init__(
-        self, *, host: str, port: int, flight: Flight, replay: Replay | None = None, second: Flight | None = None
+        self, *, gate: Gate, flight: Flight, replay: Replay | None = None, second: Flight | None = None
     ) -> None:
-        """``second`` is laid over the first such that both take off at once. Raises PortBusyError."""
+        """``second`` is laid over the first such that both take off at once. It closes the gate with itself."""
+        self._gate = gate
         self._recording = Recording.of(flight, replay, second)
-        self.server = open_server(host, port, "Goshawk review")
+        self.server = open_server(gate, Role.OPERATOR, "Goshawk review")
         prepare(self.server)
         place_first(self.server)
         self._wake = threading.Event()
@@ -119,8 +121,8 @@ class ReviewDashboard:
 
     @property
     def url(self) -> str:
-        """Where to point a browser on this machine."""
-        return url_of(self.server)
+        """The link that opens it in a browser on this machine."""
+        return self._gate.link(Role.OPERATOR)
 
     def start(self) -> None:
         """Plays from a thread of its own until ``close``."""
@@ -134,6 +136,7 @@ class ReviewDashboard:
         if self._thread is not None:
             self._thread.join(timeout=5.0)
         close_server(self.server)
+        self._gate.close()
 
     def _run(self) -> None:
         before_s = time.monotonic()

@@ -1,28 +1,41 @@
-"""The web server that a dashboard draws on: dark, quiet, and on the port that was asked for or not at all."""
+"""The viser servers that dashboards draw on: dark, quiet, and to be reached through a gate only."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NoReturn
 
 import viser
+import websockets.asyncio.server
 
 from goshawk_dashboards import theme
+from goshawk_dashboards.gate import Gate, Role
+
+LONGEST_PATH = 100
+"""Characters: what every Unix takes."""
+_one_at_a_time = threading.Lock()
 
 
-class PortBusyError(OSError):
-    """The dashboard's port is taken."""
-
-
-def open_server(host: str, port: int, label: str) -> viser.ViserServer:
-    """A server that listens. Raises PortBusyError if ``port`` cannot be bound."""
-    _check_free(host, port)
-    with contextlib.redirect_stdout(io.StringIO()):  # its banner; the address is the caller's to print
-        server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+def open_server(gate: Gate, role: Role, label: str) -> viser.ViserServer:
+    """A server for whoever comes through ``gate`` as ``role``; it listens on no port."""
+    path = gate.folder / f"{role}.socket"
+    if len(str(path)) > LONGEST_PATH:
+        raise OSError(f"{gate.folder} is too long a path for a socket file: set TMPDIR to a shorter one")
+    with contextlib.redirect_stdout(io.StringIO()), _listening_on(path):  # its banner names a port that there is not
+        server = viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
+    if not path.exists():
+        close_server(server)
+        raise RuntimeError("this viser listens in a way of its own: it would be open to any page of the browser")
+    # A browser may ask viser to be shared with the whole internet.
+    server.request_share_url = _no_sharing
     server.gui.configure_theme(
         dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.VEHICLE, control_width="large"
     )
+    gate.lead_to(role, path)
     return server
 
 
@@ -32,17 +45,24 @@ def close_server(server: viser.ViserServer) -> None:
         server.stop()
 
 
-def url_of(server: viser.ViserServer) -> str:
-    """Where to point a browser on this machine."""
-    host = server.get_host()
-    return f"http://{'localhost' if host in ('0.0.0.0', '::') else host}:{server.get_port()}"
+@contextlib.contextmanager
+def _listening_on(path: Path) -> Iterator[None]:
+    """Within, a WebSocket server that is started listens on a socket file: viser takes a host and a port only.
 
+    A port of the loopback would be open to every web page in this machine's browsers, and to its other users.
+    """
+    with_port = websockets.asyncio.server.serve
 
-def _check_free(host: str, port: int) -> None:
-    """viser would quietly take the next port; an operator must get the address they asked for, or be told."""
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    def with_file(handler: Any, _host: str, _port: int, **options: Any) -> Any:
+        return with_port(handler, unix=True, path=str(path), **options)
+
+    with _one_at_a_time:
+        websockets.asyncio.server.serve = with_file  # pyright: ignore[reportAttributeAccessIssue]
         try:
-            probe.bind((host, port))
-        except OSError as error:
-            raise PortBusyError(f"cannot serve the dashboard on {host}:{port}: {error.strerror}") from error
+            yield
+        finally:
+            websockets.asyncio.server.serve = with_port
+
+
+def _no_sharing(verbose: bool = True) -> NoReturn:
+    raise PermissionError("a dashboard is not shared over viser's own tunnel")

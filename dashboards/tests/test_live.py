@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 from goshawk_dashboards import theme
 from goshawk_dashboards.feed import Watched
-from goshawk_dashboards.live import LiveDashboard, LiveView, PortBusyError
+from goshawk_dashboards.gate import Access, Gate, PortBusyError, Role
+from goshawk_dashboards.live import LiveDashboard, LiveView
 from goshawk_dashboards.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
 from viser import BatchedMeshHandle
 
@@ -21,10 +22,9 @@ def _command(verb: str) -> CommandView:
     return CommandView(verb=verb, command_id="1", answered=True, accepted=True, text="ok", mode="takeoff")
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def gate(port: int = 0) -> Gate:
+    """On a free port, or on this one."""
+    return Gate(host="127.0.0.1", port=port, access=Access())
 
 
 def boxes(count: int, x_m: float = 0.0) -> BoxesView:
@@ -68,8 +68,8 @@ class Live:
     """One viewer of a dashboard whose own thread is not running: the tests tick it. The server stands for a browser."""
 
     def __init__(self, *vehicles: Watched) -> None:
-        self.dashboard = LiveDashboard(host="127.0.0.1", port=_free_port(), vehicles=vehicles)
-        self.server = self.dashboard.server
+        self.dashboard = LiveDashboard(gate=gate(), vehicles=vehicles)
+        self.server = self.dashboard.servers[Role.OPERATOR]
         view = LiveView(self.server, self.dashboard.feeds)
         self.scene, self.panels, self._view = view.scene, view.panels, view
 
@@ -191,12 +191,10 @@ def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
 
 
 def test_a_busy_port_is_an_error_and_not_another_port(live: Live, snap: Make) -> None:
-    with pytest.raises(PortBusyError, match=str(live.server.get_port())):
-        LiveDashboard(
-            host="127.0.0.1",
-            port=live.server.get_port(),
-            vehicles=[watched("goshawk", snap)],
-        )
+    taken = urlsplit(live.dashboard.url).port
+    assert taken is not None
+    with pytest.raises(PortBusyError, match=str(taken)):
+        gate(taken)
 
 
 def test_an_empty_snapshot_can_be_shown(live: Live, snap: Make) -> None:

@@ -146,10 +146,10 @@ def ground() -> Iterator[Callable[..., Ground]]:
     """Starts stand-in vehicles with the given flags, one a name, and a ground station for them."""
     started: list[Ground] = []
 
-    def start(*flags: str, names: tuple[str, ...] = ("goshawk",), commands: bool = True) -> Ground:
+    def start(*flags: str, names: tuple[str, ...] = ("goshawk",)) -> Ground:
         (vehicle, link), *others = (start_vehicle(name, *flags) for name in names)
         links = [link, *(other for _, other in others)]
-        dashboard = serve_dashboard(*links, host="127.0.0.1", port=free_port(), commands=commands)
+        dashboard = serve_dashboard(*links, host="127.0.0.1", port=free_port())
         ground = Ground(vehicle=vehicle, link=link, dashboard=dashboard, others=others)
         started.append(ground)
         return ground

@@ -53,11 +53,11 @@ def flight(tmp_path: Path) -> Iterator[tuple[GroundLink, str]]:
     link = GroundLink(connect=endpoint)
     ready = link.wait_for(lambda s: s.mode == "ready" and s.health is not None and s.health.ready, 90)
     deadline = time.monotonic() + 30
-    while b"dashboard:" not in (tmp_path / "ground.out").read_bytes() and time.monotonic() < deadline:
+    while b"observers:" not in (tmp_path / "ground.out").read_bytes() and time.monotonic() < deadline:
         time.sleep(0.1)
     words = {name: (tmp_path / f"{name}.out").read_text(errors="replace")[-2000:] for name in commands}
     if ready is not None:
-        yield link, f"http://127.0.0.1:{web}"
+        yield link, re.findall(r"dashboard: (\S+)", (tmp_path / "ground.out").read_text())[0]
     link.close()
     for process in processes.values():
         with contextlib.suppress(ProcessLookupError):

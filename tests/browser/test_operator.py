@@ -191,8 +191,8 @@ def test_shift_and_space_stop_all_only_when_pressed_twice(ground: Start, visit: 
 
 
 def test_a_viewer_without_commands_has_no_button_and_no_key(ground: Start, visit: Visit) -> None:
-    g = ground(commands=False)
-    page = visit(g.dashboard.url).page
+    g = ground()
+    page = visit(g.dashboard.observer_url).page
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "ready")
     for name in ("Start", "Stop"):
         expect(page.get_by_role("button", name=name, exact=True)).to_have_count(0)

@@ -22,11 +22,17 @@ from goshawk_ground.options import (
     NO_REPLY,
     REFUSED,
     BinDir,
+    CertificateFile,
     Connect,
+    Host,
     Identity,
     Json,
+    KeyFile,
+    ObserverPassword,
+    OperatorPassword,
     Port,
     Timeout,
+    TokenFile,
     Vehicle,
     fail,
 )
@@ -153,7 +159,8 @@ def _literal(text: str) -> str:
 
 @app.command(
     epilog="Examples: goshawk ground | goshawk ground --connect tcp/192.168.1.7:7447 --autopilot udpin:0.0.0.0:14550 | "
-    "goshawk ground --vehicle alpha@tcp/192.168.1.7:7447 --vehicle bravo@tcp/192.168.1.8:7447"
+    "goshawk ground --vehicle alpha@tcp/192.168.1.7:7447 --vehicle bravo@tcp/192.168.1.8:7447 | "
+    "goshawk ground --host 0.0.0.0 --operator-password-file operator.txt --observer-password-file observer.txt"
 )
 def ground(
     vehicle: Annotated[
@@ -168,12 +175,20 @@ def ground(
             "NAME@… for one of several vehicles."
         ),
     ] = None,
-    host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
+    host: Host = "127.0.0.1",
     port: Port = 8080,
+    token_file: TokenFile = None,
+    certificate: CertificateFile = None,
+    key: KeyFile = None,
+    operator_password_file: OperatorPassword = None,
+    observer_password_file: ObserverPassword = None,
     as_json: Json = False,
 ) -> None:
-    """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space twice all."""
-    from goshawk_ground import fleet  # viser takes a second to import: only where it is used
+    """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space twice all.
+
+    The printed link lets a browser in to command, the observers' link to see. Other machines log in over HTTPS.
+    """
+    from goshawk_ground import admission, fleet  # viser takes a second to import: only where it is used
     from goshawk_ground.serve import serve_dashboard
 
     with ExitStack() as stack:
@@ -183,15 +198,25 @@ def ground(
             links, radios = fleet.open_all(stack, endpoints, sources, identity, state_folder())
         except LinkError as error:
             fail(str(error), NO_REPLY)
-        try:
-            dashboard = serve_dashboard(*links, host=host, port=port, radios=radios)
-        except OSError as error:
-            fail(f"{error}; choose another with --port", NO_REPLY)
+        files = admission.Secrets(
+            certificate=certificate,
+            key=key,
+            token=token_file,
+            operator_password=operator_password_file,
+            observer_password=observer_password_file,
+        )
+        with admission.failing_in_one_line():
+            admitted = admission.admit(host, files)
+            dashboard = serve_dashboard(
+                *links, host=host, port=port, radios=radios, access=admitted.access, tls=admitted.tls
+            )
         if as_json:
-            typer.echo(json.dumps({"url": dashboard.url, "vehicles": endpoints}))
+            facts = {"url": dashboard.url, "observer_url": dashboard.observer_url, "vehicles": endpoints}
+            typer.echo(json.dumps({**facts, **admitted.facts()}))
         else:
             words = ", ".join(f"'{name}' at {endpoint}" for name, endpoint in endpoints.items())
             typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")
+            typer.echo("\n".join((f"observers: {dashboard.observer_url}", *admitted.words(port))))
         wait_for_interrupt()
         dashboard.close()
         for link in links:
@@ -245,26 +270,37 @@ def demo(
 
 @app.command(
     epilog="Examples: goshawk review logs/goshawk-2026-05-01T093000123Z.mcap | "
-    "goshawk review before.mcap after.mcap | goshawk review flight.mcap --replay other-policy.mcap"
+    "goshawk review before.mcap after.mcap | goshawk review flight.mcap --replay other-policy.mcap | "
+    "goshawk review flight.mcap --host 0.0.0.0"
 )
 def review(
     logs: Annotated[list[Path], typer.Argument(help="A flight log, or two to compare; also one that was cut off.")],
     replay: Annotated[
         Path | None, typer.Option(help="What another policy made of it: a log that goshawk-air replay wrote.")
     ] = None,
-    host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
+    host: Host = "127.0.0.1",
     port: Port = 8080,
+    token_file: TokenFile = None,
+    certificate: CertificateFile = None,
+    key: KeyFile = None,
+    operator_password_file: OperatorPassword = None,
 ) -> None:
     """Serve recorded flights on a timeline until Ctrl-C: scrub, play, step, jump, compare."""
-    from goshawk_ground.review import LogError, open_review  # viser takes a second to import: only where it is used
+    from goshawk_ground import admission  # viser takes a second to import: only where it is used
+    from goshawk_ground.review import LogError, open_review
 
-    try:
-        dashboard = open_review(logs, replay, host=host, port=port)
-    except LogError as error:
-        fail(str(error), REFUSED)
-    except OSError as error:
-        fail(f"{error}; choose another with --port", NO_REPLY)
+    files = admission.Secrets(
+        certificate=certificate, key=key, token=token_file, operator_password=operator_password_file
+    )
+    with admission.failing_in_one_line():
+        admitted = admission.admit(host, files)
+        try:
+            dashboard = open_review(logs, replay, host=host, port=port, access=admitted.access, tls=admitted.tls)
+        except LogError as error:
+            fail(str(error), REFUSED)
     typer.echo(f"review: {dashboard.url}  ({', '.join(log.name for log in logs)}; Ctrl-C ends)")
+    for line in admitted.words(port):
+        typer.echo(line)
     wait_for_interrupt()
     dashboard.close()
 

@@ -23,6 +23,22 @@ Identity = Annotated[
 Timeout = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for an answer.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of words.")]
 Port = Annotated[int, typer.Option(min=1, max=65535, help="The dashboard's port.")]
+Host = Annotated[
+    str, typer.Option(help="Address to serve on; 0.0.0.0 for other machines too, by HTTPS and with a login.")
+]
+TokenFile = Annotated[
+    Path | None, typer.Option(help="Keeps links and logins over restarts; made if it does not exist.")
+]
+CertificateFile = Annotated[
+    Path | None, typer.Option(help="A certificate in PEM; absent: one of our own, for other machines.")
+]
+KeyFile = Annotated[Path | None, typer.Option(help="The certificate's key in PEM, without a passphrase.")]
+OperatorPassword = Annotated[
+    Path | None, typer.Option(help="File with the operator's password; absent: made and printed, if one is needed.")
+]
+ObserverPassword = Annotated[
+    Path | None, typer.Option(help="File with the password of who may see the flight and command nothing.")
+]
 BinDir = Annotated[Path, typer.Option(help="Where goshawk-air and goshawk-sim are.")]
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A flight log (.mcap), complete, cut off or damaged.")]
 

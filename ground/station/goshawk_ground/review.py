@@ -6,17 +6,26 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from goshawk_dashboards.flight import Flight, LogError
+from goshawk_dashboards.gate import Access, Gate, Tls
 from goshawk_dashboards.recorded import Replay
 from goshawk_dashboards.review import ReviewDashboard
 
 __all__ = ["LogError", "open_review"]
 
 
-def open_review(logs: Sequence[Path], replay: Path | None, *, host: str, port: int) -> ReviewDashboard:
+def open_review(
+    logs: Sequence[Path],
+    replay: Path | None,
+    *,
+    host: str,
+    port: int,
+    access: Access | None = None,
+    tls: Tls | None = None,
+) -> ReviewDashboard:
     """A running review of one flight or of two, and of a replay: named as such, or the second log if it is one.
 
     Raises LogError (one line) for a file that is no log or does not belong here, PortBusyError (an OSError) if the
-    port is taken.
+    port is taken, UnguardedError (an OSError) for a host that other machines reach, without ``tls``.
     """
     if len(logs) > 2:
         raise LogError(f"{len(logs)} logs are too many: review one flight, or two to compare them")
@@ -29,7 +38,8 @@ def open_review(logs: Sequence[Path], replay: Path | None, *, host: str, port: i
             raise LogError(f"{logs[1]} is a replay as {replay} is: name one of them")
         second, replay = None, logs[1]
     answers = None if replay is None else _replay_of(flight, replay)
-    dashboard = ReviewDashboard(host=host, port=port, flight=flight, replay=answers, second=second)
+    gate = Gate(host=host, port=port, access=access or Access(), tls=tls)
+    dashboard = ReviewDashboard(gate=gate, flight=flight, replay=answers, second=second)
     dashboard.start()
     return dashboard
 

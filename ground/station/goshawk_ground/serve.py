@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from goshawk_dashboards.feed import Watched
+from goshawk_dashboards.gate import Access, Gate, Tls
 from goshawk_dashboards.live import LiveDashboard
 from goshawk_dashboards.snapshot import Snapshot
 
@@ -14,16 +15,21 @@ from goshawk_ground.radio import Radio
 
 
 def serve_dashboard(
-    *links: GroundLink, host: str, port: int, radios: Mapping[str, Radio] | None = None, commands: bool = True
+    *links: GroundLink,
+    host: str,
+    port: int,
+    radios: Mapping[str, Radio] | None = None,
+    access: Access | None = None,
+    tls: Tls | None = None,
 ) -> LiveDashboard:
     """A running dashboard of the links' vehicles, and of the radios of some of them, by the vehicle's name.
 
-    ``commands``: those who look may start and stop.
-
-    Raises PortBusyError (an OSError) if the port is taken.
+    Raises PortBusyError (an OSError) if the port is taken, UnguardedError (an OSError) for a host that other machines
+    reach, without ``tls``.
     """
     vehicles = watched(links, radios or {})
-    dashboard = LiveDashboard(host=host, port=port, vehicles=vehicles, commands=commands)
+    gate = Gate(host=host, port=port, access=access or Access(), tls=tls)
+    dashboard = LiveDashboard(gate=gate, vehicles=vehicles)
     dashboard.start()
     return dashboard
 
