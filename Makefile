@@ -89,6 +89,7 @@ bench: setup setup-train build ## speed, each figure against its yardstick
 	$(VENV)/bin/python -m goshawk_train.bench
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
+	$(VENV)/bin/python ground/station/benches/gate.py
 
 train: $(VENV)/.train build ## data set, training and export of both policies (two and a half hours; goes on where it stopped)
 	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1

@@ -230,6 +230,19 @@ def test_without_the_link_there_is_no_dashboard_but_what_to_do(ground: Start, co
     assert page.locator("script").count() == 0
 
 
+def test_a_name_that_somebody_else_made_point_here_opens_nothing_even_with_the_link(
+    ground: Start, context: BrowserContext
+) -> None:
+    g = ground()
+    page = context.new_page()
+    # Every name that ends so leads to this machine: a rebound name, as far as the browser knows.
+    answer = page.goto(g.dashboard.url.replace("127.0.0.1", "evil.localhost"))
+    assert answer is not None
+    assert answer.status == 421
+    expect(page.locator('[data-gate="refused"]')).to_contain_text("address that the ground station printed")
+    assert context.cookies() == []
+
+
 def test_the_link_opens_the_dashboard_leaves_the_address_and_makes_no_noise(
     ground: Start, context: BrowserContext
 ) -> None:
