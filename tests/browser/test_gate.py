@@ -276,8 +276,9 @@ def test_an_observer_sees_the_flight_and_has_nothing_to_press(ground: Start, con
         page.keyboard.press(key)
     page.get_by_role("button", name="Show", exact=True).nth(1).click()
     expect(page.locator('[data-goshawk="fleet"] [data-vehicle="bravo"]')).to_have_attribute("data-shown", "true")
-    assert g.dashboard.panels.shown == 0
-    assert g.link.snapshot().mode == "track"
+    page.keyboard.press("1")
+    expect(page.locator('[data-goshawk="fleet"] [data-vehicle="alpha"]')).to_have_attribute("data-shown", "true")
+    assert [g.link.snapshot().mode, g.others[0][1].snapshot().mode] == ["track", "track"]
 
 
 def test_a_command_that_an_observer_makes_by_hand_is_refused_and_the_operators_is_obeyed(ground: Start) -> None:
@@ -287,8 +288,11 @@ def test_a_command_that_an_observer_makes_by_hand_is_refused_and_the_operators_i
         stop, start = triggers(allowed)
         with open_page(g.dashboard.observer_url) as crafted:
             crafted.send(msgspec.msgpack.encode(CAMERA))
-            crafted.send(start)  # such messages an observer may send, but his server has no such button
+            # Such messages an observer may send, as he shows another vehicle by them, but his server knows no such key
+            # and no such button.
+            crafted.send(start)
             crafted.send(stop)
+            crafted.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
             with pytest.raises(ConnectionClosed) as closed:
                 while True:
                     crafted.recv(timeout=30)

@@ -21,8 +21,8 @@ TAKE_WITHIN_S = 30.0
 """How long a browser may take for one message before it counts as dead."""
 HEARTBEAT_S = 15.0
 OBSERVER_MAY = frozenset({"ViewerCameraMessage", "GuiUpdateMessage", "CommandTriggerMessage"})
-"""What a browser of an observer may tell viser: where its camera is, and what it wants to see, by buttons or keys. There
-is nothing else behind it: the observers' viser server knows no Start and no Stop."""
+"""What a browser of an observer may tell viser: where its camera is, and what it wants to see, by buttons or keys.
+There is nothing else behind it: the observers' viser server knows no Start and no Stop."""
 OBSERVER_HZ, OBSERVER_AT_ONCE = 200.0, 100.0
 
 

@@ -48,10 +48,11 @@ def main() -> None:
         named = [word for k, e in enumerate(endpoints) for word in ("--vehicle", f"v{k}@{e}")]
         command = [sys.executable, "-c", "from goshawk_ground.cli import main; main()", "ground"]
         ground = subprocess.Popen([*command, "--port", port, *named], stdout=subprocess.PIPE, text=True)
-        if ground.stdout is None or not ground.stdout.readline().startswith("dashboard:"):
+        first = "" if ground.stdout is None else ground.stdout.readline()
+        if not first.startswith("dashboard:"):
             raise SystemExit("the ground station did not start")
         if args.browsers:
-            watchers = [str(Path(__file__).with_name("viewers.py")), f"ws://127.0.0.1:{port}", str(args.browsers)]
+            watchers = [str(Path(__file__).with_name("viewers.py")), first.split()[1], str(args.browsers)]
             viewers = subprocess.Popen([sys.executable, *watchers], stdout=subprocess.PIPE, text=True)
             if viewers.stdout is None or viewers.stdout.readline() != "watching\n":
                 raise SystemExit("the browsers did not connect")
