@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import signal
 import socket
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +15,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire import Wire
 
+ROOT = Path(__file__).resolve().parents[2]
+LINK = 'link = "udpin:127.0.0.1:14540"'
 ARMED, DISARMED = 0x91, 0x11
 
 
@@ -71,3 +76,57 @@ def test_a_second_sender_beside_the_pinned_one_is_named_once(link: Wire) -> None
     other, read = events_after(link, beside, ARMED)
     assert len(other) == 1 and "system 9" in other[0], "other ids at its address"
     assert not read["armed"]
+
+
+def vehicle_file(folder: Path, link: str) -> Path:
+    """The shipped vehicle's, with another link."""
+    text = (ROOT / "air/vehicles/sim.toml").read_text()
+    assert LINK in text
+    path = folder / "vehicle.toml"
+    path.write_text(text.replace(LINK, link).replace('"../models', f'"{ROOT / "air/models"}'))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("link", "named"),
+    [
+        ('link = "udpin:0.0.0.0:0"', ["signing_key_file", "`peer`"]),
+        ('link = "udpin:0.0.0.0:0"\npeer = "192.168.1.5"', ["signing_key_file"]),
+        ('link = "udpin:127.0.0.1:0"', []),
+    ],
+)
+def test_check_warns_of_an_open_port_without_a_key(air: Path, tmp_path: Path, link: str, named: list[str]) -> None:
+    config = vehicle_file(tmp_path, link)
+    command = [str(air), "check", "--config", str(config), "--log-dir", str(tmp_path), "--wait", "0.1"]
+    findings = tmp_path / "findings.json"
+    subprocess.run([*command, "--json", str(findings)], capture_output=True, timeout=60)
+    conditions = json.loads(findings.read_text())["conditions"]
+    warnings = [c["text"] for c in conditions if c["name"] == "mavlink" and c["level"] == "warning"]
+    assert [word for text in warnings for word in ("signing_key_file", "`peer`") if word in text] == named
+
+
+@pytest.mark.parametrize(
+    ("link", "named"),
+    [
+        ('link = "udpin:0.0.0.0:0"\npeer = "px4.local"', "192.168.1.5:14550"),
+        ('link = "udpout:10.0.0.1:14580"\npeer = "10.0.0.1"', "leave it out"),
+    ],
+)
+def test_a_peer_that_cannot_be_is_refused_in_one_line(air: Path, tmp_path: Path, link: str, named: str) -> None:
+    config = vehicle_file(tmp_path, link)
+    done = subprocess.run([str(air), "run", "--config", str(config)], capture_output=True, text=True, timeout=30)
+    assert done.returncode != 0
+    assert named in done.stderr.strip().splitlines()[-1], done.stderr
+
+
+def test_a_start_with_an_open_port_says_so(air: Path, tmp_path: Path) -> None:
+    config = vehicle_file(tmp_path, 'link = "udpin:0.0.0.0:0"')
+    command = [str(air), "run", "--config", str(config), "--log-dir", str(tmp_path), "--listen", "tcp/127.0.0.1:0"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert process.stdout is not None
+    try:
+        said = next((line for line in process.stdout if "is not signed" in line), None)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    assert said is not None and "WARN" in said and "signing_key_file" in said
