@@ -11,7 +11,7 @@ INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-b
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint pins deny bench train
+.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint pins deny fuzz bench train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -67,6 +67,9 @@ lint: setup-test ## formatters and linters
 
 test-rust: setup-test
 	cargo test --release --locked --workspace
+
+fuzz: ## damaged input for MINUTES=60 each, all targets or TARGET=mcap (tests/fuzz); what breaks is kept in its corpus
+	BOLERO_RANDOM_TEST_TIME_MS=$$(($(or $(MINUTES),60) * 60000)) cargo test --release --locked -p goshawk-fuzz --test targets -- $(if $(TARGET),--exact $(TARGET))
 
 test-python: setup-test build
 	$(VENV)/bin/pytest -q --import-mode=importlib ground dashboards tests

@@ -42,9 +42,11 @@ pub enum Reject {
 
 /// A reject with its sender, where the frame is whole enough to tell: an id that only we do not know is no loss.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rejected {
-    pub(crate) why: Reject,
-    pub(crate) from: Option<MavHeader>,
+pub struct Rejected {
+    /// What was wrong.
+    pub why: Reject,
+    /// Whose it was.
+    pub from: Option<MavHeader>,
 }
 
 impl From<Reject> for Rejected {
@@ -78,11 +80,7 @@ pub fn for_each_packet(bytes: &[u8], mut each: impl FnMut(Result<Packet, Reject>
 
 /// As [`for_each_packet`], with the bytes of each packet's frame. `whole`: nothing follows `bytes`, so that a frame that
 /// does not end there is cut short; else it waits for the rest. Gives how many bytes are done with.
-pub(crate) fn for_each_frame(
-    bytes: &[u8],
-    whole: bool,
-    mut each: impl FnMut(Result<(Packet, &[u8]), Rejected>),
-) -> usize {
+pub fn for_each_frame(bytes: &[u8], whole: bool, mut each: impl FnMut(Result<(Packet, &[u8]), Rejected>)) -> usize {
     let mut rest = bytes;
     while !rest.is_empty() {
         if rest[0] != MAGIC {

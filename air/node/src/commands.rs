@@ -115,15 +115,24 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
     }
 }
 
-struct Parsed {
-    id: String,
-    profile: String,
-    command: Command,
+/// A command that can be put to the controller.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parsed {
+    /// 1 to 64 bytes.
+    pub id: String,
+    /// A start's; empty for a stop.
+    pub profile: String,
+    /// For the controller.
+    pub command: Command,
     /// What is answered if the controller accepts it.
-    accepted: String,
+    pub accepted: String,
 }
 
-fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (String, String)> {
+/// Reads the request that came to `key`.
+///
+/// # Errors
+/// It is malformed or asks for what there is not: its id, as far as it is known, and why.
+pub fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (String, String)> {
     let malformed = |_| (String::new(), "malformed request".to_owned());
     let (id, profile, command, accepted) = if key == Key::CmdStart {
         let m = v1::StartRequest::decode(payload).map_err(malformed)?;

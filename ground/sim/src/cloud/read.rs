@@ -75,8 +75,73 @@ fn ply(path: &Path) -> Result<Vec<Point>, String> {
     Err("it has no element \"vertex\"".to_owned())
 }
 
+/// What the header of a `.pcd` says of its data.
+#[derive(Default)]
+struct Promise {
+    sizes: Vec<u128>,
+    counts: Vec<u128>,
+    points: u128,
+    kind: String,
+}
+
+impl Promise {
+    /// Reads the header; gives the data after it too.
+    fn read(mut rest: &[u8]) -> Option<(Self, &[u8])> {
+        let mut promise = Self::default();
+        loop {
+            let end = rest.iter().position(|byte| *byte == b'\n')?;
+            let line = String::from_utf8_lossy(&rest[..end]).into_owned();
+            rest = &rest[end + 1..];
+            let mut words = line.split_ascii_whitespace();
+            let key = words.next();
+            let mut numbers = words.clone().map(|word| word.parse::<u64>().map_or(0, u128::from));
+            match key {
+                Some("SIZE") => promise.sizes = numbers.collect(),
+                Some("COUNT") => promise.counts = numbers.collect(),
+                Some("POINTS") => promise.points = numbers.next().unwrap_or(0),
+                Some("DATA") => {
+                    words.next().unwrap_or_default().clone_into(&mut promise.kind);
+                    return Some((promise, rest));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Bytes of all points, as they are in memory.
+    fn bytes(&self) -> u128 {
+        let counts = self.counts.iter().chain(std::iter::repeat(&1));
+        let fields = counts.zip(&self.sizes).map(|(count, size)| count.saturating_mul(*size));
+        fields.fold(0, u128::saturating_add).saturating_mul(self.points)
+    }
+
+    /// Values of one point.
+    fn values(&self) -> u128 {
+        self.counts.iter().fold(0, |sum, count| sum.saturating_add(*count))
+    }
+}
+
+/// The header of a `.pcd` promises no more than the file holds: the library believes it, and would panic.
+fn holds_what_it_promises(file: &[u8]) -> Result<(), String> {
+    let (promise, data) = Promise::read(file).ok_or("its header has no end")?;
+    let word = |at: usize| data.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into());
+    let held = data.len() as u128;
+    let (promised, held) = match promise.kind.as_str() {
+        "binary" => (promise.bytes(), held),
+        "binary_compressed" => match (word(0), word(4)) {
+            (Some(packed), Some(_)) if packed > held => (packed, held),
+            (Some(_), Some(unpacked)) => (promise.bytes(), unpacked),
+            _ => return Err("it is cut off".to_owned()),
+        },
+        _ => (promise.values(), held),
+    };
+    if promised > held { Err(format!("its header promises {promised} bytes, and there are {held}")) } else { Ok(()) }
+}
+
 fn pcd(path: &Path) -> Result<Vec<Point>, String> {
-    let reader = DynReader::open(path).map_err(|e| e.to_string())?;
+    let file = std::fs::read(path).map_err(|e| e.to_string())?;
+    holds_what_it_promises(&file)?;
+    let reader = DynReader::from_bytes(&file).map_err(|e| e.to_string())?;
     let names: Vec<String> =
         reader.meta().field_defs.iter().filter(|f| !f.is_padding()).map(|f| f.name.to_lowercase()).collect();
     let column = |name: &str| names.iter().position(|n| n == name);
@@ -152,6 +217,26 @@ mod tests {
         }
         let points = read("b.pcd", &binary).unwrap();
         assert_eq!((places(&points), points[2].rgb), (POINTS.to_vec(), Some([10, 20, 30])));
+    }
+
+    #[test]
+    fn a_pcd_that_promises_more_than_it_holds_is_one_line() {
+        let header = |count: u64, points: u64, data: &str| {
+            format!(
+                "VERSION 0.7\nFIELDS x y z _\nSIZE 4 4 4 1\nTYPE F F F U\nCOUNT 1 1 1 {count}\nWIDTH {points}\n\
+                 HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {points}\nDATA {data}\n"
+            )
+        };
+        let packed = [&[2, 0, 0, 0, 1, 0, 0, 0][..], &[0, 7]].concat();
+        for (header, data) in [
+            (header(1, 3, "binary_compressed"), &packed[..]),
+            (header(u64::MAX, 3, "binary"), &[0; 64][..]),
+            (header(1, u64::MAX, "binary"), &[0; 64][..]),
+            (header(u64::MAX, 1, "ascii"), b"1 2 3 4\n"),
+        ] {
+            let message = read("a.pcd", &[header.as_bytes(), data].concat()).unwrap_err().to_string();
+            assert!(message.contains("promises") && message.lines().count() == 1, "{message}");
+        }
     }
 
     #[test]
