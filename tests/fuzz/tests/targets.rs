@@ -10,7 +10,7 @@ use goshawk_air::access::Identity;
 use goshawk_air::config::Vehicle;
 use goshawk_air::{commands, sensors};
 use goshawk_autopilot::wire::for_each_frame;
-use goshawk_autopilot::{Firmware, View, messages};
+use goshawk_autopilot::{Firmware, Guided, View, messages};
 use goshawk_core::Time;
 use goshawk_fuzz::run;
 use goshawk_policy::Contract;
@@ -42,7 +42,7 @@ fn one_line(error: &impl ToString) {
 
 /// Takes `bytes` as a link does, in pieces of `piece`, into the view of a PX4 and of an ArduPilot.
 fn take(bytes: &[u8], piece: usize) {
-    for firmware in [Firmware::Px4, Firmware::ArduPilot] {
+    for firmware in [Firmware::Px4, Firmware::ArduPilot(Guided::Guided)] {
         let mut view = View::new(1, 1, firmware);
         let (mut held, mut now) = (Vec::new(), NOW);
         for piece in bytes.chunks(piece) {
