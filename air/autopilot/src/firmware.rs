@@ -78,7 +78,8 @@ impl Firmware {
 
     /// Messages to ask for when contact is made, with their rates, Hz. ArduPilot denies what it does not have, which
     /// are CURRENT_MODE and ODOMETRY: HEARTBEAT comes as often instead, and position and attitude each by itself.
-    pub(crate) fn streams(self, rates: &StreamRates) -> Vec<(u32, f64)> {
+    #[must_use]
+    pub fn streams(self, rates: &StreamRates) -> Vec<(u32, f64)> {
         match self {
             Self::Px4 => vec![
                 (CURRENT_MODE_DATA::ID, rates.state_hz),

@@ -19,7 +19,8 @@ use crate::config::{OnStop, Vehicle};
 use crate::shared::{PendingCommand, Report, Shared, lock};
 
 const REMEMBERED: usize = 64;
-const WAIT: Duration = Duration::from_millis(200);
+/// The controller's answer is waited for so long.
+pub const WAIT: Duration = Duration::from_millis(200);
 
 /// A query that waits for its answer.
 pub struct Asked {
@@ -90,18 +91,15 @@ pub fn send(answers: &Receiver<Answer>, shared: &Shared) {
 
 /// Decides on queries until the process stops, and leaves the answers to `answers`.
 pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared, vehicle: &Vehicle) {
-    let mut answered: VecDeque<v1::CommandReply> = VecDeque::with_capacity(REMEMBERED);
+    let mut desk = Desk::default();
     while !shared.stopping() {
         let Ok(Asked { key, query }) = asked.recv_timeout(Duration::from_millis(100)) else { continue };
         let payload = query.payload().map(|p| p.to_bytes().into_owned()).unwrap_or_default();
-        let reply = match parse(key, &payload, vehicle) {
-            Err((id, why)) => refusal(id, why),
-            Ok(parsed) => answered.iter().find(|r| r.command_id == parsed.id).cloned().unwrap_or_else(|| {
+        let reply = match desk.take(key, &payload, vehicle) {
+            Taken::Answered(reply) => reply,
+            Taken::New(parsed) => {
                 let reply = decide(&parsed, shared);
-                if answered.len() == REMEMBERED {
-                    answered.pop_front();
-                }
-                answered.push_back(reply.clone());
+                desk.remember(&reply);
                 shared.report(Report::Command(v1::CommandRecord {
                     stamp_ns: clock::now().0,
                     verb: if key == Key::CmdStart { "start" } else { "stop" }.to_owned(),
@@ -109,7 +107,7 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
                     reply: Some(reply.clone()),
                 }));
                 reply
-            }),
+            }
         };
         let _ = answers.send(Answer { query, payload: Some(reply.encode_to_vec()) });
     }
@@ -126,6 +124,65 @@ pub struct Parsed {
     pub command: Command,
     /// What is answered if the controller accepts it.
     pub accepted: String,
+}
+
+/// What becomes of a request.
+pub enum Taken {
+    /// It makes no sense, or was answered before: nothing is done.
+    Answered(v1::CommandReply),
+    /// The controller is to decide; then [`Desk::remember`].
+    New(Parsed),
+}
+
+/// Where requests arrive. Pure: it knows the answers that were given, so that a repeated id gets its first one again.
+#[derive(Debug, Default)]
+pub struct Desk {
+    answered: VecDeque<v1::CommandReply>,
+}
+
+impl Desk {
+    /// Takes a request's payload on `key`, the key of starts or that of stops.
+    #[must_use]
+    pub fn take(&self, key: Key, payload: &[u8], vehicle: &Vehicle) -> Taken {
+        match parse(key, payload, vehicle) {
+            Err((id, why)) => Taken::Answered(refusal(id, why)),
+            Ok(parsed) => match self.answered.iter().find(|reply| reply.command_id == parsed.id) {
+                Some(reply) => Taken::Answered(reply.clone()),
+                None => Taken::New(parsed),
+            },
+        }
+    }
+
+    /// Remembers an answer; the oldest of many is forgotten.
+    pub fn remember(&mut self, reply: &v1::CommandReply) {
+        if self.answered.len() == REMEMBERED {
+            self.answered.pop_front();
+        }
+        self.answered.push_back(reply.clone());
+    }
+}
+
+impl Parsed {
+    /// The answer while another command waits for the controller.
+    #[must_use]
+    pub fn busy(&self) -> v1::CommandReply {
+        refusal(self.id.clone(), "another command is being carried out: ask again".to_owned())
+    }
+
+    /// The answer for the controller's `verdict`; none: it gave none in time.
+    #[must_use]
+    pub fn reply(&self, verdict: Option<Result<(), Refusal>>) -> v1::CommandReply {
+        match verdict {
+            Some(Ok(())) => v1::CommandReply {
+                command_id: self.id.clone(),
+                accepted: true,
+                reason: self.accepted.clone(),
+                mode: v1::Mode::Unspecified.into(),
+            },
+            Some(Err(why)) => refusal(self.id.clone(), why.to_string()),
+            None => refusal(self.id.clone(), "the controller did not answer".to_owned()),
+        }
+    }
 }
 
 /// Reads the request that came to `key`.
@@ -174,23 +231,11 @@ fn ask_controller(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
         let mut slot = lock(&shared.command);
         // A stop is never held up: it replaces a start that the controller has not taken yet.
         if slot.is_some() && parsed.command != Command::Stop {
-            return refusal(parsed.id.clone(), "another command is being carried out: ask again".to_owned());
+            return parsed.busy();
         }
         *slot = Some(PendingCommand { command: parsed.command, profile: parsed.profile.as_str().into(), answer });
     }
-    let verdict: Result<(), Refusal> = match verdict.recv_timeout(WAIT) {
-        Ok(verdict) => verdict,
-        Err(_) => return refusal(parsed.id.clone(), "the controller did not answer".to_owned()),
-    };
-    match verdict {
-        Ok(()) => v1::CommandReply {
-            command_id: parsed.id.clone(),
-            accepted: true,
-            reason: parsed.accepted.clone(),
-            mode: v1::Mode::Unspecified.into(),
-        },
-        Err(why) => refusal(parsed.id.clone(), why.to_string()),
-    }
+    parsed.reply(verdict.recv_timeout(WAIT).ok())
 }
 
 fn refusal(command_id: String, reason: String) -> v1::CommandReply {

@@ -147,7 +147,8 @@ impl Control {
 
 /// What concerns the controller of the autopilot's state. Of its position only where it is flown by: with odometry of
 /// our own, the autopilot may well have none.
-fn concerning(source: OdometrySource, status: &Status) -> AutopilotStatus {
+#[must_use]
+pub fn concerning(source: OdometrySource, status: &Status) -> AutopilotStatus {
     let status = status.core();
     let position = status.position.filter(|_| source == OdometrySource::Autopilot);
     AutopilotStatus { position, ..status }

@@ -68,7 +68,15 @@ impl Outcome {
 /// # Errors
 /// It cannot be read, holds nothing to replay, or the policy cannot be run on it.
 pub fn replay(log: &Path, options: &Options) -> Result<Outcome> {
-    let recording = Recording::open(log)?;
+    replay_recording(&Recording::open(log)?, options)
+}
+
+/// Replays a log that is open already.
+///
+/// # Errors
+/// It holds nothing to replay, or the policy cannot be run on it.
+pub fn replay_recording(recording: &Recording, options: &Options) -> Result<Outcome> {
+    let log = recording.log.path();
     let mut outcome = Outcome {
         log: log.to_owned(),
         recorded_by: by(&recording.header.version, &recording.header.git_revision),
@@ -83,10 +91,10 @@ pub fn replay(log: &Path, options: &Options) -> Result<Outcome> {
         missing: Vec::new(),
         other: None,
     };
-    let plans = plans::again(&recording, &mut outcome)?;
-    controls::again(&recording, &plans, &mut outcome)?;
+    let plans = plans::again(recording, &mut outcome)?;
+    controls::again(recording, &plans, &mut outcome)?;
     if let Some(policy) = &options.policy {
-        plans::with_policy(&recording, policy, options.out.as_deref(), &mut outcome)
+        plans::with_policy(recording, policy, options.out.as_deref(), &mut outcome)
             .wrap_err_with(|| format!("cannot run {} on {}", policy.display(), log.display()))?;
     }
     Ok(outcome)

@@ -40,6 +40,14 @@ impl LogReader {
     /// It cannot be read, or does not begin as an MCAP file.
     pub fn open(path: &Path) -> Result<Self, RecorderError> {
         let bytes = std::fs::read(path).map_err(|source| RecorderError::Read { path: path.to_owned(), source })?;
+        Self::of_bytes(path, bytes)
+    }
+
+    /// Reads what is in memory already; `path` is only its name.
+    ///
+    /// # Errors
+    /// It does not begin as an MCAP file.
+    pub fn of_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self, RecorderError> {
         if !bytes.starts_with(mcap::MAGIC) {
             let cause = "it does not begin with MCAP's magic bytes".to_owned();
             return Err(RecorderError::NotMcap { path: path.to_owned(), cause });

@@ -1,5 +1,6 @@
 //! The command line: one subcommand a module.
 
+use crate::chaos::ChaosArgs;
 use crate::cloud;
 use crate::dataset::{DatasetConfig, generate};
 use crate::faults::FaultsArgs;
@@ -38,6 +39,8 @@ pub enum Command {
     Fly(FlyArgs),
     /// Fly with broken senses, and say what the vehicle noticed.
     Faults(FaultsArgs),
+    /// Fly seeded schedules of faults, and judge every step.
+    Chaos(ChaosArgs),
     /// Write the golden images that a policy must answer before it may fly.
     Golden(GoldenArgs),
     /// Run one world in real time, for an onboard process.
@@ -99,6 +102,7 @@ impl Cli {
             Command::Dataset(args) => args.run(),
             Command::Fly(args) => args.run(),
             Command::Faults(args) => args.run(),
+            Command::Chaos(args) => args.run(),
             Command::Golden(args) => args.run(),
             Command::Serve(args) => args.run(),
         }

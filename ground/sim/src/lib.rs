@@ -3,6 +3,7 @@
 //! What flies here is the vehicle's own planner and controller; the simulator supplies everything around them.
 
 pub mod buildings;
+pub mod chaos;
 pub mod classical;
 pub mod cli;
 pub mod cloud;

@@ -29,7 +29,15 @@ impl Recording {
     /// # Errors
     /// No log, or one that holds nothing to replay.
     pub fn open(path: &Path) -> Result<Self> {
-        let log = LogReader::open(path)?;
+        Self::of_log(LogReader::open(path)?)
+    }
+
+    /// Reads the header of an opened log.
+    ///
+    /// # Errors
+    /// It holds nothing to replay.
+    pub fn of_log(log: LogReader) -> Result<Self> {
+        let path = log.path().to_owned();
         let name = path.display();
         let header: v1::LogHeader = log
             .entries()

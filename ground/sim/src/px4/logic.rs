@@ -104,6 +104,11 @@ impl Px4Logic {
         *self = Self { now, faults, odometry_fault, off_until, ..Self::new(self.config) };
     }
 
+    /// It stops the motors, wherever it is: a kill switch, or a failsafe.
+    pub fn stop_motors(&mut self) {
+        self.set_disarmed();
+    }
+
     /// The pilot moves the sticks at this speed, travels a second.
     pub fn move_sticks(&mut self, speed: f64) {
         if self.mode == Px4Mode::Offboard && self.config.sticks.takes_over(speed) {

@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::sensor::mix;
 pub use camera::{CameraFault, Tampered};
-pub use network::{FaultyNetwork, NetworkFault};
+pub use network::{FaultyNetwork, NetworkFault, drawn};
 pub use odometry::{Falsified, OdometryError, followed};
 
 /// A fault begins so long after the task's beginning, s: drawn evenly.

@@ -111,7 +111,7 @@ pub fn clearance(world: &World, moving: &[Part], at: &Vec3) -> f64 {
 
 /// Follows the clearance of a vehicle's sphere in the fixed world, and measures it only where it may have come near.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Follower {
+pub(crate) struct Follower {
     at: Vec3,
     clearance_m: f64,
 }
@@ -126,7 +126,7 @@ impl Default for Follower {
 impl Follower {
     /// The clearance at `at`, m, from the world and from `moving` obstacles. If it is above both 0 and `matters_m` it may
     /// be understated, but not to below them.
-    pub(super) fn clearance(&mut self, world: &World, moving: &[Part], at: &Vec3, matters_m: f64) -> f64 {
+    pub(crate) fn clearance(&mut self, world: &World, moving: &[Part], at: &Vec3, matters_m: f64) -> f64 {
         // A distance changes by no more than the way; the last digits are rounding's.
         let at_least = self.clearance_m - (at - self.at).norm() - 1e-9;
         let fixed_m = if at_least > matters_m.max(0.0) {
@@ -197,7 +197,7 @@ impl Judge {
     }
 
     /// The clearance now.
-    pub(super) fn clearance(&mut self, clearance_m: f64) {
+    pub(crate) fn clearance(&mut self, clearance_m: f64) {
         let least = self.metrics.clearance_m.get_or_insert(clearance_m);
         *least = least.min(clearance_m);
     }

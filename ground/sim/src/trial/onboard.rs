@@ -80,6 +80,11 @@ impl<'a> PolicyPlanner<'a> {
         })
     }
 
+    /// Forgets what was before: a flight begins.
+    pub fn reset(&mut self) {
+        self.planner.reset();
+    }
+
     /// A target unseen for longer than this is not pursued any more, s.
     #[must_use]
     pub fn pursue_until_s(&self) -> f64 {

@@ -37,6 +37,16 @@ impl NetworkFault {
         }
     }
 
+    /// What the network answers instead of `answer`; `drawn`: what a random one draws once.
+    pub fn spoil(self, answer: &mut NetworkOutput, drawn: &NetworkOutput) {
+        match self {
+            Self::Nan => answer.values.fill(f32::NAN),
+            Self::Infinite => answer.values.fill(f32::INFINITY),
+            Self::Zero => answer.values.fill(0.0),
+            Self::Random => answer.clone_from(drawn),
+        }
+    }
+
     pub(super) fn noticed_as(self) -> &'static [&'static str] {
         match self {
             Self::Nan | Self::Infinite => &["invalid"],
@@ -56,10 +66,15 @@ pub struct FaultyNetwork<'a> {
 impl<'a> FaultyNetwork<'a> {
     /// `inner` until `acting`; then `fault`. What is drawn is drawn from `seed`.
     pub fn new(inner: &'a mut dyn Network, fault: Option<NetworkFault>, acting: Rc<Cell<bool>>, seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, 22));
-        let values = std::array::from_fn(|_| rng.random_range(-2.0..2.0));
-        Self { inner, fault, acting, drawn: NetworkOutput { values } }
+        Self { inner, fault, acting, drawn: drawn(seed) }
     }
+}
+
+/// What a random fault of `seed` answers.
+#[must_use]
+pub fn drawn(seed: u64) -> NetworkOutput {
+    let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, 22));
+    NetworkOutput { values: std::array::from_fn(|_| rng.random_range(-2.0..2.0)) }
 }
 
 impl Network for FaultyNetwork<'_> {
@@ -69,12 +84,8 @@ impl Network for FaultyNetwork<'_> {
 
     fn infer(&mut self, rgbd: &[f32], state: &[f32]) -> Result<NetworkOutput, PolicyError> {
         let mut answer = self.inner.infer(rgbd, state)?;
-        match self.fault.filter(|_| self.acting.get()) {
-            None => {}
-            Some(NetworkFault::Nan) => answer.values.fill(f32::NAN),
-            Some(NetworkFault::Infinite) => answer.values.fill(f32::INFINITY),
-            Some(NetworkFault::Zero) => answer.values.fill(0.0),
-            Some(NetworkFault::Random) => answer = self.drawn.clone(),
+        if let Some(fault) = self.fault.filter(|_| self.acting.get()) {
+            fault.spoil(&mut answer, &self.drawn);
         }
         Ok(answer)
     }
