@@ -163,6 +163,13 @@ impl Desk {
 }
 
 impl Parsed {
+    /// Unanswered in time it is taken back: a start that was refused must not take off once the controller goes on. A
+    /// stop stands.
+    #[must_use]
+    pub fn lapses(&self) -> bool {
+        self.command != Command::Stop
+    }
+
     /// The answer while another command waits for the controller.
     #[must_use]
     pub fn busy(&self) -> v1::CommandReply {
@@ -235,9 +242,50 @@ fn ask_controller(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
         }
         *slot = Some(PendingCommand { command: parsed.command, profile: parsed.profile.as_str().into(), answer });
     }
-    parsed.reply(verdict.recv_timeout(WAIT).ok())
+    let verdict = verdict.recv_timeout(WAIT).ok().or_else(|| {
+        // What the controller has taken meanwhile it answers within the step.
+        let untaken = parsed.lapses() && lock(&shared.command).take().is_some();
+        if parsed.lapses() && !untaken { verdict.recv_timeout(WAIT).ok() } else { None }
+    });
+    parsed.reply(verdict)
 }
 
 fn refusal(command_id: String, reason: String) -> v1::CommandReply {
     v1::CommandReply { command_id, accepted: false, reason, mode: v1::Mode::Unspecified.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use goshawk_core::{Profile, Task};
+
+    fn parsed(command: Command) -> Parsed {
+        Parsed { id: "a".to_owned(), profile: String::new(), command, accepted: "yes".to_owned() }
+    }
+
+    fn start() -> Command {
+        Command::Start(Profile { task: Task::Track, speed: 3.0, height: 1.5, goal: None })
+    }
+
+    #[test]
+    fn a_start_that_the_controller_does_not_take_in_time_is_refused_and_taken_back_and_a_stop_stands() {
+        let shared = Shared::new(sync_channel(1).0);
+        assert!(!ask_controller(&parsed(start()), &shared).accepted);
+        assert!(lock(&shared.command).is_none());
+        assert!(!ask_controller(&parsed(Command::Stop), &shared).accepted);
+        assert!(lock(&shared.command).as_ref().is_some_and(|pending| pending.command == Command::Stop));
+    }
+
+    #[test]
+    fn a_repeated_id_gets_its_first_answer_and_whatever_it_asks_is_not_new() {
+        let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../vehicles/sim.toml"));
+        let vehicle = Vehicle::load(path).unwrap();
+        let (mut desk, payload) = (Desk::default(), v1::StopRequest { command_id: "b".to_owned() }.encode_to_vec());
+        let Taken::New(stop) = desk.take(Key::CmdStop, &payload, &vehicle) else { panic!("it is new") };
+        let reply = stop.reply(Some(Ok(())));
+        desk.remember(&reply);
+        for key in [Key::CmdStop, Key::CmdStart] {
+            assert!(matches!(desk.take(key, &payload, &vehicle), Taken::Answered(again) if again == reply));
+        }
+    }
 }

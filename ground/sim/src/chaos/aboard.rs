@@ -76,7 +76,8 @@ impl<'a> Aboard<'a> {
     ) -> Result<Self, TrialError> {
         let answers = AnswerMonitor::new(network.contract());
         let profile = vehicle.profile(None);
-        let (task, speed) = profile.map_or((goshawk_core::Task::Track, 1.0), |Profile { task, speed, .. }| (task, speed));
+        let (task, speed) =
+            profile.map_or((goshawk_core::Task::Track, 1.0), |Profile { task, speed, .. }| (task, speed));
         Ok(Self {
             source: vehicle.sensors.odometry,
             controller: wrap(FlightController::new(vehicle.controller_config())?),

@@ -16,6 +16,8 @@ pub enum Bug {
     SilentWhenBlind,
     /// While it brakes for want of a plan it tilts to 80 degrees.
     TiltBeyondLimit,
+    /// Each 500th step is not logged.
+    UnloggedStep,
     /// The battery's end leads to a fault instead of a landing.
     WrongTransition,
 }
@@ -74,7 +76,8 @@ impl Bugged<FlightController> {
             Some(Bug::SilentWhenBlind) if output.fallback == Fallback::OdometryStaleDescend => output.setpoint = None,
             Some(Bug::TiltBeyondLimit) if output.fallback == Fallback::PlanExpiredBrake => {
                 let tilted = Rot::from_axis_angle(&Vec3::x_axis(), 80f64.to_radians());
-                output.setpoint = output.setpoint.map(|setpoint| AttitudeThrust { world_from_body: tilted, ..setpoint });
+                output.setpoint =
+                    output.setpoint.map(|setpoint| AttitudeThrust { world_from_body: tilted, ..setpoint });
             }
             Some(Bug::WrongTransition) => {
                 if let Some(t) = output.transition.as_mut().filter(|t| t.cause == Cause::BatteryLow) {

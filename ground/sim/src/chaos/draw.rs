@@ -13,10 +13,15 @@ pub const SCENES: usize = 12;
 const TRACK_ONE_IN: u64 = 8;
 /// Faults in a schedule, at most.
 const MOST_FAULTS: usize = 7;
+/// Share of the schedules with a pair of faults at an odd moment, and the ids of its commands.
+const ODD_MOMENTS: f64 = 0.35;
+const LATER_ID: u32 = 50;
+/// One flight in so many lasts long enough for a landing and another flight, s.
+const LONG: (f64, f64, f64) = (0.06, 18.0, 26.0);
 /// The operator asks for the start then, s.
-pub const START_S: f64 = 1.2;
+pub const START_S: f64 = 0.7;
 /// Share of the faults that begin in the air, or about to be: after this time, s.
-const AIRBORNE: (f64, f64) = (0.7, 3.5);
+const AIRBORNE: (f64, f64) = (0.7, 3.0);
 /// How long a fault lasts, s: drawn evenly on a logarithmic scale.
 const LASTS_S: (f64, f64) = (0.03, 6.0);
 /// Ids of commands that are drawn: few, so that some are repeated. 1 is the first start's.
@@ -29,8 +34,30 @@ pub fn draw(seed: u64, index: u64) -> Schedule {
     let mut rng = ChaCha8Rng::seed_from_u64(own);
     let setting = setting(&mut rng, index);
     let many = 1 + (0..MOST_FAULTS - 1).take_while(|_| rng.random_bool(0.72)).count();
-    let faults = (0..many).map(|_| fault(&mut rng, setting.length_s)).collect();
+    let mut faults: Vec<Fault> = (0..many).map(|_| fault(&mut rng, setting.length_s)).collect();
+    faults.truncate(MOST_FAULTS - 2);
+    if rng.random_bool(ODD_MOMENTS) {
+        faults.extend(odd_moment(&mut rng));
+    }
     Schedule { seed: own >> 16, setting, faults }
+}
+
+/// Two that meet where chance alone rarely puts them.
+fn odd_moment(rng: &mut ChaCha8Rng) -> [Fault; 2] {
+    let mut between = |low: f64, high: f64| milli(rng.random_range(low..high));
+    let (early, gap, lasts) = (between(START_S, 6.0), between(0.02, 3.0), between(0.1, 1.0));
+    let (near, kind) = (between(-0.3, 0.05), between(0.0, 4.0));
+    let at = |at_s: f64, for_s, what| Fault { at_s: milli(at_s), for_s, what };
+    match kind as u32 {
+        // A flight that is stopped as it begins, and another one.
+        0 => [at(early, 0.0, Kind::Stop(LATER_ID)), at(early + gap, 0.0, Kind::Start(LATER_ID + 1))],
+        // The controller stands still as the start arrives.
+        1 => [at(START_S + near, lasts, Kind::ControllerPaused), at(early, 0.0, Kind::Stop(LATER_ID))],
+        // A stop while the controller stands still.
+        2 => [at(early, lasts, Kind::ControllerPaused), at(early + 0.5 * lasts, 0.0, Kind::Stop(LATER_ID))],
+        // A stop as the autopilot starts again.
+        _ => [at(early, 0.0, Kind::Restarts(lasts)), at(early + near.abs(), 0.0, Kind::Stop(LATER_ID))],
+    }
 }
 
 fn setting(rng: &mut ChaCha8Rng, index: u64) -> Setting {
@@ -40,10 +67,14 @@ fn setting(rng: &mut ChaCha8Rng, index: u64) -> Setting {
         scene: rng.random_range(0..SCENES),
         on_stop: [OnStop::Land, OnStop::Land, OnStop::Hover, OnStop::HandOver][rng.random_range(0..4)],
         odometry: if rng.random_bool(0.5) { Odometry::Autopilot } else { Odometry::Zenoh },
-        fence_m: if rng.random_bool(0.3) { milli(rng.random_range(17.0..22.0)) } else { 200.0 },
+        fence_m: if rng.random_bool(0.3) { milli(rng.random_range(8.3..11.0)) } else { 200.0 },
         ceiling_m: if rng.random_bool(0.2) { milli(rng.random_range(2.0..2.6)) } else { 30.0 },
         wind_mps: if rng.random_bool(0.2) { milli(rng.random_range(1.0..5.0)) } else { 0.0 },
-        length_s: milli(rng.random_range(8.0..14.0)),
+        length_s: milli(if rng.random_bool(LONG.0) {
+            rng.random_range(LONG.1..LONG.2)
+        } else {
+            rng.random_range(7.0..13.0)
+        }),
     }
 }
 

@@ -37,6 +37,8 @@ const WIND_STEPS: u64 = 10;
 const CONTACT_STEPS: u64 = 10;
 /// A picture's and an estimate's way to the vehicle, s.
 const ODOMETRY_DELAY_S: f64 = 0.010;
+/// Of a bug.
+const UNLOGGED: u64 = 500;
 /// A flight that is over is watched for so long, s.
 const AFTERWARDS_S: f64 = 1.2;
 
@@ -104,7 +106,8 @@ fn examined(schedule: &Schedule, log: &Written) -> Result<(), Violation> {
 /// Faults with which the odometry may be false, or the place of the start another one.
 fn is_false(kind: &Kind) -> bool {
     let senses = matches!(kind, Kind::Sense(Sense::Odometry(_)) | Kind::NoPosition | Kind::Restarts(_));
-    senses || matches!(kind, Kind::OdometryStamped(_) | Kind::OdometrySwapped | Kind::OdometryLate(_) | Kind::OdometryNan)
+    senses
+        || matches!(kind, Kind::OdometryStamped(_) | Kind::OdometrySwapped | Kind::OdometryLate(_) | Kind::OdometryNan)
 }
 
 /// The clockwork.
@@ -312,7 +315,10 @@ impl<'a> Chaos<'a> {
         if let Some(reply) = output.reply {
             self.operator.settle(now, Some(reply), &self.acting);
         }
-        self.recorder.control(now, &stepped);
+        let unlogged = self.ground.bug == Some(Bug::UnloggedStep) && stepped.seq % UNLOGGED == UNLOGGED - 1;
+        if !unlogged {
+            self.recorder.control(now, &stepped);
+        }
         if let Some(setpoint) = &output.setpoint {
             self.autopilot.send(setpoint);
         }

@@ -42,8 +42,6 @@ struct Asked {
 pub(super) struct Delivered {
     pub(super) command: Command,
     pub(super) id: String,
-    /// The profile of a start.
-    pub(super) profile: String,
     /// When it arrived at the vehicle.
     pub(super) at: Time,
     /// It was refused meanwhile, for want of an answer.
@@ -130,20 +128,15 @@ impl Operator {
             Taken::Answered(reply) => self.answer(now, &reply, acting),
             Taken::New(parsed) => {
                 // As on board: a stop replaces a start that the controller has not taken yet.
-                if self.slot.is_some() && parsed.command != Command::Stop {
+                if self.slot.is_some() && parsed.lapses() {
                     let reply = parsed.busy();
                     self.desk.remember(&reply);
                     self.record(now, &parsed, &reply);
                     self.answer(now, &reply, acting);
                     return;
                 }
-                self.slot = Some(Delivered {
-                    command: parsed.command,
-                    id: parsed.id.clone(),
-                    profile: parsed.profile.clone(),
-                    at: asked.at,
-                    given_up: false,
-                });
+                self.slot =
+                    Some(Delivered { command: parsed.command, id: parsed.id.clone(), at: asked.at, given_up: false });
                 self.asked = Some((parsed, now));
             }
         }
@@ -166,7 +159,7 @@ impl Operator {
     pub(super) fn settle(&mut self, now: Time, verdict: Option<Result<(), Refusal>>, acting: &Acting) {
         let Some((parsed, _)) = self.asked.take() else { return };
         if verdict.is_none() {
-            self.slot = self.slot.take().map(|slot| Delivered { given_up: true, ..slot });
+            self.slot = self.slot.take().filter(|_| !parsed.lapses()).map(|slot| Delivered { given_up: true, ..slot });
         }
         let reply = parsed.reply(verdict);
         self.desk.remember(&reply);

@@ -248,7 +248,10 @@ impl Judge {
         };
         let restarted = matches!(facts.stepped.input.command, Some(Command::Start(_))) && self.mode == Mode::Ready;
         if (t.from != self.mode && !restarted) || t.to != output.mode {
-            return wrong(format!("told as {:?} to {:?}, made from {:?} to {:?}", t.from, t.to, self.mode, output.mode));
+            return wrong(format!(
+                "told as {:?} to {:?}, made from {:?} to {:?}",
+                t.from, t.to, self.mode, output.mode
+            ));
         }
         if !self.is_in_table(&t) {
             return wrong(format!("{:?} to {:?} because {}", t.from, t.to, t.cause));

@@ -112,7 +112,8 @@ impl Report {
         let own = |counts: &BTreeMap<&'static str, u64>| {
             list(&mut counts.iter().map(|(name, count)| ((*name).to_owned(), *count)))
         };
-        let rows = [("faults", own(&self.faults)), ("flights ended", own(&self.ended)), ("violations", own(&self.violations))];
+        let rows =
+            [("faults", own(&self.faults)), ("flights ended", own(&self.ended)), ("violations", own(&self.violations))];
         for (name, row) in rows {
             let _ = writeln!(text, "{name:<14}{row}");
         }
@@ -128,7 +129,11 @@ impl Report {
             if let Some(small) = &failure.shrunk {
                 let many = small.schedule.faults.len();
                 let s = if many == 1 { "" } else { "s" };
-                let _ = writeln!(text, "  shrunk to {many} fault{s} in {} flights; again with:\n  {}", small.flights, small.command);
+                let _ = writeln!(
+                    text,
+                    "  shrunk to {many} fault{s} in {} flights; again with:\n  {}",
+                    small.flights, small.command
+                );
             }
         }
         text

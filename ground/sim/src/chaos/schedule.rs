@@ -253,7 +253,8 @@ impl Schedule {
             return text.parse();
         }
         let read = std::fs::read_to_string(Path::new(text));
-        let content = read.map_err(|e| format!("cannot read the schedule {text}: {e}; give a file, or its JSON itself"))?;
+        let content =
+            read.map_err(|e| format!("cannot read the schedule {text}: {e}; give a file, or its JSON itself"))?;
         content.parse().map_err(|e: String| format!("{text}: {e}"))
     }
 
@@ -308,7 +309,9 @@ mod tests {
     fn what_is_no_schedule_is_refused_in_one_line_that_says_why() {
         let good = draw(5, 0).line();
         let far = good.replace("\"length_s\":", "\"length_s\":9");
-        for (text, word) in [("{}", "seed"), ("{\"seed\":1", "EOF"), (far.as_str(), "length_s"), ("no-such", "cannot read")] {
+        for (text, word) in
+            [("{}", "seed"), ("{\"seed\":1", "EOF"), (far.as_str(), "length_s"), ("no-such", "cannot read")]
+        {
             let why = Schedule::load(text).unwrap_err();
             assert!(why.contains(word) && !why.contains('\n'), "{why}");
         }

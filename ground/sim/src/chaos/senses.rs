@@ -1,8 +1,8 @@
 //! What the senses make of the truth: messages that are false, late, out of order, or not there.
 
 use goshawk_air::convert;
-use goshawk_core::types::{Odometry, Time, Vec3};
 use goshawk_core::NetworkOutput;
+use goshawk_core::types::{Odometry, Time, Vec3};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_proto::v1;
 use prost::Message;

@@ -67,4 +67,3 @@ impl Network for Sectors {
         Ok(NetworkOutput { values })
     }
 }
-
