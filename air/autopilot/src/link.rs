@@ -132,23 +132,9 @@ impl AutopilotLink {
     /// # Errors
     /// The setpoint is not finite.
     pub fn setpoint_frame(&self, setpoint: &AttitudeThrust) -> Result<MAVLinkV2MessageRaw, AutopilotError> {
-        let thrust = setpoint.thrust.0;
-        let finite = setpoint.world_from_body.coords.iter().all(|value| value.is_finite());
-        if !finite || !(0.0..=1.0).contains(&thrust) {
-            return Err(AutopilotError::BadSetpoint);
-        }
-        let q = ned_from_frd(&setpoint.world_from_body);
-        let message = MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
-            time_boot_ms: (self.endpoint.now().0 / 1_000_000) as u32, // wraps after 49 days; neither firmware looks at it
-            q: [q.w as f32, q.i as f32, q.j as f32, q.k as f32],
-            thrust: thrust as f32,
-            target_system: self.endpoint.config.target_system,
-            target_component: self.endpoint.config.target_component,
-            type_mask: AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
-                | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
-                | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
-            ..SET_ATTITUDE_TARGET_DATA::default()
-        });
+        let config = &self.endpoint.config;
+        let target = (config.target_system, config.target_component);
+        let message = setpoint_message(setpoint, self.endpoint.now(), target)?;
         Ok(self.endpoint.encoder().encode_in(Stream::Setpoints, &message))
     }
 
@@ -202,6 +188,30 @@ impl AutopilotLink {
     pub fn take_peer_events(&self) -> Vec<PeerEvent> {
         self.endpoint.lock().peers.take_events()
     }
+}
+
+/// The message of a setpoint, sent at `now` to this system and component.
+///
+/// # Errors
+/// The setpoint is not finite, or its thrust not one.
+pub fn setpoint_message(setpoint: &AttitudeThrust, now: Time, target: (u8, u8)) -> Result<MavMessage, AutopilotError> {
+    let thrust = setpoint.thrust.0;
+    let finite = setpoint.world_from_body.coords.iter().all(|value| value.is_finite());
+    if !finite || !(0.0..=1.0).contains(&thrust) {
+        return Err(AutopilotError::BadSetpoint);
+    }
+    let q = ned_from_frd(&setpoint.world_from_body);
+    Ok(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
+        time_boot_ms: (now.0 / 1_000_000) as u32, // wraps after 49 days; neither firmware looks at it
+        q: [q.w as f32, q.i as f32, q.j as f32, q.k as f32],
+        thrust: thrust as f32,
+        target_system: target.0,
+        target_component: target.1,
+        type_mask: AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
+            | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
+            | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
+        ..SET_ATTITUDE_TARGET_DATA::default()
+    }))
 }
 
 impl Drop for AutopilotLink {

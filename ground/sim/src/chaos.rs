@@ -60,11 +60,14 @@ pub struct ChaosArgs {
     /// Schedules to fly.
     #[arg(long, value_name = "N", default_value_t = 100)]
     schedules: u64,
+    /// The number of the first: a campaign can be flown in parts.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    from: u64,
     /// The schedule of this number only.
-    #[arg(long, value_name = "NUMBER", conflicts_with = "schedules")]
+    #[arg(long, value_name = "NUMBER", conflicts_with_all = ["schedules", "from"])]
     only: Option<u64>,
     /// Fly this schedule: a file, or the JSON itself.
-    #[arg(long, value_name = "FILE|JSON", conflicts_with_all = ["only", "schedules", "seed"])]
+    #[arg(long, value_name = "FILE|JSON", conflicts_with_all = ["only", "schedules", "seed", "from"])]
     schedule: Option<String>,
     /// Only print the schedules, one a line.
     #[arg(long)]
@@ -154,7 +157,8 @@ impl ChaosArgs {
             return Ok((only, vec![draw(self.seed, only)]));
         }
         ensure!(self.schedules > 0, "--schedules is 0: there is nothing to fly");
-        Ok((0, (0..self.schedules).map(|index| draw(self.seed, index)).collect()))
+        let numbers = self.from..self.from.saturating_add(self.schedules);
+        Ok((self.from, numbers.map(|index| draw(self.seed, index)).collect()))
     }
 
     /// What failed, the first of each property shrunk.

@@ -2,10 +2,8 @@
 //! them, message by message and without a socket.
 
 use goshawk_autopilot::commands::Commands;
-use goshawk_autopilot::frames::ned_from_frd;
-use goshawk_autopilot::messages::{
-    AttitudeTargetTypemask, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType, SET_ATTITUDE_TARGET_DATA,
-};
+use goshawk_autopilot::link::setpoint_message;
+use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType};
 use goshawk_autopilot::wire::Packet;
 use goshawk_autopilot::{Command, Firmware, Px4Mode, Status, StreamRates, View};
 use goshawk_core::{AttitudeThrust, NormalisedThrust, Odometry, Request, Time};
@@ -142,19 +140,9 @@ impl Autopilot {
         self.commands.submit(FIRMWARE.command(request));
     }
 
-    /// What the controller sends.
-    pub(super) fn send(&mut self, setpoint: &AttitudeThrust) {
-        let q = ned_from_frd(&setpoint.world_from_body);
-        self.outward.push(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
-            q: [q.w as f32, q.i as f32, q.j as f32, q.k as f32],
-            thrust: setpoint.thrust.0 as f32,
-            target_system: THEIRS.0,
-            target_component: THEIRS.1,
-            type_mask: AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
-                | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
-                | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
-            ..SET_ATTITUDE_TARGET_DATA::default()
-        }));
+    /// What the controller sends. What is no setpoint is not sent, as by the link.
+    pub(super) fn send(&mut self, now: Time, setpoint: &AttitudeThrust) {
+        self.outward.extend(setpoint_message(setpoint, now, THEIRS).ok());
     }
 
     /// As the controller's thread sees it.

@@ -13,9 +13,9 @@ use crate::trial::airframe::Mount;
 use crate::trial::fault::CameraFault;
 use crate::trial::{FRAME_AT_PLANNER_S, Fault as Sense, Scene};
 
-/// Between two pictures, in steps of 1 ms: 20 Hz, for pictures take most of a flight's time; and 77 Hz of a second
+/// Between two pictures, in steps of 1 ms: 15 Hz, for pictures take most of a flight's time; and 77 Hz of a second
 /// camera.
-const STEPS: u64 = 50;
+const STEPS: u64 = 66;
 const SECOND_STEPS: u64 = 13;
 const SECOND_SEQ: u64 = 100_000;
 /// The runner begins to run then, s.

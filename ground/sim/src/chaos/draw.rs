@@ -62,13 +62,15 @@ fn odd_moment(rng: &mut ChaCha8Rng) -> [Fault; 2] {
 
 fn setting(rng: &mut ChaCha8Rng, index: u64) -> Setting {
     let track = index % TRACK_ONE_IN == TRACK_ONE_IN - 1;
+    // A goal must lie inside the fence; a chase has none.
+    let fence_m = if track { 4.0..10.0 } else { 8.3..11.0 };
     Setting {
         task: if track { Task::Track } else { Task::Navigate },
         scene: rng.random_range(0..SCENES),
         on_stop: [OnStop::Land, OnStop::Land, OnStop::Hover, OnStop::HandOver][rng.random_range(0..4)],
         odometry: if rng.random_bool(0.5) { Odometry::Autopilot } else { Odometry::Zenoh },
-        fence_m: if rng.random_bool(0.3) { milli(rng.random_range(8.3..11.0)) } else { 200.0 },
-        ceiling_m: if rng.random_bool(0.2) { milli(rng.random_range(2.0..2.6)) } else { 30.0 },
+        fence_m: if rng.random_bool(0.3) { milli(rng.random_range(fence_m)) } else { 200.0 },
+        ceiling_m: if rng.random_bool(0.2) { milli(rng.random_range(1.6..2.2)) } else { 30.0 },
         wind_mps: if rng.random_bool(0.2) { milli(rng.random_range(1.0..5.0)) } else { 0.0 },
         length_s: milli(if rng.random_bool(LONG.0) {
             rng.random_range(LONG.1..LONG.2)

@@ -19,7 +19,7 @@ pub(super) fn examine(log: &Written, kept: usize, stalled: bool) -> Result<(), V
     let safe = if log.closed && whole { Some(&log.total) } else { safe };
     let fails = |property, text: String| Violation::new(property, log.ended, text);
     if whole && log.lost.is_none() && !stalled {
-        let reached = safe.map_or(log.total.newest, |flush| flush.newest);
+        let reached = if log.closed { log.ended } else { safe.map_or(log.begun, |flush| flush.at) };
         let behind = log.ended.since(reached);
         if behind > LAST_SECOND_S {
             return Err(fails(Property::LogReadable, format!("its last {behind:.2} s are not on the disk")));

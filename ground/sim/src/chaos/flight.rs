@@ -138,6 +138,8 @@ struct Chaos<'a> {
     calm_since: Time,
     mode: Mode,
     flew: bool,
+    /// The motors run: before, nobody looks at the pictures.
+    powered: bool,
     contact: Option<Contact>,
     rested: Option<Time>,
     modes: Vec<(f64, Mode, Cause)>,
@@ -184,6 +186,7 @@ impl<'a> Chaos<'a> {
             calm_since: BEGIN,
             mode: Mode::Idle,
             flew: false,
+            powered: false,
             contact: None,
             rested: None,
             modes: Vec::new(),
@@ -220,6 +223,7 @@ impl<'a> Chaos<'a> {
         *self.wrong.borrow_mut() = wrong_network(&self.acting);
         self.operator.step(now, &self.acting, self.ground.vehicle);
         let demand = self.autopilot.step(now, &self.believed, &self.acting);
+        self.powered = demand.is_some();
         self.sense(now);
         self.see(now)?;
         let judged = self.control(now);
@@ -271,12 +275,12 @@ impl<'a> Chaos<'a> {
             return;
         }
         let off = self.acting.number(|kind| if let Kind::OdometryStamped(x) = kind { Some(*x) } else { None });
-        let nan = self.acting.any(&Kind::OdometryNan) && self.step % 5 == 0;
+        let nan = self.acting.any(&Kind::OdometryNan) && !(self.step / ODOMETRY_STEPS).is_multiple_of(3);
         self.aboard.receive_odometry(&odometry_message(&odometry, off.unwrap_or(0.0), nan), now);
     }
 
     fn see(&mut self, now: Time) -> Result<(), TrialError> {
-        if self.mode.has_authority() || self.operator_flies() {
+        if self.powered {
             self.camera.step(now, self.step, self.ground.scene, self.quad.state(), &self.acting);
         }
         for payload in self.camera.arrived(now) {
@@ -290,11 +294,6 @@ impl<'a> Chaos<'a> {
             self.recorder.plan(now, self.aboard.flight(), &planned);
         }
         Ok(())
-    }
-
-    /// Pictures come also where the vehicle has just given up its authority.
-    fn operator_flies(&self) -> bool {
-        self.flew && !self.quad.state().on_ground
     }
 
     fn control(&mut self, now: Time) -> Option<Violation> {
@@ -320,7 +319,7 @@ impl<'a> Chaos<'a> {
             self.recorder.control(now, &stepped);
         }
         if let Some(setpoint) = &output.setpoint {
-            self.autopilot.send(setpoint);
+            self.autopilot.send(now, setpoint);
         }
         if let Some(request) = output.request {
             self.autopilot.request(request);

@@ -200,6 +200,6 @@ fn payload(key: Key, id: u32) -> Vec<u8> {
     if key == Key::CmdStart {
         v1::StartRequest { command_id: name(id), ..Default::default() }.encode_to_vec()
     } else {
-        v1::StopRequest { command_id: name(id), ..Default::default() }.encode_to_vec()
+        v1::StopRequest { command_id: name(id) }.encode_to_vec()
     }
 }

@@ -96,6 +96,8 @@ const BRAKED: (f64, f64) = (3.0, 1.5);
 const SPEED_MARGIN: (f64, f64) = (1.3, 1.0);
 /// What an odometry's noise and drift may hide of a fence, m.
 const FENCE_MARGIN_M: f64 = 0.5;
+/// And what the braking before a fence may overshoot, m.
+const OVERSHOT_M: f64 = 1.5;
 /// Rounding.
 const TINY: f64 = 1e-6;
 
@@ -121,7 +123,8 @@ pub(super) struct Judge {
     /// The odometry is true throughout the flight.
     honest: bool,
     mode: Mode,
-    start_world: Option<Vec3>,
+    /// Believed, and true.
+    start_world: Option<(Vec3, Vec3)>,
     /// In this flight the autopilot was asked to follow us, followed us, and ran its motors.
     asked: bool,
     followed: bool,
@@ -166,7 +169,7 @@ impl Judge {
         let (stepped, autopilot) = (facts.stepped, &facts.stepped.input.autopilot);
         if stepped.started {
             (self.asked, self.followed, self.armed, self.stopped) = (false, false, false, None);
-            self.start_world = stepped.odometry.map(|o| o.pos_world);
+            self.start_world = stepped.odometry.map(|o| (o.pos_world, facts.truth.pos_world));
         }
         self.followed |= self.asked && autopilot.offboard;
         self.armed |= self.asked && autopilot.armed;
@@ -216,7 +219,8 @@ impl Judge {
     /// Fence, ceiling and speed, where the odometry is true.
     fn place(&self, facts: &Facts<'_>) -> Result<(), (Property, String)> {
         let (output, limits) = (&facts.stepped.output, &self.config.limits);
-        let (Some(start), Some(odometry), true) = (self.start_world, facts.stepped.odometry, self.honest) else {
+        let (Some((start, true_start)), Some(odometry), true) = (self.start_world, facts.stepped.odometry, self.honest)
+        else {
             return Ok(());
         };
         let believed = facts.now.since(odometry.stamp) < self.config.ladder.odometry_stale;
@@ -232,6 +236,11 @@ impl Judge {
         }
         let speed = facts.truth.vel_world.norm();
         let calm = facts.now.since(facts.calm_since) > BRAKED.0;
+        let way = facts.truth.pos_world - true_start;
+        let beyond = way.xy().norm() > limits.fence_radius + OVERSHOT_M || way.z > limits.ceiling + OVERSHOT_M;
+        if calm && output.mode.has_authority() && beyond {
+            return Err((Property::LimitsKept, format!("truly {:.1} m away, {:.1} m high", way.xy().norm(), way.z)));
+        }
         if calm && output.mode.has_authority() && speed > limits.max_speed * SPEED_MARGIN.0 + SPEED_MARGIN.1 {
             return Err((Property::LimitsKept, format!("{speed:.1} m/s in {:?}", output.mode)));
         }

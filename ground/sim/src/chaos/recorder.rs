@@ -46,15 +46,17 @@ impl Write for Sink {
 pub(super) struct Flush {
     pub(super) bytes: usize,
     pub(super) records: u64,
-    /// Controller steps among them, and the newest one's time.
+    /// Controller steps among them.
     pub(super) steps: u64,
-    pub(super) newest: Time,
+    /// When it was done.
+    pub(super) at: Time,
 }
 
 /// A log as the disk has it in the end.
 pub(super) struct Written {
     pub(super) bytes: Vec<u8>,
     pub(super) flushes: Vec<Flush>,
+    pub(super) begun: Time,
     /// It was finished.
     pub(super) closed: bool,
     /// When the first record was lost, for want of room in the queue or on the disk.
@@ -68,6 +70,7 @@ pub(super) struct Written {
 type Record = (Channel, Time, Vec<u8>);
 
 struct Open {
+    begun: Time,
     writer: Option<LogWriter<BufWriter<Sink>>>,
     bytes: Rc<RefCell<Vec<u8>>>,
     queue: VecDeque<Record>,
@@ -154,8 +157,9 @@ impl Recorder {
         self.close();
         let bytes = Rc::new(RefCell::new(Vec::new()));
         let sink = Sink { bytes: Rc::clone(&bytes), full: Rc::clone(&self.full) };
-        let total = Flush { bytes: 0, records: 0, steps: 0, newest: now };
+        let total = Flush { bytes: 0, records: 0, steps: 0, at: now };
         self.open = Some(Open {
+            begun: now,
             writer: LogWriter::new(BufWriter::new(sink)).ok(),
             bytes,
             queue: VecDeque::new(),
@@ -213,7 +217,7 @@ impl Open {
             }
             self.total.records += 1;
             if channel == Channel::CONTROLLER_INPUT {
-                (self.total.steps, self.total.newest) = (self.total.steps + 1, stamp);
+                self.total.steps += 1;
             }
         }
     }
@@ -225,7 +229,7 @@ impl Open {
             self.fail(now);
             return;
         }
-        self.total.bytes = self.bytes.borrow().len();
+        (self.total.bytes, self.total.at) = (self.bytes.borrow().len(), now);
         self.flushes.push(self.total);
     }
 
@@ -240,7 +244,7 @@ impl Open {
     fn end(self, closed: bool) -> Written {
         // A copy, before the writer is dropped: a process that is killed writes nothing more.
         let bytes = self.bytes.borrow().clone();
-        let Self { flushes, lost, ended, total, .. } = self;
-        Written { bytes, flushes, closed, lost, ended, total }
+        let Self { begun, flushes, lost, ended, total, .. } = self;
+        Written { bytes, flushes, begun, closed, lost, ended, total }
     }
 }

@@ -115,7 +115,7 @@ pub enum Kind {
     OdometryLate(f64),
     /// Of each two samples the second arrives first.
     OdometrySwapped,
-    /// Each fifth one is not a number.
+    /// Two of three are no numbers; from the autopilot all.
     OdometryNan,
     /// Its stamps are off, s.
     OdometryStamped(f64),
@@ -266,7 +266,7 @@ impl Schedule {
         let s = &self.setting;
         within("setting.length_s", s.length_s, 1.0, LONGEST_S)?;
         within("setting.fence_m", s.fence_m, 1.0, 10_000.0)?;
-        within("setting.ceiling_m", s.ceiling_m, 2.0, 500.0)?;
+        within("setting.ceiling_m", s.ceiling_m, 1.5, 500.0)?;
         within("setting.wind_mps", s.wind_mps, 0.0, 15.0)?;
         for (index, fault) in self.faults.iter().enumerate() {
             within(&format!("faults[{index}].at_s"), fault.at_s, 0.0, LONGEST_S)?;
