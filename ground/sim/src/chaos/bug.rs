@@ -81,7 +81,7 @@ impl Bugged<FlightController> {
             }
             Some(Bug::WrongTransition) => {
                 if let Some(t) = output.transition.as_mut().filter(|t| t.cause == Cause::BatteryLow) {
-                    (t.to, output.mode) = (Mode::Fault, Mode::Fault);
+                    (t.to, output.mode, output.setpoint) = (Mode::Fault, Mode::Fault, None);
                 }
             }
             _ => {}
