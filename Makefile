@@ -3,6 +3,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 PYTHON ?= python3.11
 SEED ?= 1
+N ?= 10000
 VENV := .venv
 UV := $(VENV)/bin/uv
 # Only what the requirements name by its hash is installed; our own packages bring nothing with them.
@@ -11,7 +12,7 @@ INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-b
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint pins deny fuzz bench train
+.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint pins deny fuzz bench chaos train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -93,6 +94,9 @@ bench: setup setup-train build ## speed, each figure against its yardstick
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
 	$(VENV)/bin/python ground/station/benches/gate.py
+
+chaos: setup ## flights with seeded schedules of faults, every step judged (SEED=n, N=how many)
+	target/release/goshawk-sim chaos --seed $(SEED) --schedules $(N)
 
 train: $(VENV)/.train build ## data set, training and export of both policies (two and a half hours; goes on where it stopped)
 	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1
