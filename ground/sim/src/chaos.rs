@@ -10,6 +10,7 @@ pub mod draw;
 mod examine;
 mod flight;
 mod hangar;
+mod odometry;
 mod operator;
 mod properties;
 mod recorder;

@@ -3,7 +3,7 @@
 
 use std::rc::Rc;
 
-use goshawk_air::config::{OdometrySource, Vehicle};
+use goshawk_air::config::Vehicle;
 use goshawk_core::types::{NormalisedThrust, Time, Vec3};
 use goshawk_core::{Cause, Mode};
 use goshawk_proto::v1;
@@ -14,29 +14,24 @@ use super::autopilot::Autopilot;
 use super::bug::{Bug, Bugged};
 use super::camera::Camera;
 use super::examine::examine;
+use super::odometry::Odometer;
 use super::operator::Operator;
 use super::properties::{Facts, Judge, Violation};
 use super::recorder::{Recorder, Written};
 use super::schedule::{Kind, Schedule};
-use super::senses::{FalseOdometry, Line, Spoilt, Wrong, odometry_message, wrong_network};
-use crate::imu::ImuSample;
-use crate::px4::VehicleState;
+use super::senses::{FalseOdometry, Spoilt, Wrong, wrong_network};
 use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::sensor::mix;
 use crate::sensors::Sensors;
 use crate::trial::airframe::{Mount, airframe};
-use crate::trial::estimator::Estimator;
 use crate::trial::fault::followed;
 use crate::trial::judge::{Contact, Follower, contact};
 use crate::trial::{Fault as Sense, Network, Scene, TrialError};
 
 /// The clock begins here, so that nothing lies before its zero.
 pub(super) const BEGIN: Time = Time(1_000_000_000);
-const ODOMETRY_STEPS: u64 = 10;
 const WIND_STEPS: u64 = 10;
 const CONTACT_STEPS: u64 = 10;
-/// A picture's and an estimate's way to the vehicle, s.
-const ODOMETRY_DELAY_S: f64 = 0.010;
 /// Of a bug.
 const UNLOGGED: u64 = 500;
 /// A flight that is over is watched for so long, s.
@@ -125,12 +120,7 @@ struct Chaos<'a> {
     wind: Wind,
     wind_world: Vec3,
     camera: Camera,
-    estimator: Estimator,
-    /// What the autopilot believes of its motion.
-    believed: VehicleState,
-    false_odometry: FalseOdometry,
-    odometry_line: Line<goshawk_core::Odometry>,
-    last_odometry: Option<Time>,
+    odometer: Odometer,
     follower: Follower,
     control_steps: u64,
     step: u64,
@@ -170,14 +160,10 @@ impl<'a> Chaos<'a> {
             judge: Judge::new(vehicle.controller_config(), honest),
             acting: Acting::default(),
             wrong,
-            believed: sensed(&quad, None),
             wind: Wind::new(schedule.setting.wind_mps, mix(seed, 12)),
             wind_world: Vec3::zeros(),
             camera: Camera::new(&sensors, Mount::of(vehicle), seed),
-            estimator: Estimator::new(sensors.odometry, mix(seed, 11)),
-            false_odometry: FalseOdometry::new(seed),
-            odometry_line: Line::default(),
-            last_odometry: None,
+            odometer: Odometer::new(vehicle.sensors.odometry, &sensors, seed, &quad),
             follower: Follower::default(),
             control_steps: (1.0 / (STEP_S * vehicle.controller.rate_hz)).round().max(1.0) as u64,
             quad,
@@ -222,9 +208,10 @@ impl<'a> Chaos<'a> {
         }
         *self.wrong.borrow_mut() = wrong_network(&self.acting);
         self.operator.step(now, &self.acting, self.ground.vehicle);
-        let demand = self.autopilot.step(now, &self.believed, &self.acting);
+        let demand = self.autopilot.step(now, &self.odometer.believed, &self.acting);
         self.powered = demand.is_some();
-        self.sense(now);
+        let Self { acting, quad, autopilot, aboard, .. } = self;
+        self.odometer.step(now, self.step, acting, quad, autopilot, aboard);
         self.see(now)?;
         let judged = self.control(now);
         for record in self.operator.records.drain(..) {
@@ -234,49 +221,6 @@ impl<'a> Chaos<'a> {
         self.move_on(demand.map(|demand| followed(FalseOdometry::followed(&self.acting), demand)));
         self.step += 1;
         Ok(judged)
-    }
-
-    fn sense(&mut self, now: Time) {
-        if self.step.is_multiple_of(ODOMETRY_STEPS) {
-            let estimate = self.estimator.estimate(now, self.quad.state());
-            self.believed = sensed(&self.quad, Some(&estimate));
-            if self.ground.vehicle.sensors.odometry == OdometrySource::Zenoh {
-                self.send_odometry(now, now.plus(ODOMETRY_DELAY_S), &estimate);
-            }
-        } else {
-            self.believed = VehicleState { imu: ImuSample::ideal(self.quad.state()), ..self.believed };
-        }
-        let heard = match self.ground.vehicle.sensors.odometry {
-            OdometrySource::Autopilot => self.autopilot.glance(now).1,
-            OdometrySource::Zenoh => None,
-        };
-        if let Some(heard) = heard.filter(|o| self.last_odometry != Some(o.stamp)) {
-            self.last_odometry = Some(heard.stamp);
-            self.send_odometry(now, now, &heard);
-        }
-        for odometry in self.odometry_line.arrived(now) {
-            self.receive_odometry(now, odometry);
-        }
-    }
-
-    fn send_odometry(&mut self, now: Time, arrives: Time, estimate: &goshawk_core::Odometry) {
-        let false_one = self.false_odometry.apply(now, &self.acting, estimate);
-        if self.acting.any(&Kind::OdometryLost) {
-            return;
-        }
-        let late = self.acting.number(|kind| if let Kind::OdometryLate(x) = kind { Some(*x) } else { None });
-        let arrives = arrives.plus(late.unwrap_or(0.0));
-        self.odometry_line.send(arrives, false_one, self.acting.any(&Kind::OdometrySwapped));
-    }
-
-    fn receive_odometry(&mut self, now: Time, odometry: goshawk_core::Odometry) {
-        if self.ground.vehicle.sensors.odometry == OdometrySource::Autopilot {
-            self.aboard.hear_odometry(odometry);
-            return;
-        }
-        let off = self.acting.number(|kind| if let Kind::OdometryStamped(x) = kind { Some(*x) } else { None });
-        let nan = self.acting.any(&Kind::OdometryNan) && !(self.step / ODOMETRY_STEPS).is_multiple_of(3);
-        self.aboard.receive_odometry(&odometry_message(&odometry, off.unwrap_or(0.0), nan), now);
     }
 
     fn see(&mut self, now: Time) -> Result<(), TrialError> {
@@ -382,24 +326,5 @@ impl<'a> Chaos<'a> {
         let Self { recorder, modes, steps, digest, .. } = self;
         let flown = Flown { ended, violation: None, flown_s, modes, steps, logs: 0, digest };
         (flown, recorder.cut())
-    }
-}
-
-/// What the autopilot senses: the truth, but for the motion by the `estimate`.
-fn sensed(quad: &Quadrotor, estimate: Option<&goshawk_core::Odometry>) -> VehicleState {
-    let truth = quad.state();
-    let (pos_world, vel_world, world_from_body) = match estimate {
-        Some(o) => (o.pos_world, o.vel_world, o.world_from_body),
-        None => (truth.pos_world, truth.vel_world, truth.world_from_body),
-    };
-    VehicleState {
-        pos_world,
-        vel_world,
-        world_from_body,
-        ang_vel_body: truth.ang_vel_body,
-        imu: ImuSample::ideal(truth),
-        on_ground: truth.on_ground,
-        battery_fraction: quad.battery_fraction(),
-        reset_counter: 0,
     }
 }
