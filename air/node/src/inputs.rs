@@ -229,6 +229,8 @@ impl StepInput {
 pub struct FlightController {
     fresh: Controller,
     current: Controller,
+    /// Asked first whether it would start.
+    next: Controller,
 }
 
 impl FlightController {
@@ -238,14 +240,22 @@ impl FlightController {
     /// A value that cannot be flown with.
     pub fn new(config: ControllerConfig) -> Result<Self, ConfigError> {
         let fresh = Controller::new(config)?;
-        Ok(FlightController { current: fresh.clone(), fresh })
+        Ok(FlightController { current: fresh.clone(), next: fresh.clone(), fresh })
     }
 
     /// One tick at `now`. Allocates nothing.
     pub fn step(&mut self, now: Time, input: &ControllerInput) -> ControllerOutput {
         if matches!(input.command, Some(Command::Start(_))) && self.current.mode() == Mode::Ready {
-            self.current.clone_from(&self.fresh);
-            self.current.step(now, &ControllerInput { command: None, ..*input }); // to Ready, if it is
+            let uncommanded = ControllerInput { command: None, ..*input };
+            self.next.clone_from(&self.fresh);
+            self.next.step(now, &uncommanded); // to Ready, if it is
+            let output = self.next.step(now, input);
+            if output.reply == Some(Ok(())) {
+                std::mem::swap(&mut self.current, &mut self.next);
+                return output;
+            }
+            // A refused start changes nothing: what was still to be done is done, and a change of mode is told.
+            return ControllerOutput { reply: output.reply, ..self.current.step(now, &uncommanded) };
         }
         self.current.step(now, input)
     }
@@ -274,6 +284,31 @@ mod tests {
         let bytes = input.to_proto().encode_to_vec();
         let back = FrameInput::from_proto(&v1::PlannerInput::decode(bytes.as_slice()).unwrap()).unwrap();
         assert_eq!(format!("{back:?}"), format!("{input:?}"), "Debug tells -0 from 0");
+    }
+
+    #[test]
+    fn a_start_that_is_refused_in_ready_leaves_the_controller_as_it_is_and_tells_its_change_of_mode() {
+        let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../vehicles/sim.toml"));
+        let vehicle = crate::config::Vehicle::load(path).unwrap();
+        let mut controller = FlightController::new(vehicle.controller_config()).unwrap();
+        let zero = Vec3::zeros();
+        let odometry = Odometry {
+            stamp: Time(1_000_000_000),
+            pos_world: zero,
+            vel_world: zero,
+            world_from_body: Rot::identity(),
+            ang_vel_body: zero,
+            reset_counter: 0,
+        };
+        let autopilot = AutopilotStatus { connected: true, landed: Some(true), ..AutopilotStatus::default() };
+        let standing = ControllerInput { odometry: Some(&odometry), plan: None, autopilot, command: None, ready: true };
+        assert_eq!(controller.step(Time(1_000_000_000), &standing).mode, Mode::Ready);
+        let lost = AutopilotStatus { position: Some(false), ..autopilot };
+        let command = vehicle.profile(None).map(Command::Start);
+        let output = controller.step(Time(1_005_000_000), &ControllerInput { autopilot: lost, command, ..standing });
+        assert_eq!(output.reply, Some(Err(goshawk_core::Refusal::NoPosition)));
+        let told = output.transition.map(|t| (t.from, t.to, t.cause));
+        assert_eq!(told, Some((Mode::Ready, Mode::Idle, goshawk_core::Cause::CheckFailed)));
     }
 
     #[test]
