@@ -42,7 +42,9 @@ $(VENV)/.rerun: ground/rerun/requirements.txt $(VENV)/.station
 
 $(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun
 	$(INSTALL) -r tests/requirements.txt
-	@command -v chromium >/dev/null || { echo "installing chromium for the browser tests"; apt-get -qq update && apt-get -qq install -y chromium >/dev/null; }
+	@command -v chromium >/dev/null && test -x /usr/sbin/sshd && command -v ip >/dev/null || { \
+	  echo "installing chromium, sshd and ip for the tests"; \
+	  apt-get -qq update && apt-get -qq install -y chromium openssh-server iproute2 >/dev/null; }
 	@touch $@
 
 setup: $(VENV)/.station build ## everything that the demo needs
