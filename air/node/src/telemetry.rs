@@ -22,8 +22,9 @@ use crate::shared::{Planned, Report, Shared, Started};
 use crate::visitors::Visitors;
 use crate::{clock, convert};
 
-/// Reports are looked for so often. Waiting for them instead would make whoever reports wake this thread, under a lock.
-const POLL: Duration = Duration::from_millis(10);
+/// Reports are looked for so often; what one look finds leaves together, which is most of what sending costs. Waiting
+/// for them instead would make whoever reports wake this thread, under a lock.
+const POLL: Duration = Duration::from_millis(20);
 const CONTROL_PERIOD_S: f64 = 0.02;
 const CHECK_PERIOD_S: f64 = 0.1;
 const HEALTH_PERIOD_S: f64 = 0.5;

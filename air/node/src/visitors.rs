@@ -179,10 +179,10 @@ fn not_admitted(who: &str) -> String {
     format!("{who} is not admitted: nothing of it is taken")
 }
 
-/// A connection that showed no certificate, or one that is not good: `ADDRESS: REASON`.
+/// A connection that showed no certificate, or one that is not good: `ADDRESS was refused: REASON`.
 fn failed(message: &str) -> (String, String) {
-    let (who, why) = message.split_once(": ").unwrap_or(("", message));
-    (who.to_owned(), format!("{who} was refused: {why}"))
+    let (who, _) = message.split_once(' ').unwrap_or(("", message));
+    (who.to_owned(), message.to_owned())
 }
 
 #[cfg(test)]

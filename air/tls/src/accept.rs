@@ -14,16 +14,20 @@ use zenoh_link_commons::{LinkUnicast, LinkUnicastTrait, NewLinkChannelSender};
 use zenoh_result::ZResult;
 
 use crate::REFUSED;
+use crate::certificate::Claim;
 use crate::link::Link;
+use crate::settings::Identity;
 
 /// Handshakes that may be open. Each holds a socket and some 20 kB.
 const OPEN: usize = 256;
 /// After the system had no room for a connection, it is asked again so soon.
 const NO_ROOM: Duration = Duration::from_millis(20);
+/// Characters of a name that nobody has verified.
+const LONGEST_CLAIM: usize = 40;
 
 pub(crate) async fn run(
     listener: TcpListener,
-    acceptor: TlsAcceptor,
+    identity: Identity,
     links: NewLinkChannelSender,
     within: Duration,
     token: CancellationToken,
@@ -39,10 +43,10 @@ pub(crate) async fn run(
                     if oldest.len() >= OPEN && let Some(handshake) = oldest.pop_front() {
                         handshake.abort();
                     }
-                    oldest.push_back(handshakes.spawn(admit(stream, from, acceptor.clone(), links.clone(), within)));
+                    oldest.push_back(handshakes.spawn(admit(stream, from, identity.clone(), links.clone(), within)));
                 }
                 Err(why) => {
-                    tracing::warn!(target: REFUSED, "a connection: {why}");
+                    tracing::warn!(target: REFUSED, "a connection was refused: {why}");
                     tokio::time::sleep(NO_ROOM).await;
                 }
             },
@@ -54,14 +58,25 @@ pub(crate) async fn run(
 async fn admit(
     stream: TcpStream,
     from: SocketAddr,
-    acceptor: TlsAcceptor,
+    identity: Identity,
     links: NewLinkChannelSender,
     within: Duration,
 ) {
-    let refuse = |why: &str| tracing::warn!(target: REFUSED, "{}: {why}", from.ip());
+    let claim = Claim::default();
+    let refuse = |why: &str| match claim.name() {
+        Some(name) => {
+            let name: String = name.chars().filter(|c| !c.is_control()).take(LONGEST_CLAIM).collect();
+            tracing::warn!(target: REFUSED, "{} was refused as {name}: {why}", from.ip());
+        }
+        None => tracing::warn!(target: REFUSED, "{} was refused: {why}", from.ip()),
+    };
     let Ok(local) = stream.local_addr() else { return };
     let _ = stream.set_nodelay(true);
-    match tokio::time::timeout(within, acceptor.accept(stream)).await {
+    let server = match identity.server(&claim) {
+        Ok(server) => server,
+        Err(why) => return refuse(&why.to_string()),
+    };
+    match tokio::time::timeout(within, TlsAcceptor::from(server).accept(stream)).await {
         Err(_) => refuse("no handshake came"),
         Ok(Err(why)) => refuse(&why.to_string()),
         Ok(Ok(stream)) => match Link::new(stream, local, from) {

@@ -1,8 +1,12 @@
-//! What is read from a peer's certificate, which rustls has verified by then.
+//! What is read from a peer's certificate: before it is verified, to name whoever is refused; then, to know it.
 
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use rustls::pki_types::CertificateDer;
+use rustls::client::danger::HandshakeSignatureValid;
+use rustls::pki_types::{CertificateDer, UnixTime};
+use rustls::server::danger::{ClientCertVerified, ClientCertVerifier};
+use rustls::{CertificateError, DigitallySignedStruct, DistinguishedName, Error, SignatureScheme};
 use x509_parser::prelude::{FromDer, X509Certificate};
 use zenoh_result::{ZResult, zerror};
 
@@ -13,6 +17,88 @@ pub(crate) struct Holder {
     pub(crate) name: String,
     /// Its end.
     pub(crate) until: SystemTime,
+}
+
+/// Who a peer says that it is: anybody can say anything.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Claim(Arc<OnceLock<String>>);
+
+impl Claim {
+    /// The common name as it was shown; none: no certificate came that could be read.
+    pub(crate) fn name(&self) -> Option<&str> {
+        self.0.get().map(String::as_str)
+    }
+}
+
+/// A verifier that hears the name before it judges the certificate.
+#[derive(Debug)]
+pub(crate) struct Listening {
+    judge: Arc<dyn ClientCertVerifier>,
+    claim: Claim,
+}
+
+impl Listening {
+    /// `judge` decides.
+    pub(crate) fn new(judge: Arc<dyn ClientCertVerifier>, claim: Claim) -> Self {
+        Listening { judge, claim }
+    }
+}
+
+impl ClientCertVerifier for Listening {
+    fn offer_client_auth(&self) -> bool {
+        self.judge.offer_client_auth()
+    }
+
+    fn client_auth_mandatory(&self) -> bool {
+        self.judge.client_auth_mandatory()
+    }
+
+    fn root_hint_subjects(&self) -> &[DistinguishedName] {
+        self.judge.root_hint_subjects()
+    }
+
+    fn verify_client_cert(
+        &self,
+        shown: &CertificateDer<'_>,
+        between: &[CertificateDer<'_>],
+        now: UnixTime,
+    ) -> Result<ClientCertVerified, Error> {
+        if let Ok(Holder { name, .. }) = holder(Some(std::slice::from_ref(shown))) {
+            let _ = self.claim.0.set(name);
+        }
+        self.judge.verify_client_cert(shown, between, now).map_err(without_times)
+    }
+
+    fn verify_tls12_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, Error> {
+        self.judge.verify_tls12_signature(message, certificate, signed)
+    }
+
+    fn verify_tls13_signature(
+        &self,
+        message: &[u8],
+        certificate: &CertificateDer<'_>,
+        signed: &DigitallySignedStruct,
+    ) -> Result<HandshakeSignatureValid, Error> {
+        self.judge.verify_tls13_signature(message, certificate, signed)
+    }
+
+    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+        self.judge.supported_verify_schemes()
+    }
+}
+
+/// The same refusal is the same line, however often it happens.
+fn without_times(error: Error) -> Error {
+    match error {
+        Error::InvalidCertificate(CertificateError::ExpiredContext { .. }) => CertificateError::Expired.into(),
+        Error::InvalidCertificate(CertificateError::NotValidYetContext { .. }) => CertificateError::NotValidYet.into(),
+        other => other,
+    }
 }
 
 /// Reads the first certificate of a chain.

@@ -7,7 +7,7 @@
 //!
 //! - reads and writes of a link take turns (`link`);
 //! - handshakes run beside each other, each in bounded time, and so many at most: the oldest gives way (`accept`);
-//! - who is refused is told by address, under the target [`REFUSED`].
+//! - who is refused is told by address and by the name that it claims, under the target [`REFUSED`].
 //!
 //! The wire is Zenoh's own: any Zenoh client that has a certificate connects. Drop this crate when Zenoh's is sound.
 
@@ -17,7 +17,6 @@ mod link;
 mod settings;
 
 use async_trait::async_trait;
-use tokio_rustls::TlsAcceptor;
 use zenoh_link_commons::tcp::{TcpSocketConfig, get_tcp_addrs};
 use zenoh_link_commons::{
     LinkManagerUnicastTrait, LinkUnicast, ListenersUnicastIP, LocatorInspector, NewLinkChannelSender,
@@ -29,7 +28,7 @@ pub use settings::TlsConfigurator;
 
 /// The scheme of its endpoints.
 pub const TLS_LOCATOR_PREFIX: &str = "tls";
-/// The `tracing` target of refused connections. A message is the peer's IP address, a colon, and why.
+/// The `tracing` target of refused connections. A message begins with the peer's IP address.
 pub const REFUSED: &str = "goshawk::refused";
 
 /// What Zenoh may know of a `tls/` locator.
@@ -80,8 +79,7 @@ impl LinkManagerUnicastTrait for LinkManagerUnicastTls {
         let socket = TcpSocketConfig::new(settings.send_buffer, None, None, None, None);
         let (listener, local) = socket.new_listener(&address).map_err(|e| zerror!("{endpoint}: {e}"))?;
         let token = self.listeners.token.child_token();
-        let acceptor = TlsAcceptor::from(settings.server);
-        let task = accept::run(listener, acceptor, self.links.clone(), settings.handshake, token.clone());
+        let task = accept::run(listener, settings.identity, self.links.clone(), settings.handshake, token.clone());
         let locator = Locator::new(endpoint.protocol(), local.to_string(), endpoint.metadata())?;
         let listed = EndPoint::new(locator.protocol(), locator.address(), locator.metadata(), endpoint.config())?;
         self.listeners.add_listener(listed, local, task, token).await?;

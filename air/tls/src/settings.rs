@@ -6,7 +6,10 @@ use std::time::Duration;
 
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::crypto::CryptoProvider;
 use rustls::server::WebPkiClientVerifier;
+use rustls::server::danger::ClientCertVerifier;
+use rustls::sign::{CertifiedKey, SingleCertAndKey};
 use rustls::version::TLS13;
 use rustls::{RootCertStore, ServerConfig};
 use zenoh_config::Config as ZenohConfig;
@@ -14,6 +17,8 @@ use zenoh_link_commons::ConfigurationInspector;
 use zenoh_protocol::core::endpoint::Config;
 use zenoh_protocol::core::parameters;
 use zenoh_result::{ZResult, bail, zerror};
+
+use crate::certificate::{Claim, Listening};
 
 const CA: &str = "root_ca_certificate_file";
 const CERTIFICATE: &str = "listen_certificate_file";
@@ -46,11 +51,35 @@ impl ConfigurationInspector<ZenohConfig> for TlsConfigurator {
 
 /// What a listener needs.
 pub(crate) struct Settings {
-    pub(crate) server: Arc<ServerConfig>,
+    pub(crate) identity: Identity,
     /// A handshake takes so long at most.
     pub(crate) handshake: Duration,
     /// `SO_SNDBUF`, bytes.
     pub(crate) send_buffer: Option<u32>,
+}
+
+/// What this side shows, and whom it lets in.
+#[derive(Clone)]
+pub(crate) struct Identity {
+    provider: Arc<CryptoProvider>,
+    clients: Arc<dyn ClientCertVerifier>,
+    shown: Arc<SingleCertAndKey>,
+}
+
+impl Identity {
+    /// For one connection; who it says that it is, known before that is verified, goes to `claim`.
+    pub(crate) fn server(&self, claim: &Claim) -> ZResult<Arc<ServerConfig>> {
+        let clients = Listening::new(Arc::clone(&self.clients), claim.clone());
+        let mut server = ServerConfig::builder_with_provider(Arc::clone(&self.provider))
+            .with_protocol_versions(&[&TLS13])
+            .map_err(|e| zerror!("{e}"))?
+            .with_client_cert_verifier(Arc::new(clients))
+            .with_cert_resolver(Arc::clone(&self.shown) as _);
+        // A resumed session would not show its certificate again, which may have been revoked since.
+        server.session_storage = Arc::new(rustls::server::NoServerSessionStorage {});
+        server.send_tls13_tickets = 0;
+        Ok(Arc::new(server))
+    }
 }
 
 /// Reads an endpoint's settings and the files that they name.
@@ -68,17 +97,12 @@ pub(crate) fn read(config: &Config<'_>) -> ZResult<Settings> {
 
     let provider = Arc::new(rustls::crypto::ring::default_provider());
     let clients = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider));
-    let mut server = ServerConfig::builder_with_provider(provider)
-        .with_protocol_versions(&[&TLS13])
-        .map_err(|e| zerror!("{e}"))?
-        .with_client_cert_verifier(clients.build().map_err(|e| bad(CA, &e))?)
-        .with_single_cert(chain, key)
-        .map_err(|e| bad(KEY, &e))?;
-    // A resumed session would not show its certificate again, which may have been revoked since.
-    server.session_storage = Arc::new(rustls::server::NoServerSessionStorage {});
-    server.send_tls13_tickets = 0;
+    let clients = clients.build().map_err(|e| bad(CA, &e))?;
+    let shown = CertifiedKey::from_der(chain, key, &provider).map_err(|e| bad(KEY, &e))?;
+    let identity = Identity { provider, clients, shown: Arc::new(SingleCertAndKey::from(shown)) };
+    identity.server(&Claim::default())?;
     Ok(Settings {
-        server: Arc::new(server),
+        identity,
         handshake: Duration::from_millis(number(config, HANDSHAKE_MS)?.unwrap_or(DEFAULT_HANDSHAKE_MS)),
         send_buffer: number(config, SEND_BUFFER)?,
     })

@@ -33,8 +33,8 @@ CHANNELS = ("plan", "control", "target", "health", "event")
 FULL_HZ = {"plan": 60.0, "target": 60.0, "control": 50.0, "health": 2.0}
 KEEPS_UP = 0.9
 """Of the full rate of planning: with less, the machine was too busy."""
-TARGET_KBPS = 150.0
-TARGET_CORE = {"tcp": 0.02, "tls": 0.015}
+TARGET_KBPS = 120.0
+TARGET_CORE = {"tcp": 0.01, "tls": 0.015}
 KEY = {"tcp": "telemetry", "tls": "telemetry_tls"}
 SENDING = ("telemetry", "tx")
 """How the names of the threads on board begin that telemetry costs."""
