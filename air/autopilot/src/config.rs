@@ -88,7 +88,8 @@ impl LinkConfig {
         let open = match address {
             Address::UdpIn(local) => !local.ip().is_loopback() && !self.peer.is_some_and(|peer| peer.is_loopback()),
             Address::UdpOut(host) => !on_this_computer(host),
-            Address::TcpIn(_) | Address::TcpOut(_) | Address::Serial { .. } => false,
+            Address::TcpIn(local) => !local.ip().is_loopback(),
+            Address::TcpOut(_) | Address::Serial { .. } => false,
         };
         if !open || self.signing.is_some() {
             return None;
@@ -147,6 +148,7 @@ mod tests {
             ("udpin:0.0.0.0:14540", None, "`peer`"),
             ("udpin:192.168.1.2:14540", None, "`peer`"),
             ("udpin:0.0.0.0:14540", Some("192.168.1.5"), "signing_key_file"),
+            ("tcpin:0.0.0.0:5760", None, "signing_key_file"),
             ("udpout:px4.local:14580", None, "signing_key_file"),
             ("udpout:192.168.1.5:14580", None, "signing_key_file"),
         ] {
@@ -164,6 +166,8 @@ mod tests {
             ("udpout:localhost:14580", None),
             ("udpout:127.0.0.1:14580", None),
             ("udpout:[::1]:14580", None),
+            ("tcpin:127.0.0.1:5760", None),
+            ("tcpout:192.168.1.5:5760", None),
             ("serial:/dev/ttyACM0:921600", None),
         ] {
             assert_eq!(at(address, peer).exposure(), None, "{address}");

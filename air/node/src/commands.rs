@@ -98,14 +98,18 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
         let reply = match desk.take(key, &payload, vehicle) {
             Taken::Answered(reply) => reply,
             Taken::New(parsed) => {
-                let reply = decide(&parsed, shared);
-                desk.remember(&reply);
+                let Decided { mut reply, settled } = ask_controller(&parsed, shared);
+                reply.mode = shared.mode.load(Ordering::Relaxed);
                 shared.report(Report::Command(v1::CommandRecord {
                     stamp_ns: clock::now().0,
                     verb: if key == Key::CmdStart { "start" } else { "stop" }.to_owned(),
                     profile: parsed.profile,
                     reply: Some(reply.clone()),
                 }));
+                if !settled {
+                    continue; // whoever asked asks again, and is answered when it is done
+                }
+                desk.remember(&reply);
                 reply
             }
         };
@@ -132,6 +136,15 @@ pub enum Taken {
     Answered(v1::CommandReply),
     /// The controller is to decide; then [`Desk::remember`].
     New(Parsed),
+}
+
+/// What was decided on a request.
+#[derive(Debug)]
+pub struct Decided {
+    /// For whoever asked, and for the log.
+    pub reply: v1::CommandReply,
+    /// It is final. Else it is only logged, neither remembered nor sent: a stop that stands is not called refused.
+    pub settled: bool,
 }
 
 /// Where requests arrive. Pure: it knows the answers that were given, so that a repeated id gets its first one again.
@@ -176,19 +189,22 @@ impl Parsed {
         refusal(self.id.clone(), "another command is being carried out: ask again".to_owned())
     }
 
-    /// The answer for the controller's `verdict`; none: it gave none in time.
+    /// What the controller's `verdict` means; none: it gave none in time.
     #[must_use]
-    pub fn reply(&self, verdict: Option<Result<(), Refusal>>) -> v1::CommandReply {
-        match verdict {
+    pub fn decided(&self, verdict: Option<Result<(), Refusal>>) -> Decided {
+        let refused = |why: String| refusal(self.id.clone(), why);
+        let reply = match verdict {
             Some(Ok(())) => v1::CommandReply {
                 command_id: self.id.clone(),
                 accepted: true,
                 reason: self.accepted.clone(),
                 mode: v1::Mode::Unspecified.into(),
             },
-            Some(Err(why)) => refusal(self.id.clone(), why.to_string()),
-            None => refusal(self.id.clone(), "the controller did not answer".to_owned()),
-        }
+            Some(Err(why)) => refused(why.to_string()),
+            None if self.lapses() => refused("the controller did not answer".to_owned()),
+            None => refused("the controller has not answered yet; the stop stands".to_owned()),
+        };
+        Decided { reply, settled: verdict.is_some() || self.lapses() }
     }
 }
 
@@ -226,19 +242,13 @@ pub fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (Str
     Ok(Parsed { id, profile, command, accepted })
 }
 
-fn decide(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
-    let mut reply = ask_controller(parsed, shared);
-    reply.mode = shared.mode.load(Ordering::Relaxed);
-    reply
-}
-
-fn ask_controller(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
+fn ask_controller(parsed: &Parsed, shared: &Shared) -> Decided {
     let (answer, verdict) = sync_channel(1);
     {
         let mut slot = lock(&shared.command);
         // A stop is never held up: it replaces a start that the controller has not taken yet.
         if slot.is_some() && parsed.command != Command::Stop {
-            return parsed.busy();
+            return Decided { reply: parsed.busy(), settled: true };
         }
         *slot = Some(PendingCommand { command: parsed.command, profile: parsed.profile.as_str().into(), answer });
     }
@@ -247,7 +257,7 @@ fn ask_controller(parsed: &Parsed, shared: &Shared) -> v1::CommandReply {
         let untaken = parsed.lapses() && lock(&shared.command).take().is_some();
         if parsed.lapses() && !untaken { verdict.recv_timeout(WAIT).ok() } else { None }
     });
-    parsed.reply(verdict)
+    parsed.decided(verdict)
 }
 
 fn refusal(command_id: String, reason: String) -> v1::CommandReply {
@@ -270,9 +280,10 @@ mod tests {
     #[test]
     fn a_start_that_the_controller_does_not_take_in_time_is_refused_and_taken_back_and_a_stop_stands() {
         let shared = Shared::new(sync_channel(1).0);
-        assert!(!ask_controller(&parsed(start()), &shared).accepted);
+        let refused = ask_controller(&parsed(start()), &shared);
+        assert!(!refused.reply.accepted && refused.settled);
         assert!(lock(&shared.command).is_none());
-        assert!(!ask_controller(&parsed(Command::Stop), &shared).accepted);
+        assert!(!ask_controller(&parsed(Command::Stop), &shared).settled);
         assert!(lock(&shared.command).as_ref().is_some_and(|pending| pending.command == Command::Stop));
     }
 
@@ -282,7 +293,7 @@ mod tests {
         let vehicle = Vehicle::load(path).unwrap();
         let (mut desk, payload) = (Desk::default(), v1::StopRequest { command_id: "b".to_owned() }.encode_to_vec());
         let Taken::New(stop) = desk.take(Key::CmdStop, &payload, &vehicle) else { panic!("it is new") };
-        let reply = stop.reply(Some(Ok(())));
+        let reply = stop.decided(Some(Ok(()))).reply;
         desk.remember(&reply);
         for key in [Key::CmdStop, Key::CmdStart] {
             assert!(matches!(desk.take(key, &payload, &vehicle), Taken::Answered(again) if again == reply));

@@ -55,13 +55,7 @@ pub(crate) async fn run(
 }
 
 /// One handshake; its link goes to Zenoh.
-async fn admit(
-    stream: TcpStream,
-    from: SocketAddr,
-    identity: Identity,
-    links: NewLinkChannelSender,
-    within: Duration,
-) {
+async fn admit(stream: TcpStream, from: SocketAddr, identity: Identity, links: NewLinkChannelSender, within: Duration) {
     let claim = Claim::default();
     let refuse = |why: &str| match claim.name() {
         Some(name) => {

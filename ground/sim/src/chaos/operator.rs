@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use goshawk_air::commands::{Desk, Parsed, Taken, WAIT};
+use goshawk_air::commands::{Decided, Desk, Parsed, Taken, WAIT};
 use goshawk_air::config::Vehicle;
 use goshawk_core::{Command, Refusal, Time};
 use goshawk_proto::keys::Key;
@@ -161,10 +161,12 @@ impl Operator {
         if verdict.is_none() {
             self.slot = self.slot.take().filter(|_| !parsed.lapses()).map(|slot| Delivered { given_up: true, ..slot });
         }
-        let reply = parsed.reply(verdict);
-        self.desk.remember(&reply);
+        let Decided { reply, settled } = parsed.decided(verdict);
         self.record(now, &parsed, &reply);
-        self.answer(now, &reply, acting);
+        if settled {
+            self.desk.remember(&reply);
+            self.answer(now, &reply, acting);
+        }
     }
 
     fn record(&mut self, now: Time, parsed: &Parsed, reply: &v1::CommandReply) {
