@@ -13,10 +13,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-from goshawk_dashboards.flight import Flight
 from goshawk_dashboards.gate import Access, Gate, Role
-from goshawk_dashboards.review import Recording, ReviewView
-from goshawk_dashboards.serving import close_server, open_server
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.page.serving import close_server, open_server
+from goshawk_dashboards.review.dashboard import Recording, ReviewView
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from goshawk_dashboards import snapshot as view
+from goshawk_dashboards.state import snapshot as view
 from goshawk_proto import PROTOCOL
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from google.protobuf import descriptor_pb2
 from google.protobuf.message import Message
-from goshawk_dashboards.flight import CHANNELS
+from goshawk_dashboards.log.flight import CHANNELS
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.writer import CompressionType, Writer
 from PIL import Image

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from goshawk_dashboards.alerts import HOLD_S, AlertBoard, alerts
-from goshawk_dashboards.snapshot import AutopilotView, CommandView, Snapshot, StopView
+from goshawk_dashboards.state.alerts import HOLD_S, AlertBoard, alerts
+from goshawk_dashboards.state.snapshot import AutopilotView, CommandView, Snapshot, StopView
 from goshawk_proto import PROTOCOL
 
 Make = Callable[..., Snapshot]

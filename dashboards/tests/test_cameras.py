@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from goshawk_dashboards.cameras import START_OFFSET_FLU_3, Viewpoint, turned, yaw_of
+from goshawk_dashboards.scene.cameras import START_OFFSET_FLU_3, Viewpoint, turned, yaw_of
 
 PLACED = np.array([-5.0, 2.0, 2.4])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goshawk_dashboards.curves import coefficients_N63, evaluate_NS3, segments_M23
+from goshawk_dashboards.scene.curves import coefficients_N63, evaluate_NS3, segments_M23
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

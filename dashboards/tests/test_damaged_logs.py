@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 import recordings as rec
 import zstandard
-from goshawk_dashboards.flight import CHANNELS, Flight, LogError
-from goshawk_dashboards.mcap_log import CHUNK_LIMIT, MAGIC
-from goshawk_dashboards.recover import recover
+from goshawk_dashboards.log.flight import CHANNELS, Flight, LogError
+from goshawk_dashboards.log.mcap_file import CHUNK_LIMIT, MAGIC
+from goshawk_dashboards.log.recover import recover
 from goshawk_dashboards.report.report import make_report, write_page
 from goshawk_dashboards.report.summary import card
 from mcap.opcode import Opcode

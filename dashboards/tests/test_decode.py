@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from google.protobuf.message import DecodeError
-from goshawk_dashboards import decode
+from goshawk_dashboards.state import decode
 from goshawk_proto import goshawk_pb2 as pb
 from hypothesis import given
 from hypothesis import strategies as st

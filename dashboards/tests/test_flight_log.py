@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
-from goshawk_dashboards.flight import CHANNELS, Flight, LogError
-from goshawk_dashboards.mcap_log import McapLog
-from goshawk_dashboards.phases import phases_of
-from goshawk_dashboards.recorded import marks_of
-from goshawk_dashboards.recover import recover
+from goshawk_dashboards.log.flight import CHANNELS, Flight, LogError
+from goshawk_dashboards.log.mcap_file import McapLog
+from goshawk_dashboards.log.phases import phases_of
+from goshawk_dashboards.log.recorded import marks_of
+from goshawk_dashboards.log.recover import recover
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.reader import make_reader
 

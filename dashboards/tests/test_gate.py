@@ -13,7 +13,7 @@ import pytest
 import zstandard
 from goshawk_dashboards.gate import Access, Gate, Role, UnguardedError, doors
 from goshawk_dashboards.gate.client import cookie_for, viser_protocol
-from goshawk_dashboards.serving import close_server, open_server
+from goshawk_dashboards.page.serving import close_server, open_server
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin

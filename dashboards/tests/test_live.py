@@ -8,11 +8,11 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from goshawk_dashboards import theme
-from goshawk_dashboards.feed import Watched
 from goshawk_dashboards.gate import Access, Gate, PortBusyError, Role
-from goshawk_dashboards.live import LiveDashboard, LiveView
-from goshawk_dashboards.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
+from goshawk_dashboards.live.dashboard import LiveDashboard, LiveView
+from goshawk_dashboards.live.feed import Watched
+from goshawk_dashboards.page import theme
+from goshawk_dashboards.state.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
 from viser import BatchedMeshHandle
 
 Make = Callable[..., Snapshot]
@@ -184,7 +184,7 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, sn
 
 
 def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
-    from goshawk_dashboards.snapshot import PreviewView
+    from goshawk_dashboards.state.snapshot import PreviewView
 
     live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"not a jpeg")))
     live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, picture=b"\xff\xd8\xff\xe0broken")))

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from goshawk_dashboards import candidates_html, fleet_html, link_html, overlay
-from goshawk_dashboards.alerts import Alert
-from goshawk_dashboards.snapshot import AutopilotView, CommandView, PreviewView, Snapshot
+from goshawk_dashboards.live import candidates, fleet, link, overlay
+from goshawk_dashboards.state.alerts import Alert
+from goshawk_dashboards.state.snapshot import AutopilotView, CommandView, PreviewView, Snapshot
 
 Make = Callable[..., Snapshot]
 
@@ -47,7 +47,7 @@ def test_what_a_silent_vehicle_showed_loses_its_colour(snap: Make) -> None:
 
 
 def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:
-    words = candidates_html.strip_html(snap(), fresh=True)
+    words = candidates.strip_html(snap(), fresh=True)
     order = [int(part.split('"')[0]) for part in words.split('data-candidate="')[1:]]
     assert order == [7, *[k for k in range(15) if k != 7]]
     assert 'data-candidate="0" data-rejection="objectness"' in words
@@ -57,7 +57,7 @@ def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:
 def test_a_strip_without_a_choice_says_so(snap: Make) -> None:
     base = snap()
     assert base.plan is not None
-    assert "nothing was eligible" in candidates_html.strip_html(
+    assert "nothing was eligible" in candidates.strip_html(
         replace(base, plan=replace(base.plan, chosen=None)), fresh=True
     )
 
@@ -68,11 +68,11 @@ def test_curves_and_the_estimate_are_drawn_where_the_camera_sees_them(snap: Make
     assert base.target is not None
     # Straight ahead of the camera, 10 m: the middle of the picture.
     ahead_3 = base.plan.start_pos_world_3 + np.array([10.0, 0.0, 0.0])
-    words = candidates_html.picture_html(replace(base, target=replace(base.target, pos_world_3=ahead_3)), fresh=True)
+    words = candidates.picture_html(replace(base, target=replace(base.target, pos_world_3=ahead_3)), fresh=True)
     assert 'data-goshawk="estimate" x="74.0" y="38.0"' in words
     assert words.count("<g class") == 15
     behind_3 = base.plan.start_pos_world_3 - np.array([10.0, 0.0, 0.0])
-    assert "estimate" not in candidates_html.picture_html(
+    assert "estimate" not in candidates.picture_html(
         replace(base, target=replace(base.target, pos_world_3=behind_3)), fresh=True
     )
 
@@ -82,17 +82,17 @@ def test_left_in_the_world_is_left_in_the_picture(snap: Make) -> None:
     assert base.plan is not None
     assert base.target is not None
     left_3 = base.plan.start_pos_world_3 + np.array([10.0, 5.0, 0.0])
-    words = candidates_html.picture_html(replace(base, target=replace(base.target, pos_world_3=left_3)), fresh=True)
+    words = candidates.picture_html(replace(base, target=replace(base.target, pos_world_3=left_3)), fresh=True)
     assert 'data-goshawk="estimate" x="34.0" y="38.0"' in words
 
 
 def test_a_stale_plan_is_not_drawn_over_the_picture(snap: Make) -> None:
-    assert "<g class" not in candidates_html.picture_html(snap(preview=PICTURE), fresh=False)
+    assert "<g class" not in candidates.picture_html(snap(preview=PICTURE), fresh=False)
 
 
 def test_the_fleet_marks_the_one_shown_and_the_silent(snap: Make) -> None:
     one, two = snap(vehicle="alpha"), snap(age_s=9.0, vehicle="bravo")
-    words = fleet_html.fleet_html([one, two], "alpha")
+    words = fleet.fleet_html([one, two], "alpha")
     assert 'data-vehicle="alpha" data-mode="track" data-stale="false" data-shown="true"' in words
     assert 'data-vehicle="bravo" data-mode="track" data-stale="true" data-shown="false"' in words
     assert "VEHICLE SILENT" in words
@@ -111,11 +111,11 @@ def test_the_radio_shows_mode_battery_and_link(snap: Make) -> None:
         rate_hz=30.0,
         texts=(("error", "Battery <low>"),),
     )
-    words = link_html.radio_html(snap(autopilot=radio))
+    words = link.radio_html(snap(autopilot=radio))
     for fact in ("OFFBOARD, ARMED", "61 %, 15.12 V", "2.0 %", "190, 180", "30 Hz", "Battery &lt;low&gt;", "read only"):
         assert fact in words
-    assert "SILENT" in link_html.radio_html(snap(autopilot=replace(radio, age_s=8.0)))
-    assert link_html.radio_html(snap()) == ""
+    assert "SILENT" in link.radio_html(snap(autopilot=replace(radio, age_s=8.0)))
+    assert link.radio_html(snap()) == ""
 
 
 def test_text_from_outside_is_never_markup(snap: Make) -> None:
@@ -132,9 +132,9 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
     )
     words = (
         over(hostile, [(evil, Alert(key=evil, severe=True, text=evil))])
-        + candidates_html.strip_html(hostile, fresh=True)
-        + candidates_html.picture_html(hostile, fresh=True)
-        + fleet_html.fleet_html([hostile], evil)
-        + link_html.radio_html(hostile)
+        + candidates.strip_html(hostile, fresh=True)
+        + candidates.picture_html(hostile, fresh=True)
+        + fleet.fleet_html([hostile], evil)
+        + link.radio_html(hostile)
     )
     assert "<script" not in words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from goshawk_dashboards.player import SCRUB_HOLD_S, Player
+from goshawk_dashboards.review.player import SCRUB_HOLD_S, Player
 
 STOPS_S = np.array([0.0, 1.0, 1.033, 2.0])
 

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
-from goshawk_dashboards import recorded, review_html, review_tables
-from goshawk_dashboards.flight import Flight
-from goshawk_dashboards.recorded import Mark, Replay
-from goshawk_dashboards.review_html import Window
-from goshawk_dashboards.review_plots import Curve, plots_of
+from goshawk_dashboards.log import recorded
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.log.recorded import Mark, Replay
+from goshawk_dashboards.review import html, tables
+from goshawk_dashboards.review.html import Window
+from goshawk_dashboards.review.plots import Curve, plots_of
 from made_up import make_plan
 
 DURATION_S = 8.0
@@ -134,10 +135,10 @@ def test_plots_are_drawn_for_a_page_and_the_cursor_carries_the_values(flight: Fl
     plots = plots_of(flight, None, None, 0.0)
     window = Window.around(6.1, 5.0, DURATION_S)
     assert (window.from_s, window.to_s) == (5.0, 10.0)
-    html = review_html.plots_html(plots, flight.phases, window)
-    assert html.count("<svg") == len(plots) == 7
-    assert "nan" not in html
-    cursor = review_html.cursor_html(plots, 6.1, window)
+    drawn = html.plots_html(plots, flight.phases, window)
+    assert drawn.count("<svg") == len(plots) == 7
+    assert "nan" not in drawn
+    cursor = html.cursor_html(plots, 6.1, window)
     assert 'data-time="6.100"' in cursor and "left:22.000%" in cursor
     assert len(cursor) < 4000
 
@@ -150,22 +151,22 @@ def test_the_whole_flight_is_one_page() -> None:
 
 def test_the_band_names_the_phases_in_order(flight: Flight) -> None:
     whole = Window.around(0.0, None, flight.duration_s)
-    html = review_html.band_html(flight.phases, flight.fallbacks, recorded.marks_of(flight), whole)
-    assert 'data-phases="take-off|tracking|lost|search|tracking|landing"' in html
+    drawn = html.band_html(flight.phases, flight.fallbacks, recorded.marks_of(flight), whole)
+    assert 'data-phases="take-off|tracking|lost|search|tracking|landing"' in drawn
 
 
 def test_candidates_are_laid_out_as_the_lattice_and_say_what_was_flown() -> None:
-    html = review_tables.candidates_html(make_plan(chosen=7), 5, make_plan(chosen=3))
+    html = tables.candidates_html(make_plan(chosen=7), 5, make_plan(chosen=3))
     assert "repeat(5,1fr)" in html
     assert "candidate 8 flown" in html
     assert "the other policy chose 4, " in html
     assert html.count("border:2px solid #fff") == 1
-    assert "nothing was eligible" in review_tables.candidates_html(make_plan(chosen=None), 5, None)
-    assert "no plan" in review_tables.candidates_html(None, 5, None)
+    assert "nothing was eligible" in tables.candidates_html(make_plan(chosen=None), 5, None)
+    assert "no plan" in tables.candidates_html(None, 5, None)
 
 
 def test_texts_of_a_log_are_escaped() -> None:
-    html = review_tables.marks_html([Mark(time_s=0.0, severity="info", text="<script>alert(1)</script>")], 0.0)
+    html = tables.marks_html([Mark(time_s=0.0, severity="info", text="<script>alert(1)</script>")], 0.0)
     assert "<script>" not in html
     plan = replace(make_plan(), rejections=("<b>",) * 15)
-    assert "<b>" not in review_tables.candidates_html(plan, 5, None).replace("<b style", "")
+    assert "<b>" not in tables.candidates_html(plan, 5, None).replace("<b style", "")

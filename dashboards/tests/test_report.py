@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import recordings as rec
 from goshawk_dashboards.exports import frames
-from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.clearance import seen_clearance
 from goshawk_dashboards.report.errors import target_errors
 from goshawk_dashboards.report.latency import latencies

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import viser.transforms as tf
-from goshawk_dashboards import shapes
+from goshawk_dashboards.scene import shapes
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goshawk_dashboards.live import LiveDashboard
+from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_ground.link import GroundLink
 from goshawk_ground.serve import serve_dashboard
 from PIL import Image

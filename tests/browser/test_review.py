@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from goshawk_dashboards.flight import Flight
-from goshawk_dashboards.recorded import marks_of
-from goshawk_dashboards.review import ReviewDashboard, ReviewView
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.log.recorded import marks_of
+from goshawk_dashboards.review.dashboard import ReviewDashboard, ReviewView
 from goshawk_ground.ports import free_port
 from goshawk_ground.review import open_review
 from playwright.sync_api import Page, expect

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import GroundLink
 from rig import BIN, VEHICLE, Rig
 

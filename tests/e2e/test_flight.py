@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.dial import client_config
 from goshawk_ground.link import DEFAULT_VEHICLE, GroundLink
 from goshawk_proto import KEYS, goshawk_pb2, key_expression

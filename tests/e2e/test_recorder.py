@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from goshawk_dashboards.flight import Flight
-from goshawk_dashboards.recover import recover
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.log.recover import recover
+from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import goshawk_pb2
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader

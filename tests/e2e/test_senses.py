@@ -12,7 +12,7 @@ import numpy as np
 import onnx
 import pytest
 import zenoh
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.dial import client_config
 from goshawk_ground.link import DEFAULT_VEHICLE
 from goshawk_proto import goshawk_pb2, key_expression

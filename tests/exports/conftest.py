@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from goshawk_dashboards.exports import Exported, Format, export_log
-from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.log.flight import Flight
 
 ROOT = Path(__file__).resolve().parents[2]
 SIM = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"), "release", "goshawk-sim")

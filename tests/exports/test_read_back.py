@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from goshawk_dashboards.exports import Exported, ExportError, Format, export_log
-from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.log.flight import Flight
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder

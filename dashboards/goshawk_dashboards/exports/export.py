@@ -10,7 +10,7 @@ from pathlib import Path
 
 from goshawk_dashboards.exports.csv_files import write_csv
 from goshawk_dashboards.exports.source import Record, records
-from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.log.flight import Flight
 
 
 class ExportError(RuntimeError):

@@ -39,12 +39,13 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from goshawk_proto import goshawk_pb2 as pb
 from mcap_protobuf.writer import Writer
 
-from goshawk_dashboards import decode, theme
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.exports.drawing import FlownPath, plan_lines
 from goshawk_dashboards.exports.source import Record
-from goshawk_dashboards.frame import FrameView
-from goshawk_dashboards.snapshot import Array
+from goshawk_dashboards.log.frame import FrameView
+from goshawk_dashboards.page import theme
+from goshawk_dashboards.state import decode
+from goshawk_dashboards.state.snapshot import Array
 
 SAMPLES = 16
 """Points along a drawn trajectory."""

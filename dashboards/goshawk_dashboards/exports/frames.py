@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
-from goshawk_dashboards.frame import FrameView
-from goshawk_dashboards.snapshot import Array
+from goshawk_dashboards.log.frame import FrameView
+from goshawk_dashboards.state.snapshot import Array
 
 WORLD, BODY, CAMERA, OPTICAL = "world", "body", "camera", "camera_optical"
 CAMERA_FROM_OPTICAL_4 = np.array([0.5, -0.5, 0.5, -0.5])

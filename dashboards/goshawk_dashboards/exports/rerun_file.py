@@ -15,12 +15,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 from goshawk_proto import goshawk_pb2 as pb
 
-from goshawk_dashboards import decode, theme
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.exports.drawing import FlownPath, plan_lines
 from goshawk_dashboards.exports.source import Record
-from goshawk_dashboards.frame import FrameView
-from goshawk_dashboards.snapshot import Array, ControlView
+from goshawk_dashboards.log.frame import FrameView
+from goshawk_dashboards.page import theme
+from goshawk_dashboards.state import decode
+from goshawk_dashboards.state.snapshot import Array, ControlView
 
 APPLICATION = "goshawk"
 TIMELINE = "vehicle"

@@ -15,12 +15,12 @@ from goshawk_proto import goshawk_pb2 as pb
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from goshawk_dashboards import decode
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.exports.drawing import plan_lines
 from goshawk_dashboards.exports.source import Record
-from goshawk_dashboards.frame import FrameView
-from goshawk_dashboards.snapshot import Array
+from goshawk_dashboards.log.frame import FrameView
+from goshawk_dashboards.state import decode
+from goshawk_dashboards.state.snapshot import Array
 
 SAMPLES = 12
 """Points along a trajectory."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from google.protobuf.message import Message
 
-from goshawk_dashboards.flight import CHANNELS, Flight
+from goshawk_dashboards.log.flight import CHANNELS, Flight
 
 
 @dataclass(frozen=True, kw_only=True)

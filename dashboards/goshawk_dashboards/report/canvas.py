@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from goshawk_dashboards.phases import Phase
+from goshawk_dashboards.log.phases import Phase
 
 FONT = "DejaVu Sans"
 """What matplotlib measures text with; pages show their own font, which is narrower."""

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_dashboards.exports import frames
-from goshawk_dashboards.flight import Flight
-from goshawk_dashboards.snapshot import Array
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.state.snapshot import Array
 
 RATE_HZ = 10.0
 REMEMBERED_S = 3.0

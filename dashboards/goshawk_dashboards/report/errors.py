@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from goshawk_dashboards.flight import Flight
-from goshawk_dashboards.snapshot import Array
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.state.snapshot import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

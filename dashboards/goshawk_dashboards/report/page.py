@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.resources import files
 
-from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import DARK, LIGHT, Figure, css_variables, svg
 from goshawk_dashboards.report.latency import Latencies
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, Figures, Spread

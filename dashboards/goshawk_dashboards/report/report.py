@@ -6,7 +6,7 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from goshawk_dashboards.flight import Flight
+from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report import figures as drawn
 from goshawk_dashboards.report.canvas import Figure, png
 from goshawk_dashboards.report.clearance import seen_clearance

@@ -20,7 +20,7 @@ import viser
 from common import record
 from goshawk_dashboards.gate import Access, Gate, Role
 from goshawk_dashboards.gate.client import CAMERA, open_page, viser_protocol
-from goshawk_dashboards.serving import close_server, open_server
+from goshawk_dashboards.page.serving import close_server, open_server
 from websockets.sync.client import ClientConnection, unix_connect
 
 RATE_HZ = 30.0

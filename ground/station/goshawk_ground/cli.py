@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from goshawk_dashboards import protocol
-from goshawk_dashboards.snapshot import FLYING, CommandView, Snapshot
+from goshawk_dashboards.state import protocol
+from goshawk_dashboards.state.snapshot import FLYING, CommandView, Snapshot
 from rich.console import Console
 from rich.table import Table
 

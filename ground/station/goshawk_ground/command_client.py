@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from google.protobuf.message import Message
-from goshawk_dashboards import decode
-from goshawk_dashboards.snapshot import CommandView
+from goshawk_dashboards.state import decode
+from goshawk_dashboards.state.snapshot import CommandView
 from goshawk_proto import goshawk_pb2
 
 

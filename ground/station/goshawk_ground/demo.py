@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from goshawk_dashboards.live import LiveDashboard
-from goshawk_dashboards.panels_html import failing_checks
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.live.dashboard import LiveDashboard
+from goshawk_dashboards.page.status import failing_checks
+from goshawk_dashboards.state.snapshot import Snapshot
 from rich.console import Console
 
 from goshawk_ground.children import Child, stop_all

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 from goshawk_dashboards.exports import ExportError, Format, export_log
-from goshawk_dashboards.flight import Flight, LogError
-from goshawk_dashboards.recover import recover as recover_log
+from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.recover import recover as recover_log
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, card
 from rich.console import Console
 from rich.progress import track

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
-from goshawk_dashboards.flight import Flight, LogError
+from goshawk_dashboards.log.flight import Flight, LogError
 
 REFUSED = 1
 NO_REPLY = 2

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from goshawk_dashboards.flight import Flight, LogError
 from goshawk_dashboards.gate import Access, Gate, Tls
-from goshawk_dashboards.recorded import Replay
-from goshawk_dashboards.review import ReviewDashboard
+from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.recorded import Replay
+from goshawk_dashboards.review.dashboard import ReviewDashboard
 
 __all__ = ["LogError", "open_review"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from goshawk_dashboards.feed import Watched
 from goshawk_dashboards.gate import Access, Gate, Tls
-from goshawk_dashboards.live import LiveDashboard
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.live.dashboard import LiveDashboard
+from goshawk_dashboards.live.feed import Watched
+from goshawk_dashboards.state.snapshot import Snapshot
 
 from goshawk_ground.link import GroundLink
 from goshawk_ground.radio import Radio

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
 
 
 def why_silent(snap: Snapshot, waited_s: float) -> str:

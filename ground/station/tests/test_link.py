@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from goshawk_dashboards.snapshot import Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.dial import LinkError
 from goshawk_ground.link import GroundLink
 

@@ -1,0 +1,1 @@
+"""The live view: vehicles that fly now, and the commands to them."""

@@ -1,0 +1,117 @@
+"""What all who look at one vehicle share: its newest snapshot, the curves of its plots, its alerts, and the words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from goshawk_dashboards.live import plots
+from goshawk_dashboards.live.candidates import picture_html, strip_html
+from goshawk_dashboards.live.link import link_html, radio_html
+from goshawk_dashboards.page.status import command_html, events_html, readiness_html, status_html, vehicle_html
+from goshawk_dashboards.scene.scene import PLAN_STALE_S
+from goshawk_dashboards.state.alerts import Alert, AlertBoard
+from goshawk_dashboards.state.snapshot import CommandView, Snapshot
+
+MAX_ALERTS = 4
+"""Lines of the banner; the worst come first, and the rest is counted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watched:
+    """One vehicle as the dashboard needs it, safe from any thread; only ``on_start`` waits for the vehicle."""
+
+    name: str
+    latest: Callable[[], Snapshot]
+    on_start: Callable[[str], CommandView]
+    """Takes a start profile; empty: the vehicle's default."""
+    on_stop: Callable[[], object]
+    """Asks until the vehicle confirms."""
+    on_cancel: Callable[[], object]
+    """Takes a Stop back that is not confirmed."""
+
+
+class Words:
+    """What the panels say of one snapshot, each part made when somebody first shows it."""
+
+    def __init__(self, snap: Snapshot) -> None:
+        self._snap = snap
+        self._fresh = snap.fresh("plan", PLAN_STALE_S)
+
+    @cached_property
+    def status(self) -> str:
+        """The card at the top."""
+        return status_html(self._snap)
+
+    @cached_property
+    def command(self) -> str:
+        """What became of the last command."""
+        return command_html(self._snap)
+
+    @cached_property
+    def readiness(self) -> str:
+        """Each check."""
+        return readiness_html(self._snap)
+
+    @cached_property
+    def link(self) -> str:
+        """How telemetry arrives."""
+        return link_html(self._snap)
+
+    @cached_property
+    def radio(self) -> str:
+        """What the autopilot says by radio."""
+        return radio_html(self._snap)
+
+    @cached_property
+    def vehicle(self) -> str:
+        """The heartbeat's figures."""
+        return vehicle_html(self._snap)
+
+    @cached_property
+    def events(self) -> str:
+        """The newest events."""
+        return events_html(self._snap)
+
+    @cached_property
+    def picture(self) -> str:
+        """What the camera sees, with the candidates over it."""
+        return picture_html(self._snap, fresh=self._fresh)
+
+    @cached_property
+    def strip(self) -> str:
+        """The candidates in a row."""
+        return strip_html(self._snap, fresh=self._fresh)
+
+
+class Feed:
+    """One vehicle. Only the thread that draws may call it."""
+
+    def __init__(self, vehicle: Watched) -> None:
+        self.vehicle = vehicle
+        self.snap = vehicle.latest()
+        self.words = Words(self.snap)
+        self.curves = tuple(plots.Curves(kind) for kind in plots.KINDS)
+        self.alerts: list[Alert] = []
+        self._board = AlertBoard()
+
+    def take(self, snap: Snapshot) -> None:
+        """Goes on to a snapshot."""
+        self.snap, self.words = snap, Words(snap)
+        for curves in self.curves:
+            curves.sample(snap)
+
+    def judge(self) -> None:
+        """Works out the alerts, as often as they are shown."""
+        self.alerts = self._board.update(self.snap)
+
+
+def worst_alerts(feeds: Sequence[Feed]) -> list[tuple[str, Alert]]:
+    """Of all vehicles, the severe first, each with its vehicle's name if there are several."""
+    found = [(feed.vehicle.name if len(feeds) > 1 else "", alert) for feed in feeds for alert in feed.alerts]
+    found.sort(key=lambda pair: (pair[1].over, not pair[1].severe))
+    if len(found) > MAX_ALERTS:
+        more = Alert(key="more", severe=False, text=f"and {len(found) - MAX_ALERTS} more")
+        return [*found[:MAX_ALERTS], ("", more)]
+    return found

@@ -1,0 +1,202 @@
+"""What the panels say, as HTML: pure functions of a snapshot. Every text from outside is escaped."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from goshawk_dashboards.page import theme
+from goshawk_dashboards.state.snapshot import STALE_S, Snapshot
+
+MODE_COLORS: dict[str, theme.Rgb] = {
+    "idle": theme.STALE,
+    "ready": theme.GOOD,
+    "takeoff": theme.VEHICLE,
+    "track": theme.GOOD,
+    "navigate": theme.GOOD,
+    "search": theme.WARN,
+    "hold": theme.VEHICLE,
+    "stopping": theme.WARN,
+    "landed": theme.VEHICLE,
+    "fault": theme.BAD,
+}
+
+TEXT = "font:13px/1.45 system-ui,sans-serif;color:#d7dde6"
+DIM = "color:#8b95a5"
+NUM = "text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap"
+_MARKS = {True: "&#10003;", False: "&#10007;"}
+
+
+def pill(text: str, color: theme.Rgb, size: int = 12) -> str:
+    return (
+        f'<span style="display:inline-block;padding:2px 10px;border-radius:999px;font:600 {size}px/1.5 system-ui;'
+        f'background:{theme.css(color, 0.18)};color:{theme.css(color)};border:1px solid {theme.css(color, 0.5)}">'
+        f"{escape(text)}</span>"
+    )
+
+
+def status_html(snap: Snapshot) -> str:
+    """The card at the top: vehicle, link, mode, and the numbers an operator glances at."""
+    age_s = snap.heard_age_s
+    stale = snap.stale
+    mode = snap.mode
+    if mode is None:
+        link = "connected, waiting for telemetry" if snap.linked else f"no link to {snap.endpoint}: dialling"
+        return (
+            f'<div data-goshawk="status" style="{TEXT};padding:10px 12px">{pill("NO VEHICLE", theme.BAD, 15)}'
+            f'<div style="{DIM};margin-top:6px">{escape(snap.vehicle)}: {escape(link)}</div></div>'
+        )
+    color = theme.STALE if stale else MODE_COLORS.get(mode, theme.WARN)
+    head = pill(mode.upper(), color, 16)
+    if stale and age_s is not None:
+        head += " " + pill(f"STALE {age_s:.1f} s", theme.BAD, 13)
+    elif not snap.alive:
+        head += " " + pill("not alive", theme.WARN)
+    control = snap.control
+    if control is not None and control.fallback != "none":
+        head += (
+            f'<div style="margin-top:6px">{pill("fallback: " + control.fallback.replace("_", " "), theme.BAD)}</div>'
+        )
+    health = snap.health
+    faults = "".join(
+        f'<div style="color:{theme.css(theme.BAD)};margin-top:4px">&#9888; {escape(f)}</div>'
+        for f in (health.faults if health is not None else ())
+    )
+    return (
+        f'<div data-goshawk="status" data-mode="{escape(mode)}" data-stale="{str(stale).lower()}" '
+        f'style="{TEXT};padding:10px 12px 4px">'
+        f'<div style="display:flex;justify-content:space-between;align-items:center"><div>{head}</div>'
+        f'<div style="text-align:right;{DIM}"><b style="color:#fff">{escape(snap.vehicle)}</b><br>'
+        f"{escape(health.autopilot if health is not None else '')}</div></div>"
+        f"{faults}{faded(_figures(snap), stale)}</div>"
+    )
+
+
+def _figures(snap: Snapshot) -> str:
+    control, target, health, truth = snap.control, snap.target, snap.health, snap.truth
+    cells: list[tuple[str, str]] = []
+    if control is not None:
+        cells.append(("speed", f"{float(np.linalg.norm(control.vel_world_3)):.1f} m/s"))
+        cells.append(("height", f"{control.pos_world_3[2]:.1f} m"))
+    if control is not None and target is not None and target.confirmed:
+        cells.append(("target", f"{float(np.linalg.norm(target.pos_world_3 - control.pos_world_3)):.1f} m"))
+    else:
+        cells.append(("target", "&ndash;"))
+    if snap.plan is not None and snap.fresh("plan", STALE_S):
+        cells.append(("time scale &alpha;", f"{snap.plan.alpha:.2f}"))
+    if health is not None and health.battery_fraction is not None:
+        cells.append(("battery", f"{100 * health.battery_fraction:.0f} %"))
+    if truth is not None and snap.fresh("sim_truth", STALE_S):
+        cells.append(("clearance", f"{truth.clearance_m:.2f} m"))
+        cells.append(("target ran", f"{truth.target_path_m:.0f} m"))
+    boxes = "".join(
+        f'<div style="flex:1 0 29%;padding:4px 0"><div style="{DIM};font-size:11px">{name}</div>'
+        f'<div style="font-size:17px;font-weight:600;color:#fff;white-space:nowrap">{value}</div></div>'
+        for name, value in cells
+    )
+    return f'<div style="display:flex;flex-wrap:wrap;margin-top:8px">{boxes}</div>'
+
+
+def command_html(snap: Snapshot) -> str:
+    """What became of the last command."""
+    command = snap.command
+    if command is None:
+        return ""
+    color = theme.WARN if command.pending else (theme.GOOD if command.accepted else theme.BAD)
+    verdict = "accepted" if command.accepted else ("refused" if command.answered else "no reply")
+    if command.pending:
+        verdict = "sent"
+    elif command.cancelled or command.refused_here:
+        verdict = "cancelled" if command.cancelled else "not sent"
+    return (
+        f'<div data-goshawk="command" style="{TEXT};padding:0 12px 4px">'
+        f'<b style="color:{theme.css(color)}">{escape(command.verb)} {verdict}</b> '
+        f"<span>{escape(command.text)}</span></div>"
+    )
+
+
+def readiness_html(snap: Snapshot) -> str:
+    """Each check with its reason, the failing ones first."""
+    health = snap.health
+    if health is None:
+        return f'<div style="{TEXT};{DIM};padding:4px 12px">no heartbeat yet</div>'
+    rows = "".join(
+        f'<tr><td style="width:22px;color:{theme.css(theme.GOOD if c.ok else theme.BAD)}">{_MARKS[c.ok]}</td>'
+        f'<td style="white-space:nowrap;padding-right:10px">{escape(c.name.replace("_", " "))}</td>'
+        f'<td style="{DIM if c.ok else "color:#fff"}">{escape(c.reason)}</td></tr>'
+        for c in sorted(health.checks, key=lambda c: c.ok)
+    )
+    return faded(table("readiness", rows), snap.stale)
+
+
+def failing_checks(snap: Snapshot) -> list[str]:
+    """What is not ready, one line each; a silent vehicle is one of them."""
+    if snap.health is None:
+        return ["No heartbeat has come from the vehicle."]
+    lines = [f"{c.name.replace('_', ' ')}: {c.reason}" for c in snap.health.checks if not c.ok]
+    if snap.stale:
+        lines.insert(0, "The vehicle is silent; what is shown here is old.")
+    return lines
+
+
+def vehicle_html(snap: Snapshot) -> str:
+    """What the heartbeat reports: rates, latencies, drops, versions."""
+    health = snap.health
+    if health is None:
+        return f'<div style="{TEXT};{DIM};padding:4px 12px">no heartbeat yet</div>'
+    rows = "".join(
+        f'<tr><td>{escape(n.replace("_", " "))}</td><td colspan="3" style="{NUM}">{hz:.1f} Hz</td></tr>'
+        for n, hz in health.rates_hz
+    )
+    if health.latencies:
+        rows += f'<tr style="{DIM};font-size:11px"><td>latency, ms</td>' + "".join(
+            f'<td style="{NUM}">{t}</td>' for t in ("p50", "p99", "max")
+        )
+        rows += "</tr>" + "".join(
+            f"<tr><td>{escape(x.name.replace('_', ' '))}</td>"
+            + "".join(f'<td style="{NUM}">{v:.2f}</td>' for v in (x.p50_ms, x.p99_ms, x.max_ms))
+            + "</tr>"
+            for x in health.latencies
+        )
+    rows += "".join(
+        f'<tr style="color:{theme.css(theme.WARN)}"><td>{escape(n.replace("_", " "))} dropped</td>'
+        f'<td colspan="3" style="{NUM}">{count}</td></tr>'
+        for n, count in health.drops
+        if count
+    )
+    facts = (
+        ("profile", health.profile),
+        ("policy", health.policy_sha256[:12]),
+        ("version", health.version),
+        ("log", health.log_path or "not recording"),
+    )
+    rows += "".join(
+        f'<tr style="{DIM}"><td>{n}</td><td colspan="3" style="text-align:right;overflow-wrap:anywhere">'
+        f"{escape(v)}</td></tr>"
+        for n, v in facts
+    )
+    return faded(table("vehicle", rows), snap.stale)
+
+
+def events_html(snap: Snapshot, newest: int = 12) -> str:
+    """The newest events, newest first, by the vehicle's clock."""
+    colors = {"warning": theme.css(theme.WARN), "error": theme.css(theme.BAD)}
+    rows = "".join(
+        f'<tr><td style="{NUM};{DIM};padding-right:8px">{e.stamp_ns * 1e-9:.1f} s</td>'
+        f'<td style="color:{colors.get(e.severity, "inherit")}">{escape(e.text)}</td></tr>'
+        for e in reversed(snap.events[-newest:])
+    )
+    return table("events", rows or f'<tr><td style="{DIM}">none yet</td></tr>')
+
+
+def faded(words: str, stale: bool) -> str:
+    return f'<div style="opacity:0.4">{words}</div>' if stale else words
+
+
+def table(name: str, rows: str) -> str:
+    return (
+        f'<div data-goshawk="{name}" style="{TEXT};padding:2px 12px">'
+        f'<table style="width:100%;border-collapse:collapse">'
+        f"{rows}</table></div>"
+    )

@@ -1,0 +1,1 @@
+"""The review: recorded flights on a timeline, in the live view's scene."""

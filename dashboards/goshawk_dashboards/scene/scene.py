@@ -1,0 +1,354 @@
+"""The 3-D view: what the vehicle sees, considers and flies, in the world frame (ENU, z up).
+
+Every node is made once; a snapshot only moves, recolours or hides them. Stale things turn grey, then go.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+from PIL import Image, UnidentifiedImageError
+
+from goshawk_dashboards.page import theme
+from goshawk_dashboards.page.viewer import Viewer
+from goshawk_dashboards.scene import curves, shapes
+from goshawk_dashboards.scene.world import WorldScene
+from goshawk_dashboards.state.snapshot import Array, ControlView, PlanView, PreviewView, Snapshot, TargetView
+
+SAMPLES = 24
+"""Points along a drawn trajectory."""
+VEHICLE_DRAWN = 3.0
+"""The vehicle is drawn this many times its size: 155 mm cannot be seen across a forest."""
+LEAST_OBJECTNESS = 0.1
+"""A detection less sure than this is not drawn."""
+PLAN_STALE_S = 1.0
+CONTROL_STALE_S = 1.0
+TARGET_STALE_S = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """What the viewer asked to see."""
+
+    rejected: bool = True
+    world: bool = True
+    trails: bool = True
+    truth: bool = True
+    frustum: bool = True
+    detections: bool = True
+
+
+def prepare(server: viser.ViserServer) -> None:
+    """Light, ground and background, once for a server."""
+    scene = server.scene
+    scene.set_up_direction("+z")
+    scene.world_axes.visible = False
+    scene.configure_fog(45.0, 130.0, color=theme.BACKGROUND)
+    scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
+    scene.configure_default_lights(True, cast_shadow=False)
+    scene.add_light_hemisphere("/light", sky_color=(210, 222, 255), ground_color=(70, 66, 60), intensity=0.7)
+    scene.add_grid(
+        "/ground",
+        infinite_grid=True,
+        cell_size=1.0,
+        section_size=5.0,
+        cell_color=theme.GRID,
+        section_color=theme.GRID_SECTION,
+        cell_thickness=0.6,
+        fade_distance=90.0,
+    )
+
+
+class LiveScene:
+    """Draws snapshots into a viewer's scene, on the ground that ``prepare`` made."""
+
+    def __init__(
+        self,
+        viewer: Viewer,
+        root: str = "",
+        vehicle_rgb: theme.Rgb = theme.VEHICLE,
+        flown_rgb: theme.Rgb = theme.GOOD,
+    ) -> None:
+        """``root`` is the node that it is drawn under, so that several vehicles can share a scene."""
+        self._viewer = viewer
+        self._root = root
+        self._vehicle_rgb, self._flown_rgb = theme.vivid(vehicle_rgb), theme.vivid(flown_rgb)
+        self._plan_drawn: tuple[int, bool] | None = None
+        self._preview_seq: int | None = None
+        self.world = WorldScene(viewer, root)
+        self._vehicle_trail = shapes.Trail(spacing_m=0.3)
+        self._target_trail = shapes.Trail(spacing_m=0.3)
+        self._make_vehicle()
+        self._make_plan()
+        self._make_target()
+
+    def _make_vehicle(self) -> None:
+        scene = self._viewer.scene
+        self.vehicle = scene.add_frame(f"{self._root}/vehicle", show_axes=False, visible=False)
+        mesh = shapes.quadrotor(VEHICLE_DRAWN, self._vehicle_rgb)
+        self.model = scene.add_mesh_trimesh(f"{self._root}/vehicle/model", mesh)
+        self.ghost = scene.add_mesh_simple(
+            f"{self._root}/vehicle/ghost",
+            np.asarray(mesh.vertices),
+            np.asarray(mesh.faces),
+            color=theme.STALE,
+            opacity=0.35,
+            cast_shadow=False,
+            visible=False,
+        )
+        self._label = scene.add_label(
+            f"{self._root}/vehicle/label", "last seen here", position=(0.0, 0.0, 0.55), visible=False
+        )
+        self._disturbance = scene.add_arrows(
+            f"{self._root}/disturbance",
+            np.zeros((1, 2, 3)),
+            theme.vivid(theme.DISTURBANCE),
+            shaft_radius=0.025,
+            head_radius=0.06,
+            visible=False,
+        )
+        self.camera = scene.add_frame(f"{self._root}/camera", show_axes=False, visible=False)
+        self._frustum = scene.add_camera_frustum(
+            f"{self._root}/camera/frustum",
+            fov=2.0 * np.arctan(48.0 / 80.0),
+            aspect=160.0 / 96.0,
+            scale=0.22,
+            thickness=1.5,
+            thickness_units="screen",
+            color=self._vehicle_rgb,
+            wxyz=shapes.CV_FROM_FLU_WXYZ,
+            cast_shadow=False,
+        )
+        segments = self._vehicle_trail.segments_M23()
+        self._vehicle_line = scene.add_line_segments(
+            f"{self._root}/trail/vehicle",
+            segments,
+            shapes.fading_M23(len(segments), self._vehicle_rgb),
+            thickness=2.5,
+            thickness_units="screen",
+            visible=False,
+        )
+
+    def _make_plan(self) -> None:
+        scene = self._viewer.scene
+        self.candidates: viser.LineSegmentsHandle | None = None
+        self.detections = scene.add_point_cloud(
+            f"{self._root}/plan/detections",
+            np.zeros((1, 3), dtype=np.float32),
+            np.zeros((1, 3), dtype=np.uint8),
+            point_size=0.09,
+            point_shape="circle",
+            precision="float32",  # viser's usual half precision is wrong by decimetres some 200 m out
+            visible=False,
+        )
+        self.chosen = scene.add_line_segments(
+            f"{self._root}/plan/chosen",
+            np.zeros((SAMPLES - 1, 2, 3)),
+            self._flown_rgb,
+            thickness=7.0,
+            thickness_units="screen",
+            visible=False,
+        )
+
+    def _make_target(self) -> None:
+        scene = self._viewer.scene
+        self.target = scene.add_frame(f"{self._root}/target", show_axes=False, visible=False)
+        self._target_dot = scene.add_icosphere(
+            f"{self._root}/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2
+        )
+        self._covariance = scene.add_icosphere(
+            f"{self._root}/target/covariance",
+            radius=1.0,
+            color=theme.vivid(theme.TARGET),
+            opacity=0.22,
+            subdivisions=3,
+            cast_shadow=False,
+        )
+        self._target_label = scene.add_label(f"{self._root}/target/label", "", position=(0.0, 0.0, 1.2))
+        self._target_arrow = scene.add_arrows(
+            f"{self._root}/target/velocity",
+            np.zeros((1, 2, 3)),
+            theme.vivid(theme.TARGET),
+            shaft_radius=0.035,
+            head_radius=0.09,
+            head_length=0.2,
+        )
+        segments = self._target_trail.segments_M23()
+        self._target_line = scene.add_line_segments(
+            f"{self._root}/trail/target",
+            segments,
+            shapes.fading_M23(len(segments), theme.vivid(theme.TARGET)),
+            thickness=2.5,
+            thickness_units="screen",
+            visible=False,
+        )
+        mesh = shapes.person()
+        self._truth = scene.add_mesh_simple(
+            f"{self._root}/truth/target", mesh.vertices, mesh.faces, color=theme.TRUTH, opacity=0.55, visible=False
+        )
+
+    def update(self, snap: Snapshot, options: ViewOptions) -> None:
+        """Shows one snapshot."""
+        if snap.control is not None:
+            self._draw_vehicle(snap.control, snap.fresh("control", CONTROL_STALE_S), options)
+        plan_fresh = snap.fresh("plan", PLAN_STALE_S)
+        self._draw_detections(snap.plan, plan_fresh and options.detections)
+        self._draw_plan(snap.plan, plan_fresh, options)
+        self._draw_camera(snap, options)
+        self._draw_target(snap, options)
+        truth = snap.truth if snap.fresh("sim_truth", CONTROL_STALE_S) else None
+        self._truth.visible = options.truth and truth is not None and truth.target_pos_world_3 is not None
+        if truth is not None and truth.target_pos_world_3 is not None:
+            self._truth.position = truth.target_pos_world_3
+        self.world.update(snap.world, truth.moving if truth is not None else None, shown=options.world)
+
+    def retrace(self, vehicle_N3: Array, target_N3: Array) -> None:
+        """Where vehicle and target have been, oldest first, in place of what was seen here."""
+        for trail, line, points_N3 in (
+            (self._vehicle_trail, self._vehicle_line, vehicle_N3),
+            (self._target_trail, self._target_line, target_N3),
+        ):
+            trail.retrace(points_N3)
+            line.points = trail.segments_M23().astype(np.float32)
+
+    def forget(self) -> None:
+        """Shows nothing of what was drawn: another vehicle is to be shown next."""
+        self.clear_trails()
+        self._plan_drawn = self._preview_seq = None
+        for node in (self.vehicle, self.camera, self.chosen, self.target, self._truth, self._disturbance):
+            node.visible = False
+        self.detections.visible = self._vehicle_line.visible = self._target_line.visible = False
+        if self.candidates is not None:
+            self.candidates.visible = False
+
+    def clear_trails(self) -> None:
+        """Forgets where vehicle and target have been."""
+        self._vehicle_trail.clear()
+        self._target_trail.clear()
+
+    def _draw_vehicle(self, control: ControlView, fresh: bool, options: ViewOptions) -> None:
+        self.vehicle.visible = True
+        self.vehicle.position = control.pos_world_3
+        self.vehicle.wxyz = control.world_from_body_4
+        self.model.visible = fresh
+        self.ghost.visible = self._label.visible = not fresh
+        push_3 = control.acc_disturbance_world_3
+        size = float(np.linalg.norm(push_3))
+        self._disturbance.visible = fresh and size > 0.2
+        if self._disturbance.visible:
+            # 1 m/s2 is drawn 0.4 m long.
+            tip_3 = 0.4 * push_3 * min(1.0, 5.0 / size)
+            self._disturbance.position = control.pos_world_3
+            self._disturbance.points = np.array([[np.zeros(3), tip_3]], dtype=np.float32)
+        if self._vehicle_trail.add(control.pos_world_3):
+            self._vehicle_line.points = self._vehicle_trail.segments_M23().astype(np.float32)
+        self._vehicle_line.visible = options.trails and len(self._vehicle_trail) > 1
+
+    def _draw_detections(self, plan: PlanView | None, shown: bool) -> None:
+        """Where the candidates' cells see the target, the surer the brighter, beside the filter's estimate."""
+        if plan is None or not shown or plan.target_pos_world_N3 is None:
+            self.detections.visible = False
+            return
+        sure_N1 = np.clip(plan.objectness_N, 0.0, 1.0)[:, None]
+        colors_N3 = sure_N1 * np.array(theme.vivid(theme.TARGET)) + (1.0 - sure_N1) * np.array(theme.BACKGROUND)
+        keep_N = plan.objectness_N > LEAST_OBJECTNESS
+        self.detections.visible = bool(keep_N.any())
+        if self.detections.visible:
+            # Always as many points as candidates: those left out lie on one that is kept.
+            first = int(np.flatnonzero(keep_N)[0])
+            index_N = np.where(keep_N, np.arange(len(keep_N)), first)
+            self.detections.points = plan.target_pos_world_N3[index_N].astype(np.float32)
+            self.detections.colors = colors_N3[index_N].astype(np.uint8)
+
+    def _draw_plan(self, plan: PlanView | None, fresh: bool, options: ViewOptions) -> None:
+        if plan is None or not fresh or len(plan.cost_N) == 0:
+            self.chosen.visible = False
+            if self.candidates is not None:
+                self.candidates.visible = False
+            self._plan_drawn = None
+            return
+        if self._plan_drawn == (plan.seq, options.rejected):
+            return
+        self._plan_drawn = (plan.seq, options.rejected)
+        # Drawn from the start state, and the node moved there: a viewer that is slow to take new curves still shows
+        # the ones it has where the vehicle is.
+        curves_NS3 = curves.plan_curves_NS3(plan, SAMPLES) - plan.start_pos_world_3
+        colored_N, colors_N3 = curves.choices_N(plan), curves.colors_N3(plan)
+        shown_NS3 = (
+            curves_NS3 if options.rejected else np.where(colored_N[:, None, None], curves_NS3, curves_NS3[:, :1])
+        )
+        points = curves.segments_M23(shown_NS3).astype(np.float32)
+        colors = np.repeat(np.repeat(colors_N3, SAMPLES - 1, axis=0)[:, None, :], 2, axis=1)
+        with self._viewer.atomic():
+            if self.candidates is None or self.candidates.points.shape != points.shape:
+                self.candidates = self._viewer.scene.add_line_segments(
+                    f"{self._root}/plan/candidates", points, colors, thickness=2.0, thickness_units="screen"
+                )
+            else:
+                self.candidates.points = points
+                self.candidates.colors = colors
+            self.candidates.position = self.chosen.position = plan.start_pos_world_3
+            self.candidates.visible = True
+            self.chosen.visible = plan.chosen is not None
+            if plan.chosen is not None:
+                self.chosen.points = curves.segments_M23(curves_NS3[plan.chosen : plan.chosen + 1]).astype(np.float32)
+
+    def _draw_camera(self, snap: Snapshot, options: ViewOptions) -> None:
+        self.camera.visible = options.frustum and snap.control is not None
+        if snap.control is None:
+            return
+        self.camera.position = snap.control.pos_world_3
+        if snap.plan is not None and snap.fresh("plan", PLAN_STALE_S):
+            self.camera.wxyz = snap.plan.world_from_cam_4
+        else:
+            self.camera.wxyz = snap.control.world_from_body_4
+        if snap.preview is not None and snap.preview.seq != self._preview_seq:
+            self._preview_seq = snap.preview.seq
+            picture = decode_preview(snap.preview)
+            if picture is not None:
+                self._frustum.aspect = picture.shape[1] / picture.shape[0]
+                self._frustum.image = picture
+
+    def _draw_target(self, snap: Snapshot, options: ViewOptions) -> None:
+        target = snap.target
+        shown = target is not None and snap.fresh("target", TARGET_STALE_S)
+        self.target.visible = shown
+        self._target_line.visible = options.trails and len(self._target_trail) > 1
+        if target is None or not shown:
+            return
+        self.target.position = target.pos_world_3
+        color = theme.vivid(theme.TARGET) if target.confirmed else theme.STALE
+        self._target_dot.color = color
+        self._covariance.color = color
+        self._target_arrow.points = np.array([[np.zeros(3), 0.5 * target.vel_world_3]], dtype=np.float32)
+        self._target_label.text = _target_text(target)
+        self._covariance.visible = target.covariance_66 is not None
+        if target.covariance_66 is not None:
+            semi_3, wxyz = shapes.ellipsoid(target.covariance_66[:3, :3])
+            self._covariance.scale = (float(semi_3[0]), float(semi_3[1]), float(semi_3[2]))
+            self._covariance.wxyz = wxyz
+        if target.confirmed and self._target_trail.add(target.pos_world_3):
+            self._target_line.points = self._target_trail.segments_M23().astype(np.float32)
+
+
+def _target_text(target: TargetView) -> str:
+    """Words that rarely change: labels are costly to redraw, and the figures are in the panel."""
+    if not target.confirmed:
+        return "target, unconfirmed"
+    if target.since_seen_s > 0.5:
+        return f"target, unseen for {target.since_seen_s:.0f} s"
+    return "target"
+
+
+def decode_preview(preview: PreviewView) -> np.ndarray | None:
+    """The picture as height x width x 3 bytes; None if it is broken or larger than 1280 x 960."""
+    try:
+        image = Image.open(io.BytesIO(preview.picture), formats=["JPEG", "PNG"])
+        if image.width > 1280 or image.height > 960:
+            return None
+        return np.asarray(image.convert("RGB"))
+    except (UnidentifiedImageError, OSError):
+        return None

@@ -1,0 +1,109 @@
+"""What the panels say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from goshawk_dashboards.live import link
+from goshawk_dashboards.page import status
+from goshawk_dashboards.state.snapshot import CommandView, EventView, Snapshot
+
+Make = Callable[..., Snapshot]
+
+
+def test_a_fresh_flight_shows_mode_and_figures(snap: Make) -> None:
+    words = status.status_html(snap())
+    assert 'data-mode="track"' in words
+    assert 'data-stale="false"' in words
+    assert "5.0 m/s" in words
+    assert "2.0 m" in words
+
+
+def test_silence_is_shown_as_stale_with_its_age(snap: Make) -> None:
+    words = status.status_html(snap(age_s=3.2))
+    assert 'data-stale="true"' in words
+    assert "STALE 3.2 s" in words
+
+
+def test_no_vehicle_says_what_is_being_dialled(snap: Make) -> None:
+    words = status.status_html(snap(control=None, health=None, channels=(), linked=False))
+    assert "NO VEHICLE" in words
+    assert "tcp/127.0.0.1:7447" in words
+
+
+def test_the_fallback_rung_is_shown(snap: Make) -> None:
+    base = snap()
+    assert base.control is not None
+    words = status.status_html(replace(base, control=replace(base.control, fallback="plan_expired_brake")))
+    assert "fallback: plan expired brake" in words
+
+
+def test_what_is_not_ready_is_listed_with_its_reason(snap: Make) -> None:
+    base = snap()
+    assert base.health is not None
+    check = replace(base.health.checks[0], ok=False, reason="no odometry for 3 s")
+    unready = replace(base, health=replace(base.health, ready=False, checks=(check,)))
+    assert "no odometry for 3 s" in status.readiness_html(unready)
+    assert status.failing_checks(unready) == ["odometry: no odometry for 3 s"]
+    assert status.failing_checks(base) == []
+
+
+def test_a_silent_vehicle_is_never_ready(snap: Make) -> None:
+    assert status.failing_checks(snap(age_s=9.0))
+    assert status.failing_checks(snap(health=None))
+
+
+def test_text_from_outside_is_never_markup(snap: Make) -> None:
+    evil = "<script>alert(1)</script>"
+    base = snap()
+    assert base.health is not None
+    health = replace(
+        base.health,
+        faults=(evil,),
+        autopilot=evil,
+        version=evil,
+        checks=(replace(base.health.checks[0], name=evil, reason=evil),),
+        rates_hz=((evil, 1.0),),
+        drops=((evil, 1),),
+        profile=evil,
+    )
+    hostile = replace(
+        base,
+        vehicle=evil,
+        endpoint=evil,
+        health=health,
+        events=(EventView(stamp_ns=1, severity=evil, kind=evil, text=evil),),
+        command=CommandView(verb=evil, command_id="1", answered=True, accepted=False, text=evil, mode=evil),
+    )
+    render = (
+        status.status_html,
+        status.readiness_html,
+        link.link_html,
+        status.vehicle_html,
+        status.events_html,
+        status.command_html,
+    )
+    for words in (f(hostile) for f in render):
+        assert "<script" not in words
+
+
+def test_loss_and_malformed_payloads_are_shown(snap: Make) -> None:
+    base = snap()
+    lossy = replace(base.channels[0], loss_fraction=0.25, malformed=4)
+    words = link.link_html(replace(base, channels=(lossy,)))
+    assert "25.0 %" in words
+    assert "4 malformed" in words
+
+
+def test_a_vehicle_that_answers_no_question_is_told_from_one_that_was_not_asked(snap: Make) -> None:
+    assert "no answer" in link.link_html(replace(snap(), round_trip_s=math.inf))
+    assert "no answer" not in link.link_html(replace(snap(), round_trip_s=None))
+
+
+def test_a_refused_command_shows_why(snap: Make) -> None:
+    command = CommandView(verb="start", command_id="1", answered=True, accepted=False, text="no camera", mode="idle")
+    words = status.command_html(snap(command=command))
+    assert "start refused" in words
+    assert "no camera" in words
