@@ -12,7 +12,7 @@ from pathlib import Path
 import typer
 from goshawk_dashboards.gate import Access, PortBusyError, Role, Tls, access, certificate
 
-from goshawk_ground.options import NO_REPLY, fail
+from goshawk_ground.commands.options import NO_REPLY, fail
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,11 +14,9 @@ from goshawk_dashboards.state.snapshot import FLYING, CommandView, Snapshot
 from rich.console import Console
 from rich.table import Table
 
-from goshawk_ground import doctor_command, log_commands
-from goshawk_ground.dial import LinkError
-from goshawk_ground.keys import transfer_commands as keys_commands
-from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
-from goshawk_ground.options import (
+from goshawk_ground import doctor_command
+from goshawk_ground.commands import keys_transfer, logs
+from goshawk_ground.commands.options import (
     NO_REPLY,
     REFUSED,
     BinDir,
@@ -36,6 +34,8 @@ from goshawk_ground.options import (
     Vehicle,
     fail,
 )
+from goshawk_ground.dial import LinkError
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
 from goshawk_ground.stop_file import state_folder
 from goshawk_ground.stop_latch import RESUME_S
 from goshawk_ground.stopping import stop_until_confirmed, wait_for_interrupt
@@ -331,9 +331,9 @@ def train(context: typer.Context) -> None:
     _of_trainer("train", context)
 
 
-log_commands.register(app)
+logs.register(app)
 doctor_command.register(app)
-keys_commands.register(app)
+keys_transfer.register(app)
 
 
 def main() -> None:

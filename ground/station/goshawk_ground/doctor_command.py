@@ -12,11 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from goshawk_ground.dial import LinkError
-from goshawk_ground.doctor import Finding, State, local_findings
-from goshawk_ground.doctor_link import link_findings, measure
-from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE
-from goshawk_ground.options import (
+from goshawk_ground.commands.options import (
     NO_REPLY,
     REFUSED,
     BinDir,
@@ -28,6 +24,10 @@ from goshawk_ground.options import (
     fail,
     print_json,
 )
+from goshawk_ground.dial import LinkError
+from goshawk_ground.doctor import Finding, State, local_findings
+from goshawk_ground.doctor_link import link_findings, measure
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE
 
 _STYLES = {State.OK: "green", State.NOTE: "yellow", State.BAD: "red"}
 

@@ -16,7 +16,7 @@ from rich.progress import track
 from rich.table import Table
 from rich.text import Text
 
-from goshawk_ground.options import NO_REPLY, REFUSED, Json, LogFile, fail, open_flight, print_json
+from goshawk_ground.commands.options import NO_REPLY, REFUSED, Json, LogFile, fail, open_flight, print_json
 
 LAYOUT = Path("dashboards/foxglove/goshawk.json")
 

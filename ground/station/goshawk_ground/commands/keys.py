@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from goshawk_ground.commands.options import NO_REPLY, REFUSED, Json, fail, print_json
 from goshawk_ground.keys.names import BadNameError, Holder, KeysError, Role, default_folder, holder
-from goshawk_ground.options import NO_REPLY, REFUSED, Json, fail, print_json
 
 if TYPE_CHECKING:
     from goshawk_ground.keys.keyring import Keyring

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from goshawk_ground.keys.commands import Days, Keys, Name, Who, holder_or_fail, keys, one_line_errors, open_keyring
+from goshawk_ground.commands.keys import Days, Keys, Name, Who, holder_or_fail, keys, one_line_errors, open_keyring
+from goshawk_ground.commands.options import Json, print_json
 from goshawk_ground.keys.names import BadNameError, KeysError, Role
-from goshawk_ground.options import Json, print_json
 
 OutFile = Annotated[Path, typer.Option("--file", metavar="OUT.tar", help="A new file; keep it secret.")]
 

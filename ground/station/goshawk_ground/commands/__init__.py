@@ -1,0 +1,1 @@
+"""Commands of `goshawk`, and what all of them share: options, exit statuses, words."""
