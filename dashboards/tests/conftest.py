@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from goshawk_dashboards.state import snapshot as view
+from goshawk_dashboards.state import views as view
+from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import PROTOCOL
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -83,12 +84,12 @@ def make_health(mode: str = "track", ready: bool = True, reason: str = "fresh") 
 
 
 @pytest.fixture
-def snap() -> Callable[..., view.Snapshot]:
+def snap() -> Callable[..., Snapshot]:
     """A snapshot of a flight, each channel ``age_s`` old; fields may be replaced."""
 
-    def make(age_s: float = 0.02, **changes: Any) -> view.Snapshot:
+    def make(age_s: float = 0.02, **changes: Any) -> Snapshot:
         names = ("plan", "control", "target", "health", "preview", "event", "sim_truth")
-        whole = view.Snapshot(
+        whole = Snapshot(
             now_s=100.0,
             vehicle="goshawk",
             endpoint="tcp/127.0.0.1:7447",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from goshawk_dashboards.state import snapshot as view
+from goshawk_dashboards.state import views as view
 
 IDENTITY_4 = np.array([1.0, 0.0, 0.0, 0.0])
 

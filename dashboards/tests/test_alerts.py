@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from goshawk_dashboards.state.alerts import HOLD_S, AlertBoard, alerts
-from goshawk_dashboards.state.snapshot import AutopilotView, CommandView, Snapshot, StopView
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import AutopilotView, CommandView, StopView
 from goshawk_proto import PROTOCOL
 
 Make = Callable[..., Snapshot]

@@ -12,7 +12,8 @@ from goshawk_dashboards.gate import Access, Gate, PortBusyError, Role
 from goshawk_dashboards.live.dashboard import LiveDashboard, LiveView
 from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.state.snapshot import BoxesView, CommandView, Snapshot, TruthView, WorldView
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import BoxesView, CommandView, TruthView, WorldView
 from viser import BatchedMeshHandle
 
 Make = Callable[..., Snapshot]
@@ -184,7 +185,7 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, sn
 
 
 def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
-    from goshawk_dashboards.state.snapshot import PreviewView
+    from goshawk_dashboards.state.views import PreviewView
 
     live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"not a jpeg")))
     live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, picture=b"\xff\xd8\xff\xe0broken")))

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from goshawk_dashboards.live import candidates, fleet, link, overlay
 from goshawk_dashboards.state.alerts import Alert
-from goshawk_dashboards.state.snapshot import AutopilotView, CommandView, PreviewView, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import AutopilotView, CommandView, PreviewView
 
 Make = Callable[..., Snapshot]
 

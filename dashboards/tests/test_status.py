@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from goshawk_dashboards.live import link
 from goshawk_dashboards.page import status
-from goshawk_dashboards.state.snapshot import CommandView, EventView, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import CommandView, EventView
 
 Make = Callable[..., Snapshot]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.scene import curves
-from goshawk_dashboards.state.snapshot import Array, PlanView
+from goshawk_dashboards.state.views import Array, PlanView
 
 PATH_SPACING_M = 0.1
 _SPEED_STOPS = np.array([(68, 58, 160), (48, 140, 170), (64, 200, 120), (245, 200, 60), (240, 82, 60)], dtype=float)

@@ -45,7 +45,7 @@ from goshawk_dashboards.exports.source import Record
 from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.state import decode
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 SAMPLES = 16
 """Points along a drawn trajectory."""

@@ -10,7 +10,7 @@ import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.frame import FrameView
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 WORLD, BODY, CAMERA, OPTICAL = "world", "body", "camera", "camera_optical"
 CAMERA_FROM_OPTICAL_4 = np.array([0.5, -0.5, 0.5, -0.5])

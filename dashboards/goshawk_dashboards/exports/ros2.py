@@ -20,7 +20,7 @@ from goshawk_dashboards.exports.drawing import plan_lines
 from goshawk_dashboards.exports.source import Record
 from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.state import decode
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 SAMPLES = 12
 """Points along a trajectory."""

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.scene import curves
-from goshawk_dashboards.state.snapshot import Array, PlanView, PreviewView, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import Array, PlanView, PreviewView
 
 HFOV_RAD = float(np.pi / 2.0)
 """Of the camera whose picture is shown: the lattice's."""

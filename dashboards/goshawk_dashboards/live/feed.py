@@ -12,7 +12,8 @@ from goshawk_dashboards.live.link import link_html, radio_html
 from goshawk_dashboards.page.status import command_html, events_html, readiness_html, status_html, vehicle_html
 from goshawk_dashboards.scene.scene import PLAN_STALE_S
 from goshawk_dashboards.state.alerts import Alert, AlertBoard
-from goshawk_dashboards.state.snapshot import CommandView, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import CommandView
 
 MAX_ALERTS = 4
 """Lines of the banner; the worst come first, and the rest is counted."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 SAMPLES = 400
 """Kept per window: 20 s at 20 Hz. At a higher rate the window gets shorter, never the memory larger."""

@@ -16,7 +16,8 @@ from viser import uplot
 from goshawk_dashboards.live.history import History
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
-from goshawk_dashboards.state.snapshot import Array, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import Array
 
 MOTION_WINDOW_S = 20.0
 TIMING_WINDOW_S = 120.0

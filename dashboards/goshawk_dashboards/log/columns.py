@@ -10,7 +10,7 @@ import numpy as np
 from google.protobuf.message import DecodeError, Message
 from numpy.typing import NDArray
 
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 _VECTORS = {"Vec3": "xyz", "Vec3f": "xyz", "Quat": "wxyz"}
 

@@ -27,7 +27,7 @@ from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.log.mcap_file import Damage, LogError, McapLog
 from goshawk_dashboards.log.phases import Phase, phases_of
 from goshawk_dashboards.state import decode
-from goshawk_dashboards.state import snapshot as view
+from goshawk_dashboards.state import views as view
 
 __all__ = ["CHANNELS", "Columns", "Flight", "LogError"]
 

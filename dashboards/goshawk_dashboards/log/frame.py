@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards.state.decode import MalformedError
-from goshawk_dashboards.state.snapshot import Array, PreviewView
+from goshawk_dashboards.state.views import Array, PreviewView
 
 MAX_PIXELS = 1280 * 960
 

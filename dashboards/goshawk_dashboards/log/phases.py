@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_dashboards.state import decode
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 UNSEEN_S = 0.5
 """A target out of sight for longer is lost, though the vehicle still pursues it."""

@@ -12,8 +12,9 @@ import numpy as np
 
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.frame import FrameView
-from goshawk_dashboards.state import snapshot as view
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state import views as view
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import Array
 
 CHANNELS = ("control", "plan", "target", "health", "event", "sim_truth")
 PLAN_STALE_S = 1.0
@@ -34,10 +35,10 @@ class Mark:
     text: str
 
 
-def snapshot_at(flight: Flight, time_s: float) -> view.Snapshot:
+def snapshot_at(flight: Flight, time_s: float) -> Snapshot:
     """All that the log knows at a time, with each channel's age as the live view counts it."""
     frame = frame_at(flight, time_s)
-    return view.Snapshot(
+    return Snapshot(
         now_s=time_s,
         vehicle=flight.header.vehicle or flight.path.stem,
         endpoint=flight.path.name,

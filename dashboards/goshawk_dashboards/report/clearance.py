@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 RATE_HZ = 10.0
 REMEMBERED_S = 3.0

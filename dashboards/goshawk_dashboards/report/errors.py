@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.state.snapshot import Array, LatencyView
+from goshawk_dashboards.state.views import Array, LatencyView
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

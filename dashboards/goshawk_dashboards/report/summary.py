@@ -15,7 +15,7 @@ from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.clearance import Clearance
 from goshawk_dashboards.report.errors import TargetErrors
 from goshawk_dashboards.report.latency import Latencies
-from goshawk_dashboards.state.snapshot import Array, HealthView
+from goshawk_dashboards.state.views import Array, HealthView
 
 PATH_HZ = 20.0
 """At this rate a path's length is that of the flight, not of the estimate's noise."""

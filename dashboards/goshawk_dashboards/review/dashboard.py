@@ -20,7 +20,7 @@ from goshawk_dashboards.review.plots import Plot, plots_of
 from goshawk_dashboards.review.scene import ReviewOptions, ReviewScene
 from goshawk_dashboards.scene.cameras import ViewerCamera, place_first
 from goshawk_dashboards.scene.scene import prepare
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 RATE_HZ = 15.0
 

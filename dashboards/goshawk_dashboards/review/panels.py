@@ -17,7 +17,8 @@ from goshawk_dashboards.review.plots import Plot
 from goshawk_dashboards.review.scene import ReviewOptions, SecondMode
 from goshawk_dashboards.scene.cameras import CameraMode
 from goshawk_dashboards.scene.scene import ViewOptions, decode_preview
-from goshawk_dashboards.state.snapshot import Array, PlanView, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import Array, PlanView
 
 WINDOWS: dict[str, float | None] = {"whole flight": None, "60 s": 60.0, "20 s": 20.0, "5 s": 5.0}
 JUMP = "jump to …"

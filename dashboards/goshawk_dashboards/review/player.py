@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0)
 SCRUB_HOLD_S = 0.4

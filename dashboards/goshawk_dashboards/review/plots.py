@@ -13,7 +13,7 @@ import numpy as np
 from goshawk_dashboards.log.flight import TARGET_FIELDS, Columns, Flight
 from goshawk_dashboards.log.recorded import Replay
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 SAMPLES = 12_000
 """Of the controller's steps at most: all of a minute, 20 a second of ten minutes."""

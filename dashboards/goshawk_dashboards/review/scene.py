@@ -16,7 +16,8 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves
 from goshawk_dashboards.scene.scene import SAMPLES, LiveScene, ViewOptions
-from goshawk_dashboards.state.snapshot import Array, PlanView, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import Array, PlanView
 
 SECOND_ROOT = "/second"
 SIDE_GAP_M = 12.0

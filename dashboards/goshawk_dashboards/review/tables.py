@@ -11,7 +11,7 @@ from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.review.html import DIM, FONT, MARK_COLORS
-from goshawk_dashboards.state.snapshot import ELIGIBLE, PlanView
+from goshawk_dashboards.state.views import ELIGIBLE, PlanView
 
 
 def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | None) -> str:

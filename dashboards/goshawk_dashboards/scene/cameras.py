@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 import viser
 
-from goshawk_dashboards.state.snapshot import Array, ControlView
+from goshawk_dashboards.state.views import Array, ControlView
 
 CameraMode = Literal["Follow", "Chase", "Free"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.state.snapshot import ELIGIBLE, Array, PlanView
+from goshawk_dashboards.state.views import ELIGIBLE, Array, PlanView
 
 
 def coefficients_N63(

@@ -16,7 +16,8 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves, shapes
 from goshawk_dashboards.scene.world import WorldScene
-from goshawk_dashboards.state.snapshot import Array, ControlView, PlanView, PreviewView, Snapshot, TargetView
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import Array, ControlView, PlanView, PreviewView, TargetView
 
 SAMPLES = 24
 """Points along a drawn trajectory."""

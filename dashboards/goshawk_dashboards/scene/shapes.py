@@ -10,7 +10,7 @@ import trimesh.visual
 import viser.transforms as tf
 
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.state.snapshot import Array
+from goshawk_dashboards.state.views import Array
 
 CV_FROM_FLU_WXYZ = (0.5, -0.5, 0.5, -0.5)
 """Rotation flu_from_cv: viser draws cameras looking along z with y down, ours look along x with z up."""

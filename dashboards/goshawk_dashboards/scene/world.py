@@ -8,7 +8,7 @@ import viser
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
-from goshawk_dashboards.state.snapshot import BoxesView, WorldView
+from goshawk_dashboards.state.views import BoxesView, WorldView
 
 WALL_OPACITY = 0.4
 """What flies inside a house is to be seen from outside."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
-from goshawk_dashboards.state import snapshot as view
+from goshawk_dashboards.state import views as view
 
 MAX_CANDIDATES = 256
 """More than any lattice has: a bound on what one message may make us draw."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from goshawk_proto import PROTOCOL
 
-from goshawk_dashboards.state.snapshot import HealthView
+from goshawk_dashboards.state.views import HealthView
 
 
 def mismatch(health: HealthView | None) -> str:

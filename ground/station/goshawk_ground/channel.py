@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from goshawk_dashboards.state.snapshot import ChannelView
+from goshawk_dashboards.state.views import ChannelView
 
 WINDOW_S = 5.0
 CAPACITY = 1024

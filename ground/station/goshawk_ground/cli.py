@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 from goshawk_dashboards.state import protocol
-from goshawk_dashboards.state.snapshot import FLYING, CommandView, Snapshot
+from goshawk_dashboards.state.snapshot import FLYING, Snapshot
+from goshawk_dashboards.state.views import CommandView
 from rich.console import Console
 from rich.table import Table
 

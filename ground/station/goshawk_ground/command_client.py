@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from google.protobuf.message import Message
 from goshawk_dashboards.state import decode
-from goshawk_dashboards.state.snapshot import CommandView
+from goshawk_dashboards.state.views import CommandView
 from goshawk_proto import goshawk_pb2
 
 

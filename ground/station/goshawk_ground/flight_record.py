@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from goshawk_dashboards.state.snapshot import HealthView, TruthView
+from goshawk_dashboards.state.views import HealthView, TruthView
 
 MAX_TARGET_DISTANCE_M = 12.0
 """When the runner arrives the vehicle must be within this of it …"""

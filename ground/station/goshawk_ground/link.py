@@ -19,7 +19,8 @@ from typing import Any, Self
 import zenoh
 from google.protobuf.message import DecodeError, Message
 from goshawk_dashboards.state import decode, protocol
-from goshawk_dashboards.state.snapshot import CommandView, EventView, Snapshot, WorldView
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import CommandView, EventView, WorldView
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
 from goshawk_ground import round_trip, silence

@@ -12,7 +12,7 @@ import time
 from collections import deque
 from typing import Any, Self
 
-from goshawk_dashboards.state.snapshot import AutopilotView
+from goshawk_dashboards.state.views import AutopilotView
 
 from goshawk_ground.dial import LinkError
 

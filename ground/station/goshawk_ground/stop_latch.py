@@ -13,7 +13,7 @@ import uuid
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from goshawk_dashboards.state.snapshot import CommandView, StopView
+from goshawk_dashboards.state.views import CommandView, StopView
 from goshawk_proto import goshawk_pb2
 
 from goshawk_ground.command_client import Asker, answered, ask_once, sent

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
-from goshawk_dashboards.state.snapshot import CommandView
+from goshawk_dashboards.state.views import CommandView
 
 from goshawk_ground.link import GroundLink
 

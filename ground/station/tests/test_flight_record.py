@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from goshawk_dashboards.state.snapshot import BoxesView, TruthView
+from goshawk_dashboards.state.views import BoxesView, TruthView
 from goshawk_ground.flight_record import FlightRecord, Summary
 
 ZERO_3 = np.zeros(3)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from goshawk_dashboards.state.snapshot import AutopilotView
+from goshawk_dashboards.state.views import AutopilotView
 from goshawk_ground.dial import LinkError
 from goshawk_ground.radio import AutopilotState, Radio
 from pymavlink.dialects.v20 import common as mavlink
