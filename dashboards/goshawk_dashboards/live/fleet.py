@@ -8,7 +8,8 @@ from html import escape
 import numpy as np
 
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.page.status import DIM, MODE_COLORS, NUM, pill, table
+from goshawk_dashboards.page.html import DIM, NUM, pill, table
+from goshawk_dashboards.page.status import MODE_COLORS
 from goshawk_dashboards.state.alerts import alerts
 from goshawk_dashboards.state.snapshot import Snapshot
 

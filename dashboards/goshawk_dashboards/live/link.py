@@ -6,7 +6,7 @@ import math
 from html import escape
 
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.page.status import DIM, NUM, faded, pill, table
+from goshawk_dashboards.page.html import DIM, NUM, faded, pill, table
 from goshawk_dashboards.state.alerts import RADIO_STALE_S
 from goshawk_dashboards.state.snapshot import STALE_S, Snapshot
 from goshawk_dashboards.state.views import ChannelView

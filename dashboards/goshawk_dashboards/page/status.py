@@ -1,4 +1,4 @@
-"""What the panels say, as HTML: pure functions of a snapshot. Every text from outside is escaped."""
+"""What the panels say of a snapshot, as HTML: pure functions of a snapshot. Every text from outside is escaped."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from goshawk_dashboards.page import theme
+from goshawk_dashboards.page.html import DIM, NUM, TEXT, faded, pill, table
 from goshawk_dashboards.state.snapshot import STALE_S, Snapshot
 
 MODE_COLORS: dict[str, theme.Rgb] = {
@@ -22,18 +23,7 @@ MODE_COLORS: dict[str, theme.Rgb] = {
     "fault": theme.BAD,
 }
 
-TEXT = "font:13px/1.45 system-ui,sans-serif;color:#d7dde6"
-DIM = "color:#8b95a5"
-NUM = "text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap"
 _MARKS = {True: "&#10003;", False: "&#10007;"}
-
-
-def pill(text: str, color: theme.Rgb, size: int = 12) -> str:
-    return (
-        f'<span style="display:inline-block;padding:2px 10px;border-radius:999px;font:600 {size}px/1.5 system-ui;'
-        f'background:{theme.css(color, 0.18)};color:{theme.css(color)};border:1px solid {theme.css(color, 0.5)}">'
-        f"{escape(text)}</span>"
-    )
 
 
 def status_html(snap: Snapshot) -> str:
@@ -188,15 +178,3 @@ def events_html(snap: Snapshot, newest: int = 12) -> str:
         for e in reversed(snap.events[-newest:])
     )
     return table("events", rows or f'<tr><td style="{DIM}">none yet</td></tr>')
-
-
-def faded(words: str, stale: bool) -> str:
-    return f'<div style="opacity:0.4">{words}</div>' if stale else words
-
-
-def table(name: str, rows: str) -> str:
-    return (
-        f'<div data-goshawk="{name}" style="{TEXT};padding:2px 12px">'
-        f'<table style="width:100%;border-collapse:collapse">'
-        f"{rows}</table></div>"
-    )

@@ -16,7 +16,8 @@ from goshawk_dashboards.review.player import SPEEDS, Player
 from goshawk_dashboards.review.plots import Plot
 from goshawk_dashboards.review.scene import ReviewOptions, SecondMode
 from goshawk_dashboards.scene.cameras import CameraMode
-from goshawk_dashboards.scene.scene import ViewOptions, decode_preview
+from goshawk_dashboards.scene.picture import decode_preview
+from goshawk_dashboards.scene.scene import ViewOptions
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import Array, PlanView
 

@@ -5,19 +5,18 @@ Every node is made once; a snapshot only moves, recolours or hides them. Stale t
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 
 import numpy as np
 import viser
-from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves, shapes
+from goshawk_dashboards.scene.picture import decode_preview
 from goshawk_dashboards.scene.world import WorldScene
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import Array, ControlView, PlanView, PreviewView, TargetView
+from goshawk_dashboards.state.views import Array, ControlView, PlanView, TargetView
 
 SAMPLES = 24
 """Points along a drawn trajectory."""
@@ -342,14 +341,3 @@ def _target_text(target: TargetView) -> str:
     if target.since_seen_s > 0.5:
         return f"target, unseen for {target.since_seen_s:.0f} s"
     return "target"
-
-
-def decode_preview(preview: PreviewView) -> np.ndarray | None:
-    """The picture as height x width x 3 bytes; None if it is broken or larger than 1280 x 960."""
-    try:
-        image = Image.open(io.BytesIO(preview.picture), formats=["JPEG", "PNG"])
-        if image.width > 1280 or image.height > 960:
-            return None
-        return np.asarray(image.convert("RGB"))
-    except (UnidentifiedImageError, OSError):
-        return None
