@@ -126,7 +126,7 @@ def test_a_stale_plan_is_not_drawn(live: Live, snap: Make) -> None:
     assert live.scene.candidates is not None
     assert not live.scene.candidates.visible
     assert not live.scene.chosen.visible
-    assert not live.scene.target.visible
+    assert not live.scene.target.frame.visible
     live.tick(snap())
     assert live.scene.candidates.visible
 

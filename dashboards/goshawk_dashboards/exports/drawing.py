@@ -11,6 +11,9 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.scene import curves
 from goshawk_dashboards.state.views import Array, PlanView
 
+LIFETIME_S = 0.5
+"""A plan or an estimate vanishes from the scene when none has followed for so long: as soon as the vehicle itself calls
+a plan stale. No link lies between, so it is less than the live view allows (`SAMPLE_STALE_S`)."""
 PATH_SPACING_M = 0.1
 _SPEED_STOPS = np.array([(68, 58, 160), (48, 140, 170), (64, 200, 120), (245, 200, 60), (240, 82, 60)], dtype=float)
 

@@ -40,7 +40,7 @@ from goshawk_proto import goshawk_pb2 as pb
 from mcap_protobuf.writer import Writer
 
 from goshawk_dashboards.exports import frames
-from goshawk_dashboards.exports.drawing import FlownPath, plan_lines
+from goshawk_dashboards.exports.drawing import LIFETIME_S, FlownPath, plan_lines
 from goshawk_dashboards.exports.source import Record
 from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.page import theme
@@ -49,8 +49,6 @@ from goshawk_dashboards.state.views import Array
 
 SAMPLES = 16
 """Points along a drawn trajectory."""
-STALE_S = 0.5
-"""A plan or an estimate vanishes from the scene when none has followed for so long."""
 PERSON_M = (0.5, 0.5, 1.75)
 
 Out = tuple[str, Message]
@@ -133,10 +131,10 @@ class _Scene:
         drawn = [
             _line(points_S3, width=1.5, rgb=rgb) for points_S3, rgb in zip(lines.points_NS3, lines.rgb_N3, strict=True)
         ]
-        entities = [_entity("candidates", m.ready_ns, STALE_S, lines=drawn)]
+        entities = [_entity("candidates", m.ready_ns, LIFETIME_S, lines=drawn)]
         if lines.chosen is not None:
             flown = _line(lines.points_NS3[lines.chosen], width=6.0, rgb=theme.vivid(theme.GOOD))
-            entities.append(_entity("chosen", m.ready_ns, STALE_S, lines=[flown]))
+            entities.append(_entity("chosen", m.ready_ns, LIFETIME_S, lines=[flown]))
         yield "/scene/plan", SceneUpdate(entities=entities)
 
     def _target(self, m: pb.Target) -> Iterator[Out]:
@@ -152,7 +150,7 @@ class _Scene:
         sphere = SpherePrimitive(pose=_pose(target.pos_world_3), size=Vector3(x=0.35, y=0.35, z=0.35), color=color)
         yield (
             "/scene/target",
-            SceneUpdate(entities=[_entity("target", m.stamp_ns, STALE_S, spheres=[sphere], arrows=arrows)]),
+            SceneUpdate(entities=[_entity("target", m.stamp_ns, LIFETIME_S, spheres=[sphere], arrows=arrows)]),
         )
 
     def _truth(self, m: pb.SimTruth) -> Iterator[Out]:
@@ -166,7 +164,7 @@ class _Scene:
             bottom_scale=1.0,
             top_scale=1.0,
         )
-        yield "/scene/truth", SceneUpdate(entities=[_entity("target", m.stamp_ns, STALE_S, cylinders=[person])])
+        yield "/scene/truth", SceneUpdate(entities=[_entity("target", m.stamp_ns, LIFETIME_S, cylinders=[person])])
 
     def _rgbd(self, m: pb.CompressedRgbd) -> Iterator[Out]:
         frame = FrameView.of(m)

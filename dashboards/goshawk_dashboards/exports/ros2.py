@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from goshawk_dashboards.exports import frames
-from goshawk_dashboards.exports.drawing import plan_lines
+from goshawk_dashboards.exports.drawing import LIFETIME_S, plan_lines
 from goshawk_dashboards.exports.source import Record
 from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.state import decode
@@ -24,7 +24,6 @@ from goshawk_dashboards.state.views import Array
 
 SAMPLES = 12
 """Points along a trajectory."""
-STALE_S = 0.5
 
 Out = tuple[str, Any]
 
@@ -301,7 +300,7 @@ def _line(header: Any, number: int, points_S3: Array, rgb: np.ndarray, *, width_
         pose=_pose(np.zeros(3)),
         scale=_vector(np.array([width_m, 0.0, 0.0])),
         color=_type("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=1.0),
-        lifetime=_type("builtin_interfaces/msg/Duration")(sec=0, nanosec=int(STALE_S * 1e9)),
+        lifetime=_type("builtin_interfaces/msg/Duration")(sec=0, nanosec=int(LIFETIME_S * 1e9)),
         frame_locked=False,
         points=[_point(p_3) for p_3 in points_S3],
         colors=[],

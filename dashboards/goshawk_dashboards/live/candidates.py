@@ -127,7 +127,7 @@ def _drawn(snap: Snapshot, preview: PreviewView) -> str:
             for k, (u, v) in enumerate(pixels_N2)
             if ahead_N[k] and plan.objectness_N[k] > 0.1
         ]
-    if snap.target is not None and snap.fresh("target", 1.0):
+    if snap.target is not None and snap.fresh("target"):
         (u, v), ahead = (x[0] for x in project(snap.target.pos_world_3[None]))
         if ahead:
             dash = "" if snap.target.confirmed else 'stroke-dasharray="2 2"'

@@ -10,7 +10,6 @@ from goshawk_dashboards.live import plots
 from goshawk_dashboards.live.candidates import picture_html, strip_html
 from goshawk_dashboards.live.link import link_html, radio_html
 from goshawk_dashboards.page.status import command_html, events_html, readiness_html, status_html, vehicle_html
-from goshawk_dashboards.scene.scene import PLAN_STALE_S
 from goshawk_dashboards.state.alerts import Alert, AlertBoard
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import CommandView
@@ -38,7 +37,7 @@ class Words:
 
     def __init__(self, snap: Snapshot) -> None:
         self._snap = snap
-        self._fresh = snap.fresh("plan", PLAN_STALE_S)
+        self._fresh = snap.fresh("plan")
 
     @cached_property
     def status(self) -> str:

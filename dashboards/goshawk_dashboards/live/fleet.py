@@ -47,7 +47,7 @@ def _figures(snap: Snapshot) -> tuple[str, str, str]:
     control, target, health = snap.control, snap.target, snap.health
     speed = "&ndash;" if control is None else f"{float(np.linalg.norm(control.vel_world_3)):.1f}"
     distance = "&ndash;"
-    if control is not None and target is not None and target.confirmed and snap.fresh("target", 1.0):
+    if control is not None and target is not None and target.confirmed and snap.fresh("target"):
         distance = f"{float(np.linalg.norm(target.pos_world_3 - control.pos_world_3)):.1f} m"
     battery = "&ndash;"
     if health is not None and health.battery_fraction is not None:

@@ -48,7 +48,7 @@ def _acceleration(axis: int) -> Callable[[Snapshot], Sequence[float]]:
 
 
 def _speeds(snap: Snapshot) -> Sequence[float]:
-    target_seen = snap.target is not None and snap.target.confirmed and snap.fresh("target", 1.0)
+    target_seen = snap.target is not None and snap.target.confirmed and snap.fresh("target")
     return (
         _NAN if snap.control is None else float(np.linalg.norm(snap.control.vel_world_3)),
         float(np.linalg.norm(snap.target.vel_world_3)) if snap.target is not None and target_seen else _NAN,

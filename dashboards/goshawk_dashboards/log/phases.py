@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_dashboards.state import decode
-from goshawk_dashboards.state.views import Array
+from goshawk_dashboards.state.views import UNSEEN_S, Array
 
-UNSEEN_S = 0.5
-"""A target out of sight for longer is lost, though the vehicle still pursues it."""
 NAMES: Mapping[str, str] = {
     "idle": "on the ground",
     "ready": "on the ground",

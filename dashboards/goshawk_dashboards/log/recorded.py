@@ -13,12 +13,10 @@ import numpy as np
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.state import views as view
-from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.snapshot import SAMPLE_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array
 
 CHANNELS = ("control", "plan", "target", "health", "event", "sim_truth")
-PLAN_STALE_S = 1.0
-"""An older plan says nothing of the picture beside it."""
 SHORT_S = 0.1
 """A shorter phase is no place to jump to: the mission passes through search on its way to track."""
 TRAIL_S = 30.0
@@ -70,7 +68,8 @@ def frame_at(flight: Flight, time_s: float) -> FrameView | None:
     if plan is None:
         return flight.frame_at(time_s)
     taken_s = (plan.frame_ns - flight.start_ns) * 1e-9
-    return flight.frame_at(taken_s if time_s - taken_s < PLAN_STALE_S else time_s)
+    # An older plan says nothing of the picture beside it.
+    return flight.frame_at(taken_s if time_s - taken_s < SAMPLE_STALE_S else time_s)
 
 
 def depth_points(flight: Flight, time_s: float) -> tuple[Array, np.ndarray] | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.html import DIM, NUM, TEXT, faded, pill, table
-from goshawk_dashboards.state.snapshot import STALE_S, Snapshot
+from goshawk_dashboards.state.snapshot import Snapshot
 
 MODE_COLORS: dict[str, theme.Rgb] = {
     "idle": theme.STALE,
@@ -73,11 +73,11 @@ def _figures(snap: Snapshot) -> str:
         cells.append(("target", f"{float(np.linalg.norm(target.pos_world_3 - control.pos_world_3)):.1f} m"))
     else:
         cells.append(("target", "&ndash;"))
-    if snap.plan is not None and snap.fresh("plan", STALE_S):
+    if snap.plan is not None and snap.fresh("plan"):
         cells.append(("time scale &alpha;", f"{snap.plan.alpha:.2f}"))
     if health is not None and health.battery_fraction is not None:
         cells.append(("battery", f"{100 * health.battery_fraction:.0f} %"))
-    if truth is not None and snap.fresh("sim_truth", STALE_S):
+    if truth is not None and snap.fresh("sim_truth"):
         cells.append(("clearance", f"{truth.clearance_m:.2f} m"))
         cells.append(("target ran", f"{truth.target_path_m:.0f} m"))
     boxes = "".join(

@@ -173,7 +173,7 @@ class ReviewPanels:
         self._marks_html.content = tables.marks_html(self._marks, time_s)
         if self._columns is None and snap.plan is not None:
             self._columns = lattice_columns(self._flight, len(snap.plan.cost_N))
-        plan = snap.plan if snap.fresh("plan", 1.0) else None
+        plan = snap.plan if snap.fresh("plan") else None
         self._candidates.content = tables.candidates_html(plan, self._columns or 1, replayed)
         self._vehicle.content = vehicle_html(snap) if snap.health is not None else ""
         if snap.preview is not None and snap.preview.seq != self._preview_seq:

@@ -13,6 +13,7 @@ import numpy as np
 from goshawk_dashboards.log.flight import TARGET_FIELDS, Columns, Flight
 from goshawk_dashboards.log.recorded import Replay
 from goshawk_dashboards.page import theme
+from goshawk_dashboards.state.snapshot import SAMPLE_STALE_S
 from goshawk_dashboards.state.views import Array
 
 SAMPLES = 12_000
@@ -35,9 +36,9 @@ class Curve:
     values: Array
 
     def at(self, time_s: float) -> float | None:
-        """The newest value at a time; None: there is none within the last second."""
+        """The newest value at a time; None: there is none, or it is stale."""
         index = int(np.searchsorted(self.times_s, time_s + 1e-6, side="right")) - 1
-        if index < 0 or time_s - self.times_s[index] > 1.0 or not np.isfinite(self.values[index]):
+        if index < 0 or time_s - self.times_s[index] > SAMPLE_STALE_S or not np.isfinite(self.values[index]):
             return None
         return float(self.values[index])
 

@@ -14,9 +14,10 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves, shapes
 from goshawk_dashboards.scene.picture import decode_preview
+from goshawk_dashboards.scene.target import TargetScene
 from goshawk_dashboards.scene.world import WorldScene
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import Array, ControlView, PlanView, TargetView
+from goshawk_dashboards.state.views import Array, ControlView, PlanView
 
 SAMPLES = 24
 """Points along a drawn trajectory."""
@@ -24,9 +25,6 @@ VEHICLE_DRAWN = 3.0
 """The vehicle is drawn this many times its size: 155 mm cannot be seen across a forest."""
 LEAST_OBJECTNESS = 0.1
 """A detection less sure than this is not drawn."""
-PLAN_STALE_S = 1.0
-CONTROL_STALE_S = 1.0
-TARGET_STALE_S = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,10 +78,9 @@ class LiveScene:
         self._preview_seq: int | None = None
         self.world = WorldScene(viewer, root)
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
-        self._target_trail = shapes.Trail(spacing_m=0.3)
         self._make_vehicle()
         self._make_plan()
-        self._make_target()
+        self.target = TargetScene(viewer, root)
 
     def _make_vehicle(self) -> None:
         scene = self._viewer.scene
@@ -153,81 +150,40 @@ class LiveScene:
             visible=False,
         )
 
-    def _make_target(self) -> None:
-        scene = self._viewer.scene
-        self.target = scene.add_frame(f"{self._root}/target", show_axes=False, visible=False)
-        self._target_dot = scene.add_icosphere(
-            f"{self._root}/target/mean", radius=0.14, color=theme.vivid(theme.TARGET), subdivisions=2
-        )
-        self._covariance = scene.add_icosphere(
-            f"{self._root}/target/covariance",
-            radius=1.0,
-            color=theme.vivid(theme.TARGET),
-            opacity=0.22,
-            subdivisions=3,
-            cast_shadow=False,
-        )
-        self._target_label = scene.add_label(f"{self._root}/target/label", "", position=(0.0, 0.0, 1.2))
-        self._target_arrow = scene.add_arrows(
-            f"{self._root}/target/velocity",
-            np.zeros((1, 2, 3)),
-            theme.vivid(theme.TARGET),
-            shaft_radius=0.035,
-            head_radius=0.09,
-            head_length=0.2,
-        )
-        segments = self._target_trail.segments_M23()
-        self._target_line = scene.add_line_segments(
-            f"{self._root}/trail/target",
-            segments,
-            shapes.fading_M23(len(segments), theme.vivid(theme.TARGET)),
-            thickness=2.5,
-            thickness_units="screen",
-            visible=False,
-        )
-        mesh = shapes.person()
-        self._truth = scene.add_mesh_simple(
-            f"{self._root}/truth/target", mesh.vertices, mesh.faces, color=theme.TRUTH, opacity=0.55, visible=False
-        )
-
     def update(self, snap: Snapshot, options: ViewOptions) -> None:
         """Shows one snapshot."""
         if snap.control is not None:
-            self._draw_vehicle(snap.control, snap.fresh("control", CONTROL_STALE_S), options)
-        plan_fresh = snap.fresh("plan", PLAN_STALE_S)
+            self._draw_vehicle(snap.control, snap.fresh("control"), options)
+        plan_fresh = snap.fresh("plan")
         self._draw_detections(snap.plan, plan_fresh and options.detections)
         self._draw_plan(snap.plan, plan_fresh, options)
         self._draw_camera(snap, options)
-        self._draw_target(snap, options)
-        truth = snap.truth if snap.fresh("sim_truth", CONTROL_STALE_S) else None
-        self._truth.visible = options.truth and truth is not None and truth.target_pos_world_3 is not None
-        if truth is not None and truth.target_pos_world_3 is not None:
-            self._truth.position = truth.target_pos_world_3
+        self.target.update(snap.target if snap.fresh("target") else None, trail=options.trails)
+        truth = snap.truth if snap.fresh("sim_truth") else None
+        self.target.show_truth(truth if options.truth else None)
         self.world.update(snap.world, truth.moving if truth is not None else None, shown=options.world)
 
     def retrace(self, vehicle_N3: Array, target_N3: Array) -> None:
         """Where vehicle and target have been, oldest first, in place of what was seen here."""
-        for trail, line, points_N3 in (
-            (self._vehicle_trail, self._vehicle_line, vehicle_N3),
-            (self._target_trail, self._target_line, target_N3),
-        ):
-            trail.retrace(points_N3)
-            line.points = trail.segments_M23().astype(np.float32)
+        self._vehicle_trail.retrace(vehicle_N3)
+        self._vehicle_line.points = self._vehicle_trail.segments_M23().astype(np.float32)
+        self.target.retrace(target_N3)
 
     def forget(self) -> None:
         """Shows nothing of what was drawn: another vehicle is to be shown next."""
         self.clear_trails()
         self._plan_drawn = self._preview_seq = None
-        for node in (self.vehicle, self.camera, self.chosen, self.target, self._truth, self._disturbance):
+        for node in (self.vehicle, self.camera, self.chosen, self._disturbance):
             node.visible = False
-        self.detections.visible = self._vehicle_line.visible = self._target_line.visible = False
+        self.detections.visible = self._vehicle_line.visible = False
+        self.target.forget()
         if self.candidates is not None:
             self.candidates.visible = False
 
     def clear_trails(self) -> None:
         """Forgets where vehicle and target have been."""
         self._vehicle_trail.clear()
-        self._target_trail.clear()
+        self.target.clear_trail()
 
     def _draw_vehicle(self, control: ControlView, fresh: bool, options: ViewOptions) -> None:
         self.vehicle.visible = True
@@ -301,7 +257,7 @@ class LiveScene:
         if snap.control is None:
             return
         self.camera.position = snap.control.pos_world_3
-        if snap.plan is not None and snap.fresh("plan", PLAN_STALE_S):
+        if snap.plan is not None and snap.fresh("plan"):
             self.camera.wxyz = snap.plan.world_from_cam_4
         else:
             self.camera.wxyz = snap.control.world_from_body_4
@@ -311,33 +267,3 @@ class LiveScene:
             if picture is not None:
                 self._frustum.aspect = picture.shape[1] / picture.shape[0]
                 self._frustum.image = picture
-
-    def _draw_target(self, snap: Snapshot, options: ViewOptions) -> None:
-        target = snap.target
-        shown = target is not None and snap.fresh("target", TARGET_STALE_S)
-        self.target.visible = shown
-        self._target_line.visible = options.trails and len(self._target_trail) > 1
-        if target is None or not shown:
-            return
-        self.target.position = target.pos_world_3
-        color = theme.vivid(theme.TARGET) if target.confirmed else theme.STALE
-        self._target_dot.color = color
-        self._covariance.color = color
-        self._target_arrow.points = np.array([[np.zeros(3), 0.5 * target.vel_world_3]], dtype=np.float32)
-        self._target_label.text = _target_text(target)
-        self._covariance.visible = target.covariance_66 is not None
-        if target.covariance_66 is not None:
-            semi_3, wxyz = shapes.ellipsoid(target.covariance_66[:3, :3])
-            self._covariance.scale = (float(semi_3[0]), float(semi_3[1]), float(semi_3[2]))
-            self._covariance.wxyz = wxyz
-        if target.confirmed and self._target_trail.add(target.pos_world_3):
-            self._target_line.points = self._target_trail.segments_M23().astype(np.float32)
-
-
-def _target_text(target: TargetView) -> str:
-    """Words that rarely change: labels are costly to redraw, and the figures are in the panel."""
-    if not target.confirmed:
-        return "target, unconfirmed"
-    if target.since_seen_s > 0.5:
-        return f"target, unseen for {target.since_seen_s:.0f} s"
-    return "target"

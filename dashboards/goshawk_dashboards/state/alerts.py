@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from goshawk_dashboards.state import protocol
 from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import UNSEEN_S
 
 HOLD_S = 5.0
 """An alert whose cause has gone stays this long, said to be over: a blink of trouble is trouble too."""
@@ -116,9 +117,11 @@ def _of_flight(snap: Snapshot) -> list[Alert]:
         if battery is not None and battery < LOW_BATTERY:
             found.append(Alert(key="battery", severe=battery < LOW_BATTERY / 2, text=f"battery {100 * battery:.0f} %"))
     if snap.mode == "search":
-        unseen = f", unseen for {target.since_seen_s:.0f} s" if target is not None and target.since_seen_s > 0.5 else ""
+        unseen = (
+            f", unseen for {target.since_seen_s:.0f} s" if target is not None and target.since_seen_s > UNSEEN_S else ""
+        )
         found.append(Alert(key="search", severe=False, text=f"target lost: searching{unseen}"))
-    if snap.truth is not None and snap.truth.collisions and snap.fresh("sim_truth", 1.0):
+    if snap.truth is not None and snap.truth.collisions and snap.fresh("sim_truth"):
         found.append(Alert(key="collision", severe=True, text=f"COLLISION in the simulator: {snap.truth.collisions}"))
     return found
 

@@ -21,6 +21,13 @@ from goshawk_dashboards.state.views import (
 
 STALE_S = 1.5
 """A vehicle not heard for this long is stale: three times the heartbeat's period, and the link's lease is 2 s."""
+SAMPLE_STALE_S = 1.0
+"""What is older than this is not shown as if it were now: a plan, a controller step, an estimate, the truth.
+
+The vehicle itself calls a plan stale after 0.5 s, by its own clock (`PLAN_STALE_S` of its health check). Here an age
+counts from the arrival, so what the link lost or held back is in it too: it is twice as long, or a weak link would make
+the view flicker in a flight in which nothing is wrong. The review keeps to it, so that it shows what was to be seen.
+"""
 FLYING = frozenset({"takeoff", "track", "navigate", "search", "hold", "stopping"})
 """The modes in which the vehicle is in the air."""
 
@@ -62,7 +69,7 @@ class Snapshot:
                 return view.age_s
         return None
 
-    def fresh(self, channel: str, limit_s: float) -> bool:
+    def fresh(self, channel: str, limit_s: float = SAMPLE_STALE_S) -> bool:
         """Whether the channel's last sample is at most ``limit_s`` old."""
         age_s = self.age_s(channel)
         return age_s is not None and age_s <= limit_s

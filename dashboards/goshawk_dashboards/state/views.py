@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+UNSEEN_S = 0.5
+"""A target out of sight for longer is lost to who looks, though the vehicle still pursues it."""
 ELIGIBLE = "none"
 """The rejection of the candidate that is flown."""
 
