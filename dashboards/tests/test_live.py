@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from urllib.parse import urlsplit
@@ -13,7 +14,8 @@ from goshawk_dashboards.live.dashboard import LiveDashboard, LiveView
 from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import BoxesView, CommandView, TruthView, WorldView
+from goshawk_dashboards.state.views import BoxesView, CommandView, PreviewView, TruthView, WorldView
+from PIL import Image
 from viser import BatchedMeshHandle
 
 Make = Callable[..., Snapshot]
@@ -52,6 +54,13 @@ def truth(moving: BoxesView) -> TruthView:
         target_visible=True,
         moving=moving,
     )
+
+
+def preview() -> PreviewView:
+    """A picture that can be drawn."""
+    data = io.BytesIO()
+    Image.new("RGB", (4, 3)).save(data, "PNG")
+    return PreviewView(seq=1, stamp_ns=1, width=4, height=3, picture=data.getvalue())
 
 
 def watched(name: str, snap: Make) -> Watched:
@@ -185,8 +194,6 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, sn
 
 
 def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
-    from goshawk_dashboards.state.views import PreviewView
-
     live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"not a jpeg")))
     live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, picture=b"\xff\xd8\xff\xe0broken")))
 
@@ -251,6 +258,20 @@ def test_a_plan_is_drawn_anew_though_another_vehicles_had_its_number(snap: Make)
         assert live.scene.candidates is not None
         assert live.scene.candidates.visible
         np.testing.assert_allclose(live.scene.candidates.position, start_3)
+    finally:
+        live.dashboard.close()
+
+
+def test_the_camera_of_another_vehicle_does_not_show_the_formers_picture(snap: Make) -> None:
+    live = Live(watched("alpha", snap), watched("bravo", snap))
+    try:
+        seen = snap(vehicle="alpha", preview=preview())
+        live.tick(seen, snap(vehicle="bravo"))
+        assert live.scene.frustum.image is not None
+        live.panels.show(1)
+        live.tick(seen, snap(vehicle="bravo"))
+        assert live.scene.camera.visible
+        assert live.scene.frustum.image is None
     finally:
         live.dashboard.close()
 

@@ -108,7 +108,7 @@ class LiveScene:
             visible=False,
         )
         self.camera = scene.add_frame(f"{self._root}/camera", show_axes=False, visible=False)
-        self._frustum = scene.add_camera_frustum(
+        self.frustum = scene.add_camera_frustum(
             f"{self._root}/camera/frustum",
             fov=2.0 * np.arctan(48.0 / 80.0),
             aspect=160.0 / 96.0,
@@ -173,6 +173,7 @@ class LiveScene:
         """Shows nothing of what was drawn: another vehicle is to be shown next."""
         self.clear_trails()
         self._plan_drawn = self._preview_seq = None
+        self.frustum.image = None
         for node in (self.vehicle, self.camera, self.chosen, self._disturbance):
             node.visible = False
         self.detections.visible = self._vehicle_line.visible = False
@@ -265,5 +266,5 @@ class LiveScene:
             self._preview_seq = snap.preview.seq
             picture = decode_preview(snap.preview)
             if picture is not None:
-                self._frustum.aspect = picture.shape[1] / picture.shape[0]
-                self._frustum.image = picture
+                self.frustum.aspect = picture.shape[1] / picture.shape[0]
+                self.frustum.image = picture
