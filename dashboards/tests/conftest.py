@@ -43,6 +43,8 @@ def make_control(seq: int = 1, stamp_s: float = 1.0, mode: str = "track") -> vie
         thrust_norm=0.3,
         yaw_des_rad=0.0,
         plan_age_s=0.02,
+        hover_thrust=0.314,
+        attitude_lag_s=0.084,
     )
 
 

@@ -84,6 +84,8 @@ def control(time_s: float, seq: int, duration_s: float) -> pb.Control:
         world_from_body_des=pb.Quat(w=1.0),
         thrust_n=8.3,
         thrust_norm=0.25,
+        hover_thrust=0.262,
+        attitude_lag_s=0.071,
     )
 
 

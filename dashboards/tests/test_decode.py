@@ -46,6 +46,13 @@ def test_an_unset_choice_and_unset_detections_are_absent() -> None:
     assert seen.target_pos_world_N3 is None
 
 
+def test_what_was_learnt_in_flight_is_absent_from_a_vehicle_that_does_not_send_it() -> None:
+    known = decode.control(pb.Control(world_from_body=UNIT, hover_thrust=0.3, attitude_lag_s=0.08))
+    assert (known.hover_thrust, known.attitude_lag_s) == (0.3, 0.08)
+    older = decode.control(pb.Control(world_from_body=UNIT))
+    assert (older.hover_thrust, older.attitude_lag_s) == (None, None)
+
+
 def _with(message: Any, **fields: Any) -> Any:
     for name, value in fields.items():
         if hasattr(value, "DESCRIPTOR"):

@@ -11,6 +11,7 @@ import recordings as rec
 from goshawk_dashboards.log import recorded
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark, Replay
+from goshawk_dashboards.page.status import learnt_html
 from goshawk_dashboards.review import html, tables
 from goshawk_dashboards.review.html import Window
 from goshawk_dashboards.review.plots import Curve, plots_of
@@ -39,6 +40,11 @@ def test_an_instant_is_a_fresh_snapshot_of_that_time(flight: Flight) -> None:
     assert snap.preview.stamp_ns == snap.plan.frame_ns
     assert not snap.stale
     assert snap.health is None and snap.age_s("health") is None
+
+
+def test_what_was_learnt_in_flight_is_shown_as_it_was_known_then(flight: Flight) -> None:
+    words = learnt_html(recorded.snapshot_at(flight, 2.5))
+    assert "26.2 %" in words and "71 ms" in words
 
 
 def test_after_the_last_record_everything_is_stale(flight: Flight) -> None:

@@ -82,6 +82,7 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
         status.status_html,
         status.readiness_html,
         link.link_html,
+        status.learnt_html,
         status.vehicle_html,
         status.events_html,
         status.command_html,
@@ -101,6 +102,22 @@ def test_loss_and_malformed_payloads_are_shown(snap: Make) -> None:
 def test_a_vehicle_that_answers_no_question_is_told_from_one_that_was_not_asked(snap: Make) -> None:
     assert "no answer" in link.link_html(replace(snap(), round_trip_s=math.inf))
     assert "no answer" not in link.link_html(replace(snap(), round_trip_s=None))
+
+
+def test_what_was_learnt_in_flight_is_shown_with_its_unit(snap: Make) -> None:
+    words = status.learnt_html(snap())
+    assert "hover thrust, learnt" in words and "31.4 %" in words
+    assert "attitude lag, learnt" in words and "84 ms" in words
+    assert "opacity" not in words
+    assert "opacity" in status.learnt_html(snap(age_s=3.0))
+
+
+def test_what_a_vehicle_does_not_say_of_itself_is_not_made_up(snap: Make) -> None:
+    base = snap()
+    assert base.control is not None
+    silent = replace(base, control=replace(base.control, hover_thrust=None, attitude_lag_s=None))
+    assert "learnt</td>" not in status.learnt_html(silent)
+    assert status.learnt_html(snap(control=None)) == ""
 
 
 def test_a_refused_command_shows_why(snap: Make) -> None:

@@ -217,6 +217,8 @@ class FakeVehicle:
             yaw_des_rad=m.yaw,
             plan_seq=seq,
             plan_age_s=0.02,
+            hover_thrust=0.314,
+            attitude_lag_s=0.084,
         )
 
     def target(self, m: Motion, seq: int, stamp_ns: int) -> pb.Target:

@@ -57,6 +57,15 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     assert {urlparse(u).hostname for u in seen.requests if u.startswith("http")} == {"127.0.0.1"}
 
 
+def test_what_the_controller_has_learnt_is_in_the_vehicles_folder(ground: Start, visit: Visit) -> None:
+    g = ground()
+    page = visit(g.dashboard.url).page
+    mode(page, "ready")
+    page.get_by_text("Vehicle", exact=True).click()
+    expect(page.locator('[data-goshawk="learnt"]')).to_contain_text("31.4 %")
+    expect(page.locator('[data-goshawk="learnt"]')).to_contain_text("84 ms")
+
+
 def test_start_asks_first_and_shows_what_is_not_ready(ground: Start, visit: Visit) -> None:
     g = ground("--not-ready")
     page = visit(g.dashboard.url).page

@@ -106,6 +106,9 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", "9.000")
     expect(page.locator('[data-goshawk="candidates"]')).to_have_attribute("data-seq", str(plan.seq))
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    assert control.hover_thrust is not None
+    page.get_by_text("Flight", exact=True).dispatch_event("click")  # the timeline may lie over it
+    expect(page.locator('[data-goshawk="learnt"]')).to_contain_text(f"{100 * control.hover_thrust:.1f} %")
     scene = view.scene.first
     assert np.allclose(scene.vehicle.position, control.pos_world_3, atol=1e-5)
     assert scene.candidates is not None

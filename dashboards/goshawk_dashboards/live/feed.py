@@ -9,7 +9,14 @@ from functools import cached_property
 from goshawk_dashboards.live import plots
 from goshawk_dashboards.live.candidates import picture_html, strip_html
 from goshawk_dashboards.live.link import link_html, radio_html
-from goshawk_dashboards.page.status import command_html, events_html, readiness_html, status_html, vehicle_html
+from goshawk_dashboards.page.status import (
+    command_html,
+    events_html,
+    learnt_html,
+    readiness_html,
+    status_html,
+    vehicle_html,
+)
 from goshawk_dashboards.state.alerts import Alert, AlertBoard
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import CommandView
@@ -63,6 +70,11 @@ class Words:
     def radio(self) -> str:
         """What the autopilot says by radio."""
         return radio_html(self._snap)
+
+    @cached_property
+    def learnt(self) -> str:
+        """What the controller has learnt."""
+        return learnt_html(self._snap)
 
     @cached_property
     def vehicle(self) -> str:

@@ -64,6 +64,7 @@ class LivePanels:
         with gui.add_folder("Events"):
             self._events = gui.add_html("")
         with gui.add_folder("Vehicle", expand_by_default=False):
+            self._learnt = gui.add_html("")
             self._vehicle = gui.add_html("")
         self._make_view_options(on_clear)
         gui.main_panel.dock_right()
@@ -183,6 +184,7 @@ class LivePanels:
         self._link.content = words.link
         self._radio_folder.visible = snap.autopilot is not None
         self._radio.content = words.radio
+        self._learnt.content = words.learnt
         self._vehicle.content = words.vehicle
         self._events.content = words.events
         self._picture.content = words.picture

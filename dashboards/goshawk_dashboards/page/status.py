@@ -130,6 +130,24 @@ def failing_checks(snap: Snapshot) -> list[str]:
     return lines
 
 
+def learnt_html(snap: Snapshot) -> str:
+    """What the controller has learnt of the airframe in flight."""
+    control = snap.control
+    if control is None:
+        return ""
+    thrust, lag_s = control.hover_thrust, control.attitude_lag_s
+    figures = (
+        ("hover thrust", None if thrust is None else f"{100.0 * thrust:.1f} %"),
+        ("attitude lag", None if lag_s is None else f"{1e3 * lag_s:.0f} ms"),
+    )
+    rows = "".join(
+        f'<tr><td>{name}, learnt</td><td style="{NUM}">{value}</td></tr>'
+        for name, value in figures
+        if value is not None
+    )
+    return faded(table("learnt", rows), not snap.fresh("control"))
+
+
 def vehicle_html(snap: Snapshot) -> str:
     """What the heartbeat reports: rates, latencies, drops, versions."""
     health = snap.health

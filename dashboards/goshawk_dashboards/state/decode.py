@@ -123,6 +123,9 @@ def control(m: pb.Control) -> view.ControlView:
         thrust_norm=_number("normalised thrust", m.thrust_norm),
         yaw_des_rad=_number("desired yaw", m.yaw_des_rad),
         plan_age_s=_number("plan age", m.plan_age_s) if m.HasField("plan_age_s") else None,
+        # Neither can be 0; it is what an older vehicle, which does not send them, is read as.
+        hover_thrust=_number("hover thrust", m.hover_thrust) or None,
+        attitude_lag_s=_number("attitude lag", m.attitude_lag_s) or None,
     )
 
 

@@ -68,6 +68,10 @@ class ControlView:
     thrust_norm: float
     yaw_des_rad: float
     plan_age_s: float | None
+    hover_thrust: float | None
+    """The thrust that hovers, normalised, as learnt in flight; None: the vehicle does not say."""
+    attitude_lag_s: float | None
+    """How late the attitude follows its command, as learnt in flight; None: the vehicle does not say."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
