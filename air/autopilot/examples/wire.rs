@@ -9,8 +9,7 @@
 //! ```
 
 use goshawk_autopilot::{AutopilotLink, Firmware, Guided, LinkConfig, SigningConfig, SigningKey};
-use goshawk_core::Request;
-use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
+use goshawk_core::{AttitudeThrust, NormalisedThrust, Request, Rot, Time};
 use nalgebra::Quaternion;
 use serde_json::{Value, json};
 use std::error::Error;

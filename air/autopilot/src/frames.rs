@@ -3,7 +3,7 @@
 //! World: ENU here (x east, y north, z up), NED on the wire. Body: FLU here (x forward, y left, z up), FRD on the
 //! wire. Each function is its own inverse; both names exist so that a call reads in the direction that it goes.
 
-use goshawk_core::types::{Rot, Vec3};
+use goshawk_core::{Rot, Vec3};
 use nalgebra::{Quaternion, UnitQuaternion};
 use std::f64::consts::FRAC_1_SQRT_2;
 

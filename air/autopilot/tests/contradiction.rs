@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
 
 use goshawk_autopilot::messages::{MavMessage, ODOMETRY_DATA};
-use goshawk_autopilot::wire::{Encoder, for_each_packet, frame_length};
+use goshawk_autopilot::wire::encode::Encoder;
+use goshawk_autopilot::wire::packet::{for_each_packet, frame_length};
 use goshawk_autopilot::{Firmware, PositionFault, View};
-use goshawk_core::types::Time;
+use goshawk_core::Time;
 
 /// Six seconds: arming and the climb.
 const CUT: &[u8] = include_bytes!("data/px4-offboard-takeoff.tlog");

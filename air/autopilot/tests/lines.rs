@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
 
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType};
-use goshawk_autopilot::wire::{Encoder, Packet, for_each_packet};
+use goshawk_autopilot::wire::encode::Encoder;
+use goshawk_autopilot::wire::packet::{Packet, for_each_packet};
 use goshawk_autopilot::{Address, AutopilotError, AutopilotLink, LinkConfig, Peer};
-use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
+use goshawk_core::{AttitudeThrust, NormalisedThrust, Rot, Time};
 use rustix::fs::OFlags;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::tcgetattr;

@@ -3,11 +3,11 @@
 #![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
 
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavMessage};
-use goshawk_autopilot::wire::Encoder;
+use goshawk_autopilot::wire::encode::Encoder;
 use goshawk_autopilot::{
     Address, AutopilotError, AutopilotLink, LinkConfig, Peer, SigningConfig, SigningKey, StreamRates,
 };
-use goshawk_core::types::{AttitudeThrust, NormalisedThrust, Rot, Time};
+use goshawk_core::{AttitudeThrust, NormalisedThrust, Rot, Time};
 use proptest::prelude::*;
 use std::collections::HashMap;
 use std::net::{SocketAddr, UdpSocket};

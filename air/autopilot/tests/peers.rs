@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
 
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType};
-use goshawk_autopilot::wire::Encoder;
+use goshawk_autopilot::wire::encode::Encoder;
 use goshawk_autopilot::{AutopilotLink, LinkConfig, Peer, PeerEvent};
-use goshawk_core::types::Time;
+use goshawk_core::Time;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -174,6 +174,6 @@ fn a_crowd_of_senders_does_not_flood_the_events() {
     }
     assert_eq!((rig.peer(), rig.armed()), (Some(address), false));
     let events = rig.link.take_peer_events();
-    assert_eq!(events.len(), goshawk_autopilot::peers::NAMED + 1);
+    assert_eq!(events.len(), goshawk_autopilot::wire::peers::NAMED + 1);
     assert_eq!(events.last(), Some(&PeerEvent::Crowd));
 }

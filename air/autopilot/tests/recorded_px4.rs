@@ -3,11 +3,11 @@
 
 #![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
 
-use goshawk_autopilot::events::AutopilotEvent;
+use goshawk_autopilot::dialogue::events::AutopilotEvent;
 use goshawk_autopilot::messages::MavMessage;
-use goshawk_autopilot::wire::{Packet, for_each_packet, frame_length};
+use goshawk_autopilot::wire::packet::{Packet, for_each_packet, frame_length};
 use goshawk_autopilot::{Firmware, Px4Mode, View};
-use goshawk_core::types::{Odometry, Time, Vec3};
+use goshawk_core::{Odometry, Time, Vec3};
 use mavlink::Message;
 use serde_json::Value;
 use std::collections::BTreeMap;

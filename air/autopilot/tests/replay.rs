@@ -4,9 +4,9 @@
 #![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
 
 use goshawk_autopilot::messages::MavMessage;
-use goshawk_autopilot::wire::{Packet, for_each_packet, frame_length};
+use goshawk_autopilot::wire::packet::{Packet, for_each_packet, frame_length};
 use goshawk_autopilot::{Firmware, View};
-use goshawk_core::types::Time;
+use goshawk_core::Time;
 use mavlink::Message;
 use std::collections::BTreeMap;
 

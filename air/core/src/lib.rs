@@ -4,67 +4,39 @@
 //! after construction. Everything hangs on two functions: [`Planner::step`] once a camera frame, and
 //! [`Controller::step`] at a fixed rate.
 
-mod activation;
-pub mod aim;
-pub mod config;
-pub mod controller;
-pub mod decode;
-mod detour;
-pub mod disturbance;
-pub mod error;
-pub mod evade;
-pub mod flatness;
-mod flight;
-pub mod history;
-pub mod hover;
-pub mod interface;
-pub mod lag;
-pub mod landing;
-pub mod lattice;
-pub mod lead;
-pub mod limits;
+pub mod control;
 pub mod mission;
-pub mod motion;
-pub mod movers;
-pub mod nearest;
-pub mod obstacles;
-pub mod planner;
-pub mod plans;
-pub mod quintic;
-pub mod room;
-pub mod select;
-pub mod separation;
-mod situation;
-pub mod takeoff;
-pub mod target;
-pub mod thrust;
-pub mod transitions;
-pub mod trust;
-pub mod types;
-pub mod view;
-pub mod yaw;
+pub mod planning;
+pub mod policy;
+pub mod values;
 
-pub use aim::ChaseConfig;
-pub use config::{
-    ControllerConfig, HoldConfig, LadderConfig, LeadConfig, MissionConfig, ObserverConfig, VehicleModel, YawConfig,
-};
-pub use controller::Controller;
-pub use error::{ConfigError, within};
-pub use history::History;
-pub use interface::{
+pub use control::disturbance::ObserverConfig;
+pub use control::hover::HoldConfig;
+pub use control::lag::LagConfig;
+pub use control::lead::LeadConfig;
+pub use control::plans::LadderConfig;
+pub use control::separation::SeparationConfig;
+pub use control::thrust::ThrustConfig;
+pub use control::trust::OdometryFault;
+pub use control::vehicle::VehicleModel;
+pub use control::view::ViewConfig;
+pub use control::yaw::YawConfig;
+pub use mission::config::{ControllerConfig, MissionConfig};
+pub use mission::controller::Controller;
+pub use mission::interface::{
     AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request, Transition,
 };
-pub use lag::LagConfig;
-pub use limits::LimitsConfig;
-pub use mission::{Cause, Fallback, Mode, StopAction};
-pub use planner::{CameraModel, Planner, PlannerConfig, PlannerInput, PlanningConfig, PolicyModel};
-pub use select::SelectConfig;
-pub use separation::SeparationConfig;
-pub use target::TargetConfig;
-pub use thrust::ThrustConfig;
-pub use trust::OdometryFault;
-pub use types::{
+pub use mission::limits::LimitsConfig;
+pub use mission::modes::{Cause, Fallback, Mode, StopAction};
+pub use planning::aim::ChaseConfig;
+pub use planning::plan::Plan;
+pub use planning::planner::{Planner, PlannerConfig, PlannerInput, PlanningConfig};
+pub use planning::select::SelectConfig;
+pub use planning::target::TargetConfig;
+pub use policy::model::{CameraModel, PolicyModel};
+pub use values::error::{ConfigError, within};
+pub use values::history::History;
+pub use values::types::{
     ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,
-    Odometry, Plan, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
+    Odometry, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
 };
-pub use view::ViewConfig;

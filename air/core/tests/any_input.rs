@@ -3,7 +3,7 @@
 
 mod common;
 
-use goshawk_core::room::HEADINGS;
+use goshawk_core::planning::room::HEADINGS;
 use goshawk_core::*;
 use proptest::prelude::*;
 
@@ -33,7 +33,7 @@ prop_compose! {
             seq: 0, stamp: Time(0), start: state, world_from_cam: Rot::identity(), duration, alpha: 1.0,
             candidates: [candidate; ANCHORS], chosen, target: estimate,
             room: Some([distance as f32; HEADINGS]),
-            movers: [None; goshawk_core::movers::MOST],
+            movers: [None; goshawk_core::planning::movers::MOST],
             evasion: None,
         })
     }

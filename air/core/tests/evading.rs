@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Frames, Loop, track};
-use goshawk_core::evade::Evasion;
+use goshawk_core::planning::evade::Evasion;
 use goshawk_core::*;
 
 fn level(vel_world: Vec3) -> Option<Evasion> {

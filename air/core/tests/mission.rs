@@ -211,7 +211,7 @@ fn something_like_the_lost_target_draws_the_camera_before_it_is_believed() {
     sim.frames = Frames::Glimpse(aside);
     let off = |sim: &Loop| {
         let line = aside - sim.pos;
-        goshawk_core::yaw::wrap(line.y.atan2(line.x) - sim.out().yaw_des).abs()
+        goshawk_core::values::geometry::wrap(line.y.atan2(line.x) - sim.out().yaw_des).abs()
     };
     let before = off(&sim);
     sim.run(0.6);
@@ -401,7 +401,7 @@ fn the_sweep_turns_the_way_the_target_was_heading() {
         sim.run(1.4);
         let before = sim.out().yaw_des;
         sim.run(1.0);
-        let turned = goshawk_core::yaw::wrap(sim.out().yaw_des - before) * side;
+        let turned = goshawk_core::values::geometry::wrap(sim.out().yaw_des - before) * side;
         assert!(turned > 0.5 && turned < 1.1, "turned {turned}");
     }
 }
@@ -415,7 +415,7 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
     // Not so long that it thinks itself stuck.
     sim.run(1.5);
     let left = 0.5 + std::f64::consts::FRAC_PI_2;
-    assert!(goshawk_core::yaw::wrap(sim.out().yaw_des - left).abs() < 0.02, "{}", sim.out().yaw_des);
+    assert!(goshawk_core::values::geometry::wrap(sim.out().yaw_des - left).abs() < 0.02, "{}", sim.out().yaw_des);
     sim.frames = Frames::Goal;
     // Sideways it looks along, on the way back to the goal.
     for (off, looks) in [(0.8_f64, 0.8), (2.6, 0.0)] {
@@ -428,7 +428,7 @@ fn navigation_looks_at_the_goal_when_slow_and_along_the_velocity_when_fast() {
         }
         let line = sim.out().planning.unwrap().goal_world.unwrap() - sim.pos;
         let back = if looks == 0.0 { line.y.atan2(line.x) } else { left - looks };
-        let off_by = goshawk_core::yaw::wrap(back - sim.out().yaw_des);
+        let off_by = goshawk_core::values::geometry::wrap(back - sim.out().yaw_des);
         assert!(off_by.abs() < 0.05, "{off}: {off_by}");
     }
 }
@@ -441,7 +441,7 @@ fn a_hidden_target_is_glanced_for_on_the_side_it_was_heading_for_and_back() {
         let mut turned = Vec::new();
         while sim.mode() == Mode::Track && turned.len() < 400 {
             sim.tick(None);
-            turned.push(goshawk_core::yaw::wrap(sim.out().yaw_des - ahead) * side);
+            turned.push(goshawk_core::values::geometry::wrap(sim.out().yaw_des - ahead) * side);
         }
         let farthest = turned.iter().copied().fold(0.0, f64::max);
         let back = turned.iter().copied().skip_while(|turn| *turn < farthest).fold(f64::INFINITY, f64::min);
@@ -459,9 +459,13 @@ fn a_navigation_that_is_stuck_is_led_aside_and_looks_there() {
     let goal = aims(&sim);
     sim.run(3.0);
     let aside = aims(&sim);
-    let turned = goshawk_core::yaw::wrap(aside.y.atan2(aside.x) - goal.y.atan2(goal.x));
+    let turned = goshawk_core::values::geometry::wrap(aside.y.atan2(aside.x) - goal.y.atan2(goal.x));
     assert!((turned - 1.0).abs() < 0.1, "{turned}");
-    assert!(goshawk_core::yaw::wrap(sim.out().yaw_des - aside.y.atan2(aside.x)).abs() < 0.1, "{}", sim.out().yaw_des);
+    assert!(
+        goshawk_core::values::geometry::wrap(sim.out().yaw_des - aside.y.atan2(aside.x)).abs() < 0.1,
+        "{}",
+        sim.out().yaw_des
+    );
 }
 
 #[test]
@@ -477,7 +481,7 @@ fn a_target_that_vanishes_near_by_is_looked_for_at_its_side_at_once() {
         let before = sim.out().yaw_des;
         sim.run(0.4);
         assert!(sim.mode() != Mode::Search, "it has not even stopped");
-        let turned = goshawk_core::yaw::wrap(sim.out().yaw_des - before) * side;
+        let turned = goshawk_core::values::geometry::wrap(sim.out().yaw_des - before) * side;
         assert!(turned > 0.15, "{side} {turned}");
     }
 }

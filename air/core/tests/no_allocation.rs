@@ -7,7 +7,7 @@
 mod common;
 
 use common::{Frames, Loop};
-use goshawk_core::nearest::{COLUMNS, ROWS};
+use goshawk_core::planning::nearest::{COLUMNS, ROWS};
 use goshawk_core::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

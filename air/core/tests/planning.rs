@@ -3,7 +3,7 @@
 
 mod common;
 
-use goshawk_core::nearest::{COLUMNS, ROWS};
+use goshawk_core::planning::nearest::{COLUMNS, ROWS};
 use goshawk_core::*;
 use proptest::prelude::*;
 

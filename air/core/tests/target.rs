@@ -3,7 +3,7 @@
 
 mod common;
 
-use goshawk_core::target::{Detection, TargetFilter};
+use goshawk_core::planning::target::{Detection, TargetFilter};
 use goshawk_core::*;
 use proptest::prelude::*;
 

@@ -1,13 +1,13 @@
 //! The core against `tests/vectors/*.json`: golden values from an independent float64 implementation in Python.
 #![allow(clippy::unwrap_used, reason = "a malformed vector file is a failed test")]
 
-use goshawk_core::decode::channels;
-use goshawk_core::disturbance::Observer;
-use goshawk_core::flatness::flat_command;
-use goshawk_core::lattice::Lattice;
-use goshawk_core::lead::lead;
-use goshawk_core::quintic::Quintic;
-use goshawk_core::target::{Detection, TargetFilter};
+use goshawk_core::control::disturbance::Observer;
+use goshawk_core::control::flatness::flat_command;
+use goshawk_core::control::lead::lead;
+use goshawk_core::planning::target::{Detection, TargetFilter};
+use goshawk_core::policy::decode::channels;
+use goshawk_core::policy::lattice::Lattice;
+use goshawk_core::values::quintic::Quintic;
 use goshawk_core::*;
 use serde_json::Value;
 

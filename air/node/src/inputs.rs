@@ -1,7 +1,7 @@
 //! What planner and controller are given, as values that a log can hold and [`crate::replay`] gives back: a step is a
 //! function of these and of the steps before, on board, in lockstep and in a replay alike.
 
-use goshawk_core::nearest::Nearest;
+use goshawk_core::planning::nearest::Nearest;
 use goshawk_core::{
     AutopilotStatus, Command, ConfigError, Controller, ControllerConfig, ControllerInput, ControllerOutput, Mode,
     NetworkOutput, Odometry, Plan, PlannerInput, PlanningDemand, Profile, Rot, Task, Time, Vec3,

@@ -23,9 +23,9 @@ use goshawk_air::inputs::FlightController;
 use goshawk_air::realtime::Schedule;
 use goshawk_air::shared::{PendingCommand, Report, Shared, lock};
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag};
-use goshawk_autopilot::wire::Encoder;
+use goshawk_autopilot::wire::encode::Encoder;
 use goshawk_autopilot::{AutopilotLink, LinkConfig, Px4Mode};
-use goshawk_core::room::HEADINGS;
+use goshawk_core::planning::room::HEADINGS;
 use goshawk_core::{ANCHORS, Candidate, Command, FlatState, Mode, Odometry, Plan, Rot, TargetEstimate, Time, Vec3};
 
 thread_local! {
@@ -117,7 +117,7 @@ fn plan(seq: u64, stamp: Time, height: f64) -> Plan {
         chosen: Some(7),
         target: Some(target),
         room: Some([1.0; HEADINGS]),
-        movers: [None; goshawk_core::movers::MOST],
+        movers: [None; goshawk_core::planning::movers::MOST],
         evasion: None,
     }
 }

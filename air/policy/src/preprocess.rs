@@ -8,7 +8,7 @@
 //! each filling pass gives a pixel without one the nearest of its 3 x 3 neighbours as they were before the pass; what
 //! still has none becomes `max_m`; clipped to `max_m` and divided by it. Nothing is allocated after construction.
 
-use goshawk_core::nearest::{COLUMNS, Nearest, ROWS};
+use goshawk_core::planning::nearest::{COLUMNS, Nearest, ROWS};
 
 use crate::contract::{Contract, Depth, Image};
 

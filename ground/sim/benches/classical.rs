@@ -7,13 +7,13 @@
 mod common;
 
 use common::{core_seconds, record, verdict};
-use goshawk_core::types::{FlatState, Rot, Vec3};
+use goshawk_core::{FlatState, Rot, Vec3};
 use goshawk_sim::classical::pilot::COMPUTE_S;
 use goshawk_sim::classical::planner::{Aim, MapPlanner};
-use goshawk_sim::forest::{ForestConfig, forest};
 use goshawk_sim::render::{Camera, CameraPose, Frame, Renderer};
-use goshawk_sim::sensor::{Motion, RgbdImage, Sensor};
-use goshawk_sim::sensors::Sensors;
+use goshawk_sim::sense::file::Sensors;
+use goshawk_sim::sense::rgbd::{Motion, RgbdImage};
+use goshawk_sim::world::forest::{ForestConfig, forest};
 
 const SPEED_MPS: f64 = 5.0;
 const FRAME_S: f64 = 1.0 / 30.0;
@@ -62,7 +62,7 @@ fn main() -> color_eyre::Result<()> {
 fn fly(seed: u64, times: &mut Times) -> color_eyre::Result<()> {
     let world = forest(&ForestConfig::default(), seed)?;
     let camera = Camera::default();
-    let (mut renderer, mut sensor) = (Renderer::new(camera), Sensor::new(&Sensors::default(), &camera, seed));
+    let (mut renderer, mut sensor) = (Renderer::new(camera), Sensors::default().sensor(&camera, seed));
     let (mut frame, mut image) = (Frame::default(), RgbdImage::default());
     let mut planner = MapPlanner::default();
     let start_world = world.start_world() + Vec3::z() * 1.5;

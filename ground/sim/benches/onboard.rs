@@ -23,17 +23,17 @@ use goshawk_air::planning::answer;
 use goshawk_air::realtime::Schedule;
 use goshawk_air::sensors;
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
-use goshawk_core::types::{Plan, Task, Time};
-use goshawk_core::{ControllerOutput, Odometry, Planner};
+use goshawk_core::{ControllerOutput, Odometry, Plan, Planner, Task, Time};
 use goshawk_policy::{AnswerMonitor, Arrival, Policy, Preprocessor, StreamMonitor};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, LogWriter};
-use goshawk_sim::evader::Course;
-use goshawk_sim::sensor::RgbdImage;
-use goshawk_sim::sensors::Sensors;
+use goshawk_sim::actors::evader::Course;
+use goshawk_sim::pilots::fly_trial;
+use goshawk_sim::sense::file::Sensors;
+use goshawk_sim::sense::rgbd::RgbdImage;
 use goshawk_sim::trial::airframe::Mount;
-use goshawk_sim::trial::{Difference, Pilot, PilotKind, TrialConfig, Witness, WorldSource, fly_trial};
+use goshawk_sim::trial::{Difference, Pilot, PilotKind, TrialConfig, Witness, WorldSource};
 use prost::Message;
 
 /// All that one flight's software was given.

@@ -7,12 +7,12 @@
 mod common;
 
 use common::{core_seconds, median, record, tenths, verdict};
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use goshawk_sim::dataset::sample_frame;
-use goshawk_sim::forest::{ForestConfig, forest};
 use goshawk_sim::render::{Camera, Frame, Renderer};
-use goshawk_sim::sensor::{Motion, RgbdImage, Sensor};
-use goshawk_sim::sensors::Sensors;
+use goshawk_sim::sense::file::Sensors;
+use goshawk_sim::sense::rgbd::{Motion, RgbdImage};
+use goshawk_sim::world::forest::{ForestConfig, forest};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -28,7 +28,7 @@ fn main() -> color_eyre::Result<()> {
     let samples: Vec<_> = std::iter::repeat_with(&mut draw).flatten().take(POSES).collect();
 
     let mut renderer = Renderer::new(camera);
-    let mut sensor = Sensor::new(&Sensors::default(), &camera, 1);
+    let mut sensor = Sensors::default().sensor(&camera, 1);
     // A brisk turn at 5 m/s: everything smears.
     let motion = Motion { vel_cam: Vec3::new(5.0, 0.0, 0.0), ang_vel_cam: Vec3::new(0.0, 0.5, 2.0) };
     let (mut frame, mut image) = (Frame::default(), RgbdImage::default());

@@ -4,10 +4,10 @@
 //! cargo run --release -p goshawk-sim --example px4 -- 127.0.0.1:14580 127.0.0.1:14540
 //! ```
 
-use goshawk_core::types::{Time, Vec3};
-use goshawk_sim::imu::ImuSample;
-use goshawk_sim::px4::{Px4Config, Px4Udp, VehicleState};
-use goshawk_sim::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
+use goshawk_core::{Time, Vec3};
+use goshawk_sim::vehicle::imu::ImuSample;
+use goshawk_sim::vehicle::px4::{Px4Config, Px4Udp, VehicleState};
+use goshawk_sim::vehicle::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
 use std::error::Error;
 use std::io::Read;
 use std::sync::Arc;

@@ -1,18 +1,18 @@
 //! The command line: one subcommand a module.
 
+use crate::actors::moving::{MovingArgs, Site};
 use crate::chaos::ChaosArgs;
-use crate::cloud;
 use crate::dataset::{DatasetConfig, generate};
 use crate::faults::FaultsArgs;
 use crate::fly::args::FlyArgs;
 use crate::golden::GoldenArgs;
-use crate::moving::{MovingArgs, Site};
 use crate::serve::ServeArgs;
 use crate::trial::{TrialError, WorldSource};
+use crate::world::cloud;
 use crate::world_preview::preview;
 use clap::{Args, Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{BufWriter, Write};

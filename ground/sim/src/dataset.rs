@@ -13,11 +13,11 @@ pub use npy::{NpyError, read_npy};
 pub use sample::{FrameSample, sample_frame};
 pub use voxels::{VOXEL_M, obstacle_voxels};
 
-use crate::forest::{ForestConfig, forest};
-use crate::person::Person;
+use crate::actors::person::Person;
 use crate::render::{Camera, Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, mix};
-use crate::sensors::Sensors;
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::{RgbdImage, mix};
+use crate::world::forest::{ForestConfig, forest};
 use crate::world::{World, WorldError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -182,7 +182,7 @@ pub fn scene_frames(world: &World, scene: usize, frames: usize) -> Result<Vec<La
                 }
                 let mut image = RgbdImage::default();
                 // Another unit for each frame.
-                let mut sensor = Sensor::new(&sensors, renderer.camera(), rng.random());
+                let mut sensor = sensors.sensor(renderer.camera(), rng.random());
                 sensor.capture(&ideal, &sample.motion, rng.random(), &mut image);
                 let p = sample.camera.pos_world;
                 let ground_z = world.ground_height(p.x, p.y);
@@ -225,6 +225,6 @@ pub fn scene_folder(out: &Path, scene: usize) -> PathBuf {
 
 /// The person of a sample, if any, as labelled: its centre.
 #[must_use]
-pub fn target_world(person: Option<&Person>) -> Option<goshawk_core::types::Vec3> {
+pub fn target_world(person: Option<&Person>) -> Option<goshawk_core::Vec3> {
     person.map(|p| p.pose.centre_world())
 }

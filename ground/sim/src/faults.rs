@@ -11,14 +11,14 @@ use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, ensure};
 use goshawk_air::config::Vehicle;
 use goshawk_air::run::check_pin;
-use goshawk_core::types::Task;
+use goshawk_core::Task;
 use goshawk_policy::Policy;
 
-use crate::evader::Course;
+use crate::actors::evader::Course;
 use crate::fly::Campaign;
 use crate::fly::files::Files;
 use crate::fly::progress::Progress;
-use crate::sensors::SensorArgs;
+use crate::sense::file::SensorArgs;
 use crate::trial::{Difference, Fault, Network, PilotKind, WorldSource};
 use report::{Ordinary, Report, Row};
 

@@ -1,6 +1,7 @@
 //! A campaign: many flights in lockstep over all cores, and what they come to.
 
 pub mod args;
+pub mod failures;
 pub mod files;
 pub mod log;
 pub mod page;
@@ -16,17 +17,18 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::Task;
+use goshawk_core::Task;
 use goshawk_proto::v1;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::evader::Course;
-use crate::sensor::mix;
-use crate::sensors::Sensors;
+use crate::actors::evader::Course;
+use crate::pilots::fly_trial;
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::mix;
 use crate::trial::airframe::Mount;
 use crate::trial::{
-    Difference, Fault, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource, fly_trial,
+    Difference, Fault, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource,
 };
 use files::Files;
 use log::{FlightLog, LogError};

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, bail};
-use goshawk_core::types::{ANCHORS, Rot, Task, Vec3};
+use goshawk_core::{ANCHORS, Rot, Task, Vec3};
 use goshawk_policy::golden::GoldenFrame;
 use goshawk_policy::{Golden, Policy, Preprocessor, Source};
 use sha2::{Digest, Sha256};
 
-use crate::evader::Course;
+use crate::actors::evader::Course;
 use crate::fly::files::Files;
 use crate::render::{Camera, CameraPose, Frame, Renderer};
-use crate::sensor::{Motion, RgbdImage, Sensor, mix};
-use crate::sensors::Sensors;
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::{Motion, RgbdImage, mix};
 use crate::trial::{Scene, SceneConfig, WorldSource};
 
 /// What stands between these in the card is written here.
@@ -94,7 +94,7 @@ fn make(policy: &mut Policy, count: u32, seed: u64) -> Result<Golden> {
         vfov_rad: camera.vfov_rad(),
     };
     let mut preprocessor = Preprocessor::new(policy.contract(), source)?;
-    let mut sensor = Sensor::new(&Sensors::default(), &camera, mix(seed, 14));
+    let mut sensor = Sensors::default().sensor(&camera, mix(seed, 14));
     let mut frames = Vec::new();
     for index in 0..count {
         let pose = pose(&scene, f64::from(index) * TURN_RAD);

@@ -8,6 +8,7 @@ mod bounds;
 mod camera;
 mod field;
 mod ground;
+pub(crate) mod lanes;
 mod raster;
 mod shade;
 mod surface;
@@ -15,7 +16,7 @@ mod texture;
 
 pub use camera::{Camera, CameraPose};
 
-use crate::person::Person;
+use crate::actors::person::Person;
 use crate::world::{Part, Shape, World};
 use camera::{Rays, View};
 use raster::{Canvas, ViewCone, ViewCuboid, ViewSpheroid};

@@ -4,32 +4,29 @@
 pub mod airframe;
 mod autopilot;
 mod difference;
-pub mod estimator;
 pub mod fault;
 pub mod judge;
-mod lockstep;
+pub(crate) mod lockstep;
 pub mod onboard;
 pub mod scene;
 
-use goshawk_air::config::Vehicle;
 use goshawk_air::convert;
 use goshawk_air::inputs::{FrameInput, StepInput};
-use goshawk_core::types::{Task, Time, Vec3};
-use goshawk_core::{AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, Mode, Odometry, Plan};
+use goshawk_core::{
+    AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, Mode, Odometry, Plan, Task, Time, Vec3,
+};
 use goshawk_policy::stream::Arrival;
 use goshawk_policy::{PolicyError, PreprocessError};
 use goshawk_proto::v1;
 use thiserror::Error;
 
-use crate::classical::Classical;
-use crate::evader::{Course, EvaderError, EvaderState};
-use crate::quadrotor::QuadrotorState;
-use crate::sensor::RgbdImage;
-use crate::sensors::Sensors;
+use crate::actors::evader::{Course, EvaderError, EvaderState};
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::RgbdImage;
+use crate::vehicle::quadrotor::QuadrotorState;
 use crate::world::{Part, World, WorldError};
 pub use difference::{Difference, DifferenceError};
 pub use fault::Fault;
-use fault::{FaultyNetwork, Injection};
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
 pub use scene::{Scene, SceneConfig, WorldSource};
@@ -251,50 +248,6 @@ pub trait Witness {
 /// Nobody looks.
 pub struct Unwatched;
 impl Witness for Unwatched {}
-
-/// Flies one flight. `network`: the policy; the classical pilot needs it only to see a target.
-///
-/// # Errors
-/// If it cannot be flown at all; see [`TrialError`].
-pub fn fly_trial(
-    config: &TrialConfig,
-    vehicle: &Vehicle,
-    network: Option<&mut dyn Network>,
-    witness: &mut dyn Witness,
-) -> Result<Flight, TrialError> {
-    fly_in(&config.scene()?, config, vehicle, network, witness)
-}
-
-/// As [`fly_trial`], in a scene that is there already.
-///
-/// # Errors
-/// If it cannot be flown at all; see [`TrialError`].
-pub fn fly_in(
-    scene: &Scene,
-    config: &TrialConfig,
-    vehicle: &Vehicle,
-    network: Option<&mut dyn Network>,
-    witness: &mut dyn Witness,
-) -> Result<Flight, TrialError> {
-    let mount = airframe::Mount::of(vehicle);
-    let injection = Injection::new(config.fault, config.seed);
-    let wrong = match config.fault {
-        Some(Fault::Network(fault)) => Some(fault),
-        _ => None,
-    };
-    let mut network = network.map(|inner| FaultyNetwork::new(inner, wrong, injection.flag(), config.seed));
-    let network = network.as_mut().map(|network| network as &mut dyn Network);
-    let pilot: Box<dyn Pilot> = match (config.pilot, network) {
-        (PilotKind::Policy, Some(network)) => Box::new(Onboard::new(vehicle, &mount, network)?),
-        (PilotKind::Classical, None) if config.task == Task::Navigate => {
-            Box::new(Classical::new(vehicle, &mount, None)?)
-        }
-        (PilotKind::Classical, Some(network)) => Box::new(Classical::new(vehicle, &mount, Some(network))?),
-        (_, None) => return Err(TrialError::NoPolicy),
-    };
-    witness.world(&scene.world);
-    lockstep::Lockstep::new(config, vehicle, scene, pilot, injection).fly(witness)
-}
 
 impl Truth<'_> {
     /// As the wire has it.

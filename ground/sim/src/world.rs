@@ -1,10 +1,13 @@
 //! The world: obstacles on uneven ground, and what can be asked of it.
 //!
-//! A world is plain data, however it was made (see [`crate::forest`]): solid parts in the world frame (ENU, metres), a
+//! A world is plain data, however it was made (see [`crate::world::forest`]): solid parts in the world frame (ENU, metres), a
 //! height field, and a look for the renderer. It never changes after construction, so queries take `&self` from any
 //! number of threads.
 
+pub mod buildings;
 mod cast;
+pub mod cloud;
+pub mod forest;
 mod grid;
 mod ground;
 mod look;
@@ -17,7 +20,7 @@ pub use look::Look;
 pub use shape::{Cuboid, RoundCone, Shape, Spheroid};
 pub use wire::MOST_BOXES;
 
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use grid::Grid;
 use thiserror::Error;
 
@@ -53,7 +56,7 @@ pub enum Kind {
     Building,
     /// A voxel of a scanned point cloud.
     Scan,
-    /// A moving obstacle (see [`crate::moving`]); no world holds one.
+    /// A moving obstacle (see [`crate::actors::moving`]); no world holds one.
     Moving,
 }
 

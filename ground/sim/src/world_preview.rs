@@ -1,12 +1,12 @@
 //! A picture of a world: the map from above, and what a camera at the start sees.
 
-use crate::moving::Mover;
-use crate::person::{Person, PersonLook, PersonPose};
+use crate::actors::moving::Mover;
+use crate::actors::person::{Person, PersonLook, PersonPose};
 use crate::render::{Camera, CameraPose, Frame, Renderer};
-use crate::sensor::{Motion, RgbdImage, Sensor};
-use crate::sensors::Sensors;
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::{Motion, RgbdImage};
 use crate::world::{Kind, Part, Shape, World};
-use goshawk_core::types::{Rot, Vec3};
+use goshawk_core::{Rot, Vec3};
 use image::{Rgb, RgbImage};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -34,7 +34,7 @@ pub fn preview(world: &World, movers: &[Mover]) -> RgbImage {
 
     let mut image = RgbdImage::default();
     Renderer::new(Camera::default()).render_with(world, &moving, Some(&person), &camera, &mut frame);
-    Sensor::new(&Sensors::default(), &Camera::default(), world.seed()).capture(
+    Sensors::default().sensor(&Camera::default(), world.seed()).capture(
         &frame,
         &Motion::still(),
         world.seed(),

@@ -16,15 +16,15 @@ use std::sync::LazyLock;
 use common::{Sectors, config, contract_json, vehicle};
 use goshawk_air::errors::one_line;
 use goshawk_air::replay::{Options, replay};
-use goshawk_core::types::Task;
+use goshawk_core::Task;
 use goshawk_policy::Contract;
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Entry, LogReader, LogWriter, image};
 use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::log::{FlightLog, header};
+use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::trial::airframe::Mount;
-use goshawk_sim::trial::fly_trial;
 use proptest::prelude::*;
 
 /// A chunk of the largest size that is believed, and what a replay of this log needs besides.

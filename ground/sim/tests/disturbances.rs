@@ -5,9 +5,9 @@ mod common;
 
 use common::{Constant, config, contract, vehicle};
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{Task, Time, Vec3};
-use goshawk_core::{ControllerOutput, Mode};
-use goshawk_sim::trial::{Difference, Pilot, TrialConfig, Truth, Witness, fly_trial};
+use goshawk_core::{ControllerOutput, Mode, Task, Time, Vec3};
+use goshawk_sim::pilots::fly_trial;
+use goshawk_sim::trial::{Difference, Pilot, TrialConfig, Truth, Witness};
 use std::path::Path;
 
 /// Where the vehicle was while it should have held its place.

@@ -4,17 +4,16 @@
 mod common;
 
 use common::{Constant, config, contract, fly, forgetful_vehicle, sectors, vehicle};
-use goshawk_core::types::Task;
-use goshawk_core::{Cause, Mode};
-use goshawk_sim::cloud::{self, Point};
-use goshawk_sim::evader::Course;
+use goshawk_core::{Cause, Mode, Task};
+use goshawk_sim::actors::evader::Course;
+use goshawk_sim::actors::moving::{Body, Flat, Mover};
 use goshawk_sim::fly::{Campaign, MakeNetwork};
-use goshawk_sim::moving::{Body, Flat, Mover};
-use goshawk_sim::sensors::Sensors;
+use goshawk_sim::pilots::{fly_in, fly_trial};
+use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{
-    Contact, Difference, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource, fly_in,
-    fly_trial,
+    Contact, Difference, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource,
 };
+use goshawk_sim::world::cloud::{self, Point};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -7,13 +7,14 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
+use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
-use goshawk_sim::evader::Course;
+use goshawk_sim::actors::evader::Course;
+use goshawk_sim::fly::failures::failures;
 use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::report::Report;
-use goshawk_sim::fly::{Campaign, CampaignError, Pick, page, pick, table};
-use goshawk_sim::sensors::Sensors;
+use goshawk_sim::fly::{Campaign, CampaignError, Pick, page, table};
+use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, Network, Outcome, PilotKind, WorldSource};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -235,7 +236,7 @@ fn what_a_trace_costs_is_bounded_and_the_flight_does_not_notice_it() {
 
 #[test]
 fn failed_flights_are_named_by_class_with_a_command_that_flies_one_again() {
-    let text = pick::failures(&chase(2), "goshawk-sim fly --task track");
+    let text = failures(&chase(2), "goshawk-sim fly --task track");
     let lines: Vec<&str> = text.lines().collect();
     let again = "re-fly one: goshawk-sim fly --task track --only 0:0 --log flight-0-0";
     assert_eq!(lines, ["", "failed: lost 0:0,0:1,1:0,1:1", again]);

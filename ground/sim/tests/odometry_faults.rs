@@ -4,8 +4,7 @@
 mod common;
 
 use common::{config, fly, sectors};
-use goshawk_core::types::Task;
-use goshawk_core::{Cause, Mode, OdometryFault};
+use goshawk_core::{Cause, Mode, OdometryFault, Task};
 use goshawk_sim::trial::fault::OdometryError;
 use goshawk_sim::trial::{Fault, Flight, Outcome, TrialConfig};
 

@@ -1,8 +1,8 @@
 //! Facts about the quadrotor's motion.
 
-use goshawk_core::types::{AttitudeThrust, GRAVITY, Newtons, NormalisedThrust, Rot, Vec3};
-use goshawk_sim::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
+use goshawk_core::{AttitudeThrust, GRAVITY, Newtons, NormalisedThrust, Rot, Vec3};
 use goshawk_sim::trial::Difference;
+use goshawk_sim::vehicle::quadrotor::{Quadrotor, QuadrotorParameters, STEP_S};
 use nalgebra::UnitQuaternion;
 
 /// No ground within reach.

@@ -4,8 +4,7 @@
 mod common;
 
 use common::{config, fly, sectors};
-use goshawk_core::Mode;
-use goshawk_core::types::Task;
+use goshawk_core::{Mode, Task};
 use goshawk_sim::trial::fault::{CameraFault, NetworkFault};
 use goshawk_sim::trial::{Fault, Flight, Outcome, TrialConfig};
 

@@ -1,12 +1,12 @@
 //! A data set is what its layout says, its labels agree with its images, and nothing but the seed decides it.
 #![allow(clippy::unwrap_used, reason = "test helpers too")]
 
-use goshawk_core::types::{Rot, Vec3};
+use goshawk_core::{Rot, Vec3};
 use goshawk_sim::dataset::{
     DatasetConfig, DatasetError, DatasetJson, VOXEL_M, generate, obstacle_voxels, read_npy, scene_seed, scene_world,
 };
-use goshawk_sim::forest::{ForestConfig, forest};
 use goshawk_sim::render::Camera;
+use goshawk_sim::world::forest::{ForestConfig, forest};
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,9 +1,9 @@
 //! The world answers exactly: against brute force, against the Poisson law, and around the start.
 #![allow(clippy::unwrap_used, reason = "test helpers too")]
 
-use goshawk_core::types::Vec3;
-use goshawk_sim::buildings::{BuildingsConfig, buildings};
-use goshawk_sim::forest::{ForestConfig, START_CLEAR_HEIGHT_M, forest};
+use goshawk_core::Vec3;
+use goshawk_sim::world::buildings::{BuildingsConfig, buildings};
+use goshawk_sim::world::forest::{ForestConfig, START_CLEAR_HEIGHT_M, forest};
 use goshawk_sim::world::{
     CLEARANCE_CAP_M, Cuboid, Ground, Kind, MOST_BOXES, Part, Shape, Surface, World, WorldError, WorldParts,
 };

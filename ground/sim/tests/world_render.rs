@@ -1,10 +1,10 @@
 //! What is drawn is what is there: depth against ray casting, and points against the pinhole.
 
-use goshawk_core::types::{Rot, Vec3};
-use goshawk_sim::buildings::{BuildingsConfig, buildings};
-use goshawk_sim::forest::{ForestConfig, forest};
-use goshawk_sim::person::{CENTRE_M, HEIGHT_M, Person, PersonLook, PersonPose};
+use goshawk_core::{Rot, Vec3};
+use goshawk_sim::actors::person::{CENTRE_M, HEIGHT_M, Person, PersonLook, PersonPose};
 use goshawk_sim::render::{Camera, CameraPose, Class, Frame, Renderer};
+use goshawk_sim::world::buildings::{BuildingsConfig, buildings};
+use goshawk_sim::world::forest::{ForestConfig, forest};
 use goshawk_sim::world::{Ground, Kind, Look, Part, RoundCone, Shape, Spheroid, Surface, World, WorldParts};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

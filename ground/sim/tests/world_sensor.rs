@@ -1,9 +1,9 @@
 //! The depth camera's errors are those it is meant to have.
 
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use goshawk_sim::render::{Camera, Frame};
-use goshawk_sim::sensor::{Motion, RgbdImage, Sensor};
-use goshawk_sim::sensors::Sensors;
+use goshawk_sim::sense::file::Sensors;
+use goshawk_sim::sense::rgbd::{Motion, RgbdImage};
 
 fn flat(depth_m: f32) -> Frame {
     let pixels = 160 * 96;
@@ -24,7 +24,7 @@ fn capture(frame: &Frame, seed: u64) -> RgbdImage {
 /// A unit, and what it makes of the frame, both drawn from `seed`.
 fn moving(frame: &Frame, motion: &Motion, seed: u64) -> RgbdImage {
     let mut image = RgbdImage::default();
-    Sensor::new(&Sensors::default(), &Camera::default(), seed).capture(frame, motion, seed, &mut image);
+    Sensors::default().sensor(&Camera::default(), seed).capture(frame, motion, seed, &mut image);
     image
 }
 

@@ -4,9 +4,9 @@
 mod common;
 
 use common::{config, sectors, vehicle};
-use goshawk_core::ControllerOutput;
-use goshawk_core::types::{Task, Time};
-use goshawk_sim::trial::{Difference, Flight, Outcome, Pilot, TrialConfig, Truth, Witness, fly_trial};
+use goshawk_core::{ControllerOutput, Task, Time};
+use goshawk_sim::pilots::fly_trial;
+use goshawk_sim::trial::{Difference, Flight, Outcome, Pilot, TrialConfig, Truth, Witness};
 
 /// What the estimates came to, and how high the vehicle was.
 #[derive(Default)]

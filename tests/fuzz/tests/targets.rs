@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 use goshawk_air::access::Identity;
 use goshawk_air::config::Vehicle;
 use goshawk_air::{commands, sensors};
-use goshawk_autopilot::wire::for_each_frame;
+use goshawk_autopilot::wire::packet::for_each_frame;
 use goshawk_autopilot::{Firmware, Guided, View, messages};
 use goshawk_core::Time;
 use goshawk_fuzz::run;
 use goshawk_policy::Contract;
 use goshawk_proto::keys::{Key, VehicleName};
 use goshawk_recorder::LogReader;
-use goshawk_sim::cloud;
+use goshawk_sim::world::cloud;
 use mavlink::{Message, calculate_crc};
 
 /// What the seeds are stamped for.

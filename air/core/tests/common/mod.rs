@@ -171,7 +171,7 @@ pub struct Loop {
     /// How much sooner than they should plans want to be there; 1: as the demand says.
     pub haste: f64,
     /// Every plan leads out of the way by this.
-    pub evades: Option<evade::Evasion>,
+    pub evades: Option<planning::evade::Evasion>,
     /// What the filter believes of the target's velocity.
     pub target_vel: Vec3,
     pub odometry_works: bool,
@@ -418,7 +418,7 @@ impl Loop {
             chosen: aim.map(|_| 7),
             target: estimate.or(kept),
             room: None,
-            movers: [None; goshawk_core::movers::MOST],
+            movers: [None; goshawk_core::planning::movers::MOST],
             evasion: self.evades,
         })
     }

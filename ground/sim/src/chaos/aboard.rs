@@ -12,7 +12,7 @@ use goshawk_core::{
 use goshawk_policy::{AnswerMonitor, Arrival, Moving, StreamMonitor};
 
 use super::bug::Bugged;
-use crate::sensor::RgbdImage;
+use crate::sense::rgbd::RgbdImage;
 use crate::trial::TrialError;
 use crate::trial::airframe::Mount;
 use crate::trial::onboard::{Network, POLICY_S, PolicyPlanner, Seen};

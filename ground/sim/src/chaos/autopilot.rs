@@ -1,17 +1,17 @@
 //! The autopilot of a chaos flight: the PX4 stand-in and the vehicle's own view of it, with the link's commands between
 //! them, message by message and without a socket.
 
-use goshawk_autopilot::commands::Commands;
-use goshawk_autopilot::link::setpoint_message;
+use goshawk_autopilot::dialogue::commands::Commands;
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType};
-use goshawk_autopilot::wire::Packet;
+use goshawk_autopilot::session::link::setpoint_message;
+use goshawk_autopilot::wire::packet::Packet;
 use goshawk_autopilot::{Command, Firmware, Px4Mode, Status, StreamRates, View};
 use goshawk_core::{AttitudeThrust, NormalisedThrust, Odometry, Request, Time};
 use mavlink::MavHeader;
 
 use super::acting::Acting;
 use super::schedule::Kind;
-use crate::px4::{OdometryFault, Px4Config, Px4Logic, VehicleState};
+use crate::vehicle::px4::{OdometryFault, Px4Config, Px4Logic, VehicleState};
 
 const FIRMWARE: Firmware = Firmware::Px4;
 /// System and component, ours and the autopilot's.

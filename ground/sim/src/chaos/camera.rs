@@ -1,17 +1,17 @@
 //! The camera of a chaos flight: pictures of the scene, as messages, on a line that may lose, delay and swap them.
 
-use goshawk_core::types::{Rot, Time, Vec3};
+use goshawk_core::{Rot, Time, Vec3};
 
 use super::acting::Acting;
 use super::schedule::Kind;
 use super::senses::{FalsePictures, Line, frame_message};
-use crate::quadrotor::QuadrotorState;
 use crate::render::{Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, mix};
-use crate::sensors::Sensors;
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::{RgbdImage, Sensor, mix};
 use crate::trial::airframe::Mount;
 use crate::trial::fault::CameraFault;
 use crate::trial::{FRAME_AT_PLANNER_S, Fault as Sense, Scene};
+use crate::vehicle::quadrotor::QuadrotorState;
 
 /// Between two pictures, in steps of 1 ms: 15 Hz, for pictures take most of a flight's time; and 77 Hz of a second
 /// camera.
@@ -38,7 +38,7 @@ impl Camera {
     pub(super) fn new(sensors: &Sensors, mount: Mount, seed: u64) -> Self {
         Self {
             renderer: Renderer::new(mount.camera),
-            sensor: Sensor::new(sensors, &mount.camera, mix(seed, 14)),
+            sensor: sensors.sensor(&mount.camera, mix(seed, 14)),
             frame: Frame::default(),
             errors: FalsePictures::new(seed),
             line: Line::default(),

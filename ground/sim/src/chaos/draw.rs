@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::schedule::{Fault, Kind, Odometry, OnStop, Schedule, Setting, Task};
-use crate::sensor::mix;
+use crate::sense::rgbd::mix;
 use crate::trial::Fault as Sense;
 
 /// Prepared scenes of each task.

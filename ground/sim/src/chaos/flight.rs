@@ -4,8 +4,7 @@
 use std::rc::Rc;
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{NormalisedThrust, Time, Vec3};
-use goshawk_core::{Cause, Mode};
+use goshawk_core::{Cause, Mode, NormalisedThrust, Time, Vec3};
 use goshawk_proto::v1;
 
 use super::aboard::Aboard;
@@ -16,20 +15,18 @@ use super::camera::Camera;
 use super::examine::examine;
 use super::odometry::Odometer;
 use super::operator::Operator;
-use super::properties::{Facts, Judge, Violation};
+use super::properties::{BEGIN, Facts, Judge, Violation};
 use super::recorder::{Recorder, Written};
 use super::schedule::{Kind, Schedule};
 use super::senses::{FalseOdometry, Spoilt, Wrong, wrong_network};
-use crate::quadrotor::{Quadrotor, STEP_S, Wind};
-use crate::sensor::mix;
-use crate::sensors::Sensors;
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::mix;
 use crate::trial::airframe::{Mount, airframe};
 use crate::trial::fault::followed;
 use crate::trial::judge::{Contact, Follower, contact};
 use crate::trial::{Fault as Sense, Network, Scene, TrialError};
+use crate::vehicle::quadrotor::{Quadrotor, STEP_S, Wind};
 
-/// The clock begins here, so that nothing lies before its zero.
-pub(super) const BEGIN: Time = Time(1_000_000_000);
 const WIND_STEPS: u64 = 10;
 const CONTACT_STEPS: u64 = 10;
 /// Of a bug.

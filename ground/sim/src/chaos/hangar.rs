@@ -5,7 +5,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use color_eyre::eyre::{Result, WrapErr, bail, eyre};
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::Task as CoreTask;
+use goshawk_core::Task as CoreTask;
 use goshawk_policy::{Contract, Policy};
 use goshawk_proto::v1;
 
@@ -14,8 +14,8 @@ use super::draw::SCENES;
 use super::flight::{Flown, Ground, fly};
 use super::schedule::{Odometry, OnStop, Schedule, Setting, Task};
 use super::standin::{Sectors, contract_json};
-use crate::evader::Course;
-use crate::sensor::mix;
+use crate::actors::evader::Course;
+use crate::sense::rgbd::mix;
 use crate::trial::scene::SceneConfig;
 use crate::trial::{Network, Scene, WorldSource};
 

@@ -2,19 +2,19 @@
 //! vehicle, false, late, swapped or lost.
 
 use goshawk_air::config::OdometrySource;
-use goshawk_core::types::{Odometry, Time};
+use goshawk_core::{Odometry, Time};
 
 use super::aboard::Aboard;
 use super::acting::Acting;
 use super::autopilot::Autopilot;
 use super::schedule::Kind;
 use super::senses::{FalseOdometry, Line, odometry_message};
-use crate::imu::ImuSample;
-use crate::px4::VehicleState;
-use crate::quadrotor::Quadrotor;
-use crate::sensor::mix;
-use crate::sensors::Sensors;
-use crate::trial::estimator::Estimator;
+use crate::sense::file::Sensors;
+use crate::sense::odometry::Estimator;
+use crate::sense::rgbd::mix;
+use crate::vehicle::imu::ImuSample;
+use crate::vehicle::px4::VehicleState;
+use crate::vehicle::quadrotor::Quadrotor;
 
 const STEPS: u64 = 10;
 /// An estimate's way to the vehicle where it does not come by the autopilot, s.

@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use goshawk_core::transitions::{Situation, next};
+use goshawk_core::mission::transitions::{Situation, next};
 use goshawk_core::{
     AttitudeThrust, Cause, Command, ControllerConfig, ControllerOutput, Mode, Request, StopAction, Task, Time,
     Transition, Vec3,
@@ -12,7 +12,10 @@ use serde::Serialize;
 
 use super::aboard::Stepped;
 use super::operator::Delivered;
-use crate::quadrotor::QuadrotorState;
+use crate::vehicle::quadrotor::QuadrotorState;
+
+/// The clock begins here, so that nothing lies before its zero.
+pub(super) const BEGIN: Time = Time(1_000_000_000);
 
 /// What must hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -78,7 +81,7 @@ pub struct Violation {
 
 impl Violation {
     pub(super) fn new(property: Property, at: Time, text: String) -> Self {
-        Self { property, at_s: at.since(super::flight::BEGIN), text }
+        Self { property, at_s: at.since(BEGIN), text }
     }
 }
 

@@ -1,8 +1,7 @@
 //! What the senses make of the truth: messages that are false, late, out of order, or not there.
 
 use goshawk_air::convert;
-use goshawk_core::NetworkOutput;
-use goshawk_core::types::{Odometry, Time, Vec3};
+use goshawk_core::{NetworkOutput, Odometry, Time, Vec3};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_proto::v1;
 use prost::Message;
@@ -12,7 +11,7 @@ use std::rc::Rc;
 use super::acting::Acting;
 use super::schedule::Kind;
 use crate::render::Camera;
-use crate::sensor::{RgbdImage, mix};
+use crate::sense::rgbd::{RgbdImage, mix};
 use crate::trial::Fault as Sense;
 use crate::trial::fault::{CameraFault, Falsified, NetworkFault, OdometryError, Tampered, drawn};
 use crate::trial::onboard::Network;

@@ -1,7 +1,7 @@
 //! A network written by hand: it steers by the depth image through the widest sector toward the goal. It takes a tenth
 //! of the policy's time, and the flight logic does not know the difference.
 
-use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput};
+use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput};
 use goshawk_policy::{Contract, PolicyError};
 
 use crate::trial::onboard::Network;

@@ -3,7 +3,7 @@
 //! Cut, the exact transform is a short min-plus window along each axis in turn, of squared distances that fit a byte:
 //! the compiler makes vectors of them.
 
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 
 use super::map::{self, Map, PER_M, Voxel};
 

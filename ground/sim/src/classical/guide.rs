@@ -4,7 +4,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 
 use super::distance::DistanceField;
 

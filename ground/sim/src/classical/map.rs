@@ -1,6 +1,6 @@
 //! The occupancy map: log-odds in a voxel grid that rolls along with the vehicle, from depth images alone.
 
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use nalgebra::Vector3;
 
 use crate::render::{Camera, CameraPose};

@@ -1,6 +1,6 @@
 //! The back end: the spline that is smooth, clear of obstacles, within limits, and ends where it should.
 
-use goshawk_core::types::{FlatState, Vec3};
+use goshawk_core::{FlatState, Vec3};
 
 use super::distance::DistanceField;
 use super::lbfgs::minimise;

@@ -1,9 +1,9 @@
 //! The classical pilot: the vehicle's own mission, detector and target filter, its own map, trajectories and control.
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{ANCHORS, Candidate, FlatState, Odometry, Plan, Rejection, Task, Time, Vec3};
 use goshawk_core::{
-    AutopilotStatus, Command, Controller, ControllerInput, ControllerOutput, History, PlanningDemand, TargetEstimate,
+    ANCHORS, AutopilotStatus, Candidate, Command, Controller, ControllerInput, ControllerOutput, FlatState, History,
+    Odometry, Plan, PlanningDemand, Rejection, TargetEstimate, Task, Time, Vec3,
 };
 
 use goshawk_policy::stream::Arrival;
@@ -13,7 +13,7 @@ use super::planner::{Aim, MapPlanner};
 use super::spline::Spline;
 use super::tracker::{Reference, Tracker, carried};
 use crate::render::CameraPose;
-use crate::sensor::RgbdImage;
+use crate::sense::rgbd::RgbdImage;
 use crate::trial::airframe::Mount;
 use crate::trial::onboard::{Network, POLICY_S, PolicyPlanner, Seen};
 use crate::trial::{FRAME_AT_PLANNER_S, Pilot, TrialError};
@@ -124,7 +124,7 @@ impl<'a> Classical<'a> {
             chosen: None,
             target: None,
             room: None,
-            movers: [None; goshawk_core::movers::MOST],
+            movers: [None; goshawk_core::planning::movers::MOST],
             evasion: None,
         })
     }

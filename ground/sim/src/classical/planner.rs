@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use goshawk_core::types::{FlatState, Vec3};
+use goshawk_core::{FlatState, Vec3};
 
 use super::distance::DistanceField;
 use super::map::{Ignored, Map};

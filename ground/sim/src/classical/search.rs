@@ -5,8 +5,8 @@ use std::cmp::Ordering;
 use std::collections::hash_map::Entry;
 use std::collections::{BinaryHeap, HashMap};
 
-use goshawk_core::lead::cap;
-use goshawk_core::types::{FlatState, Vec3};
+use goshawk_core::values::geometry::cap;
+use goshawk_core::{FlatState, Vec3};
 
 use super::distance::DistanceField;
 use super::guide::Guide;

@@ -1,6 +1,6 @@
 //! The trajectory: a uniform cubic B-spline.
 
-use goshawk_core::types::{FlatState, Vec3};
+use goshawk_core::{FlatState, Vec3};
 
 /// A uniform cubic B-spline: `points.len() - 3` spans of `step_s` each.
 #[derive(Clone, Debug, PartialEq)]

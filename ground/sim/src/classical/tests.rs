@@ -1,6 +1,6 @@
 //! Facts about the baseline's parts, in worlds that a depth image shows.
 
-use goshawk_core::types::{FlatState, Rot, Vec3};
+use goshawk_core::{FlatState, Rot, Vec3};
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -10,8 +10,8 @@ use super::optimise::{Wanted, cost, optimise};
 use super::planner::{Aim, MapPlanner};
 use super::search::{Query, search};
 use super::spline::{Spline, opening};
-use crate::forest::{ForestConfig, forest};
 use crate::render::{Camera, CameraPose, Frame, Renderer};
+use crate::world::forest::{ForestConfig, forest};
 
 const HEIGHT_M: f64 = 1.5;
 

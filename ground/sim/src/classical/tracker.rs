@@ -1,11 +1,13 @@
 //! Position control: holds the vehicle to the reference trajectory and turns it into attitude and thrust by the core's
 //! flatness, with the core's limits, lead and disturbance observer.
 
-use goshawk_core::flatness::flat_command;
-use goshawk_core::lead::{cap, lead};
-use goshawk_core::motion::{Commanded, Motion};
-use goshawk_core::types::{AttitudeThrust, FlatState, NormalisedThrust, Odometry, Time, Vec3};
-use goshawk_core::{ControllerConfig, ControllerOutput, Mode};
+use goshawk_core::control::flatness::flat_command;
+use goshawk_core::control::lead::lead;
+use goshawk_core::control::motion::{Commanded, Motion};
+use goshawk_core::values::geometry::cap;
+use goshawk_core::{
+    AttitudeThrust, ControllerConfig, ControllerOutput, FlatState, Mode, NormalisedThrust, Odometry, Time, Vec3,
+};
 
 /// Acceleration for an error of position, 1/s², and of velocity, 1/s, and the most of both, m/s².
 const POSITION_GAIN: f64 = 5.0;
@@ -41,7 +43,7 @@ impl Tracker {
     /// A tracker for a vehicle.
     #[must_use]
     pub fn new(config: ControllerConfig) -> Self {
-        Self { motion: Motion::new(&config), config, commanded: Commanded::default(), spooled: None }
+        Self { motion: config.motion(), config, commanded: Commanded::default(), spooled: None }
     }
 
     /// A state estimate has come: the observer learns from it.

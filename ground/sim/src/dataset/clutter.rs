@@ -2,7 +2,7 @@
 //! a policy also learns what is wide, what is flat, and that not all that stands upright in a bright colour is a person.
 
 use crate::world::{Cuboid, Kind, Part, RoundCone, Shape, World};
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
 

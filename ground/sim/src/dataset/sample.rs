@@ -1,10 +1,10 @@
 //! Where the camera looks from and where the person stands, for one frame.
 
-use crate::person::{CENTRE_M, Person, PersonLook, PersonPose};
+use crate::actors::person::{CENTRE_M, Person, PersonLook, PersonPose};
 use crate::render::{Camera, CameraPose};
-use crate::sensor::Motion;
+use crate::sense::rgbd::Motion;
 use crate::world::World;
-use goshawk_core::types::{Rot, Vec3};
+use goshawk_core::{Rot, Vec3};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use std::f64::consts::TAU;

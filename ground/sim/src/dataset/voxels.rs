@@ -1,7 +1,7 @@
 //! Obstacles as points: the centres of a voxel grid that lie in or near a solid.
 
 use crate::world::World;
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 
 /// Edge of a voxel, m. Centres are at odd multiples of half of it in each world coordinate.
 pub const VOXEL_M: f64 = 0.2;

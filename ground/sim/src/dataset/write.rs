@@ -7,9 +7,9 @@
 use super::npy::write_npy;
 use super::voxels::{VOXEL_M, obstacle_voxels};
 use super::{DatasetConfig, DatasetError, DatasetJson, LabelledFrame};
-use crate::cloud::write_ply;
 use crate::render::Camera;
 use crate::world::World;
+use crate::world::cloud::write_ply;
 use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};

@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use color_eyre::eyre::{Result, WrapErr, ensure};
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::Task;
+use goshawk_core::Task;
 use goshawk_policy::Policy;
 
 use super::files::Files;
 use super::log::header;
 use super::progress::Progress;
-use super::{Campaign, Logs, Pick, page, pick, table};
-use crate::evader::Course;
-use crate::moving::MovingArgs;
-use crate::sensors::SensorArgs;
+use super::{Campaign, Logs, Pick, failures, page, pick, table};
+use crate::actors::evader::Course;
+use crate::actors::moving::MovingArgs;
+use crate::sense::file::SensorArgs;
 use crate::trial::{Difference, Fault, Network, PilotKind, WorldSource};
 
 /// The task to fly.
@@ -188,7 +188,7 @@ impl FlyArgs {
         if let Some(folder) = &self.report {
             page::write(folder, &report, &command, &files).wrap_err_with(|| unwritable(folder))?;
         }
-        println!("{}{}", table(&report), pick::failures(&report, &command));
+        println!("{}{}", table(&report), failures::failures(&report, &command));
         Ok(())
     }
 

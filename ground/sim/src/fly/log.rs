@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use goshawk_air::config::Vehicle;
 use goshawk_air::convert;
 use goshawk_air::inputs::FrameInput;
-use goshawk_core::types::Time;
-use goshawk_core::{ControllerOutput, Plan};
+use goshawk_core::{ControllerOutput, Plan, Time};
 use goshawk_policy::Policy;
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
@@ -18,7 +17,7 @@ use prost::Message;
 use super::files::{Files, Unfinished};
 use super::report::{contact_name, outcome_name};
 use crate::render::Camera;
-use crate::sensor::RgbdImage;
+use crate::sense::rgbd::RgbdImage;
 use crate::trial::{Contact, Outcome, Pilot, Truth, Witness};
 use crate::world::World;
 

@@ -3,8 +3,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::report::{Cell, Report};
-
 /// A flight of a campaign, written `CELL:TRIAL`, both from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Pick {
@@ -62,37 +60,6 @@ fn quoted(argument: String) -> String {
 #[must_use]
 pub fn again(command: &str, pick: Pick) -> String {
     format!("{command} --only {pick} --log flight-{}-{}", pick.cell, pick.trial)
-}
-
-/// At most so many flights of a class are named.
-const NAMED: usize = 20;
-
-/// A line for each class of failures, and how to fly the first again; nothing if none failed.
-#[must_use]
-pub fn failures(report: &Report, command: &str) -> String {
-    let mut classes: Vec<(String, Vec<Pick>)> = Vec::new();
-    for (class, pick) in report.cells.iter().flat_map(failed) {
-        match classes.iter_mut().find(|known| known.0 == class) {
-            Some(known) => known.1.push(pick),
-            None => classes.push((class, vec![pick])),
-        }
-    }
-    let Some(first) = classes.iter().filter_map(|class| class.1.first()).min() else { return String::new() };
-    let mut text = String::new();
-    for (class, picks) in &classes {
-        let named: Vec<String> = picks.iter().take(NAMED).map(Pick::to_string).collect();
-        let more = picks.len() - named.len();
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        text += &format!("\nfailed: {class} {}{more}", named.join(","));
-    }
-    text + &format!("\nre-fly one: {}", again(command, *first))
-}
-
-fn failed(cell: &Cell) -> impl Iterator<Item = (String, Pick)> {
-    cell.flights.iter().filter(|flight| flight.outcome != "success").map(|flight| {
-        let class = flight.contact.map_or(flight.outcome.to_owned(), |what| format!("{} ({what})", flight.outcome));
-        (class, Pick { cell: cell.cell, trial: flight.trial })
-    })
 }
 
 #[cfg(test)]

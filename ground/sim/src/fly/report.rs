@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use goshawk_core::types::Task;
+use goshawk_core::Task;
 use serde::Serialize;
 
 use super::stats::{quantile, quantiles, wilson};
 use super::{Flown, Pick};
-use crate::evader::Course;
+use crate::actors::evader::Course;
 use crate::trial::{Contact, Flight, Metrics, Outcome, PilotKind, WorldSource};
 
 /// The whole of it. Everything but `timing` is the same for the same seed, vehicle file and policy.

@@ -1,10 +1,9 @@
 //! What the pages need of a flight: where vehicle and target were, 20 times a second.
 
 use goshawk_air::inputs::FrameInput;
-use goshawk_core::types::{Time, Vec3};
-use goshawk_core::{ControllerOutput, Mode, Plan};
+use goshawk_core::{ControllerOutput, Mode, Plan, Time, Vec3};
 
-use crate::sensor::RgbdImage;
+use crate::sense::rgbd::RgbdImage;
 use crate::trial::airframe::Mount;
 use crate::trial::{Contact, Outcome, Pilot, Truth, Witness};
 use crate::world::World;

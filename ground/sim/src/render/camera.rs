@@ -1,7 +1,7 @@
 //! The pinhole camera, its pose, and its rays.
 
-use crate::lanes::LANES;
-use goshawk_core::types::{Rot, Vec3};
+use crate::render::lanes::LANES;
+use goshawk_core::{Rot, Vec3};
 use nalgebra::{Matrix3, Vector3};
 
 /// A pinhole camera with square pixels and the principal point in the middle.

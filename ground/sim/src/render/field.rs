@@ -1,6 +1,6 @@
 //! The height field in single precision, for many places at once.
 
-use crate::lanes::{each, floor, least, most};
+use crate::render::lanes::{each, floor, least, most};
 use crate::world::Ground;
 
 /// Single-precision access; positions in metres from node (0, 0).

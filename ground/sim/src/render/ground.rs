@@ -8,9 +8,9 @@ use super::ID_GROUND;
 use super::camera::View;
 use super::field::Field;
 use super::raster::Canvas;
-use crate::lanes::{LANES, Lanes, any, each, lanes, least, mask, most, pick, some, three};
+use crate::render::lanes::{LANES, Lanes, any, each, lanes, least, mask, most, pick, some, three};
 use crate::world::Ground;
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use nalgebra::Vector3;
 
 type V3 = Vector3<f32>;

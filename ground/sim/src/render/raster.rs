@@ -4,9 +4,9 @@
 use super::bounds::{Rect, Slopes, box_slopes, ellipsoid_slopes, hull, sphere_slopes};
 use super::camera::{Rays, View};
 use super::{NEAR_M, RANGE_M};
-use crate::lanes::{each, least, mask, most};
+use crate::render::lanes::{each, least, mask, most};
 use crate::world::{Cuboid, RoundCone, Spheroid};
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use nalgebra::{Matrix3, Vector3};
 
 type V3 = Vector3<f32>;

@@ -6,7 +6,7 @@ use super::camera::{Rays, View};
 use super::surface::Surface;
 use super::texture::{blocks, hash, signed, smooth};
 use super::{Class, FIRST_SOLID, Frame};
-use crate::lanes::{LANES, Lanes, floor, lanes, least, low_bits, most, three};
+use crate::render::lanes::{LANES, Lanes, floor, lanes, least, low_bits, most, three};
 use crate::world::Look;
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,9 +1,9 @@
 //! What the colours need to know of each thing that is drawn in a frame.
 
 use super::Class;
-use crate::person::BodyPart;
+use crate::actors::person::BodyPart;
 use crate::world::{Cuboid, Kind, Part, RoundCone, Shape, Spheroid};
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use nalgebra::Vector3;
 
 type V3 = Vector3<f32>;

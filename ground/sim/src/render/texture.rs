@@ -1,6 +1,6 @@
 //! Noise without state: the same place always has the same value.
 
-use crate::lanes::{LANES, Lanes, floor, lanes};
+use crate::render::lanes::{LANES, Lanes, floor, lanes};
 
 /// A well mixed hash of three integers.
 #[inline(always)]

@@ -9,19 +9,19 @@ use color_eyre::eyre::{Result, WrapErr};
 use goshawk_air::bus::Publisher;
 use goshawk_air::config::Vehicle;
 use goshawk_air::slot::Slot;
-use goshawk_core::types::Time;
+use goshawk_core::Time;
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 
 use super::session::Session;
-use crate::quadrotor::QuadrotorState;
 use crate::render::{Frame, Renderer};
-use crate::sensor::{RgbdImage, Sensor, mix};
-use crate::sensors::Sensors;
+use crate::sense::file::Sensors;
+use crate::sense::rgbd::{RgbdImage, Sensor, mix};
 use crate::trial::airframe::Mount;
 use crate::trial::fault::{CameraFault, Tampered};
 use crate::trial::judge::in_view;
 use crate::trial::{Fault, Scene};
+use crate::vehicle::quadrotor::QuadrotorState;
 
 /// What the camera was pointed at.
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +64,7 @@ impl Camera {
             frame: Frame::default(),
             image: RgbdImage::default(),
         };
-        let mut sensor = Sensor::new(sensors, &work.mount.camera, mix(seed, 14));
+        let mut sensor = sensors.sensor(&work.mount.camera, mix(seed, 14));
         let (inbox, seen, count) = (exposures.clone(), Arc::clone(&sees_target), Arc::clone(&published));
         let thread = thread::Builder::new()
             .name("camera".to_owned())

@@ -4,10 +4,10 @@ use std::str::FromStr;
 
 use clap::Args;
 use color_eyre::eyre::{Result, ensure};
-use goshawk_core::types::Time;
+use goshawk_core::Time;
 
-use crate::px4::{OdometryFault, Px4Udp, StickOverride};
-use crate::quadrotor::LoopParameters;
+use crate::vehicle::px4::{OdometryFault, Px4Udp, StickOverride};
+use crate::vehicle::quadrotor::LoopParameters;
 
 /// How long a restart takes, s: what PX4's own simulator takes at least.
 const BOOT_S: f64 = 2.5;

@@ -1,12 +1,12 @@
 //! What the simulator knows of a flight and the vehicle does not: clearance, collisions, where the target is.
 
-use goshawk_core::types::Time;
+use goshawk_core::Time;
 use goshawk_proto::v1;
 
-use crate::evader::EvaderState;
-use crate::quadrotor::QuadrotorState;
+use crate::actors::evader::EvaderState;
 use crate::trial::Truth;
 use crate::trial::judge::{clearance, contact};
+use crate::vehicle::quadrotor::QuadrotorState;
 use crate::world::{Part, World};
 
 /// Contacts closer together than this are one collision, s.

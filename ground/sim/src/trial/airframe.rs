@@ -2,15 +2,15 @@
 //! elsewhere.
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{NormalisedThrust, Rot, Vec3};
+use goshawk_core::{NormalisedThrust, Rot, Vec3};
 
-use crate::quadrotor::{QuadrotorParameters, QuadrotorState};
+use crate::vehicle::quadrotor::{QuadrotorParameters, QuadrotorState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use crate::render::{Camera, CameraPose};
-use crate::sensor::Motion;
+use crate::sense::rgbd::Motion;
 
 /// Radius of the sphere that must not touch anything, m.
 pub const BODY_RADIUS_M: f64 = 0.16;

@@ -2,8 +2,7 @@
 
 use std::collections::VecDeque;
 
-use goshawk_core::types::AttitudeThrust;
-use goshawk_core::{AutopilotStatus, ControllerOutput, Request, Time};
+use goshawk_core::{AttitudeThrust, AutopilotStatus, ControllerOutput, Request, Time};
 
 /// From a setpoint being sent to the attitude loop following it, s: what a real PX4 takes.
 const SETPOINT_DELAY_S: f64 = 0.003;

@@ -1,11 +1,11 @@
 //! How the airframe that flies differs from what the vehicle file says of it.
 
-use goshawk_core::types::NormalisedThrust;
+use goshawk_core::NormalisedThrust;
 use serde::Deserialize;
 use thiserror::Error;
 
 use super::airframe::{motors_lift, spread};
-use crate::quadrotor::{LoadParameters, LoopParameters, QuadrotorParameters};
+use crate::vehicle::quadrotor::{LoadParameters, LoopParameters, QuadrotorParameters};
 
 /// How the airframe that flies differs from what the vehicle file says of it; by default not at all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]

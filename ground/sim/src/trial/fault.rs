@@ -10,11 +10,11 @@ use std::fmt;
 use std::rc::Rc;
 use std::str::FromStr;
 
-use goshawk_core::types::Time;
+use goshawk_core::Time;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::sensor::mix;
+use crate::sense::rgbd::mix;
 pub use camera::{CameraFault, Tampered};
 pub use network::{FaultyNetwork, NetworkFault, drawn};
 pub use odometry::{Falsified, OdometryError, followed};

@@ -1,13 +1,12 @@
 //! What happened in a flight: contacts, clearance, how well the target was seen and located.
 
-use goshawk_core::types::{Time, Vec3};
-use goshawk_core::{Plan, TargetEstimate};
+use goshawk_core::{Plan, TargetEstimate, Time, Vec3};
 
 use super::airframe::BODY_RADIUS_M;
-use crate::evader::EvaderState;
-use crate::moving;
-use crate::quadrotor::QuadrotorState;
+use crate::actors::evader::EvaderState;
+use crate::actors::moving;
 use crate::render::Frame;
+use crate::vehicle::quadrotor::QuadrotorState;
 use crate::world::{Kind, Part, World};
 
 /// What the vehicle hit.
@@ -255,7 +254,7 @@ fn believed(estimate: &TargetEstimate) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::forest::{ForestConfig, forest};
+    use crate::world::forest::{ForestConfig, forest};
 
     #[test]
     fn following_the_clearance_finds_every_contact_and_the_least_distance() {

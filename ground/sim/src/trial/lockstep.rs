@@ -7,19 +7,18 @@ mod verdict;
 use std::collections::VecDeque;
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{Rot, Task, Time, Vec3};
-use goshawk_core::{Cause, Command, Mode, Profile};
+use goshawk_core::{Cause, Command, Mode, Profile, Rot, Task, Time, Vec3};
 
 use super::airframe::{Mount, airframe};
 use super::autopilot::Obliging;
-use super::estimator::Estimator;
 use super::fault::{Falsified, Injection, Tampered, followed};
 use super::judge::{Contact, Follower, Judge, clearance, in_view};
 use super::scene::Scene;
 use super::{Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
-use crate::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::render::{Frame, Renderer};
-use crate::sensor::{Sensor, mix};
+use crate::sense::odometry::Estimator;
+use crate::sense::rgbd::{Sensor, mix};
+use crate::vehicle::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::world::Part;
 
 const STEPS_PER_S: u64 = 1000;
@@ -36,7 +35,7 @@ const RUNS_ANYWAY_S: f64 = 5.0;
 
 use camera::InFlight;
 
-pub(super) struct Lockstep<'a> {
+pub(crate) struct Lockstep<'a> {
     config: TrialConfig,
     scene: &'a Scene,
     mount: Mount,
@@ -78,7 +77,7 @@ pub(super) struct Lockstep<'a> {
 }
 
 impl<'a> Lockstep<'a> {
-    pub(super) fn new(
+    pub(crate) fn new(
         config: &TrialConfig,
         vehicle: &Vehicle,
         scene: &'a Scene,
@@ -101,7 +100,7 @@ impl<'a> Lockstep<'a> {
             autopilot: Obliging::default(),
             onboard,
             renderer: Renderer::new(mount.camera),
-            sensor: Sensor::new(&config.sensors, &mount.camera, mix(config.seed, 14)),
+            sensor: config.sensors.sensor(&mount.camera, mix(config.seed, 14)),
             frame: Frame::default(),
             frames: 0,
             second_frames: 0,
@@ -125,7 +124,7 @@ impl<'a> Lockstep<'a> {
     }
 
     /// Flies to the end.
-    pub(super) fn fly(mut self, witness: &mut dyn Witness) -> Result<Flight, TrialError> {
+    pub(crate) fn fly(mut self, witness: &mut dyn Witness) -> Result<Flight, TrialError> {
         loop {
             let now = self.now();
             self.moving = self.scene.moving_at(self.task_for(now));

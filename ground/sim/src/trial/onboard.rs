@@ -13,7 +13,7 @@ use goshawk_policy::{
 
 use super::airframe::Mount;
 use super::{Pilot, TrialError};
-use crate::sensor::RgbdImage;
+use crate::sense::rgbd::RgbdImage;
 
 /// From a frame's being there to the plan's being there, s: a network of 3 ms and 2 in reserve.
 pub const POLICY_S: f64 = 0.005;

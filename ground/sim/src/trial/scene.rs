@@ -3,19 +3,19 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use goshawk_core::types::{Task, Vec3};
+use goshawk_core::{Task, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::TrialError;
-use crate::buildings::{BuildingsConfig, buildings};
-use crate::cloud::{self, CloudError};
-use crate::evader::{Course, Evader, EvaderConfig, EvaderState, reachable};
-use crate::forest::{ForestConfig, forest};
-use crate::moving::{Mover, Site};
-use crate::person::Person;
-use crate::quadrotor::QuadrotorParameters;
-use crate::sensor::mix;
+use crate::actors::evader::{Course, Evader, EvaderConfig, EvaderState, reachable};
+use crate::actors::moving::{Mover, Site};
+use crate::actors::person::Person;
+use crate::sense::rgbd::mix;
+use crate::vehicle::quadrotor::QuadrotorParameters;
+use crate::world::buildings::{BuildingsConfig, buildings};
+use crate::world::cloud::{self, CloudError};
+use crate::world::forest::{ForestConfig, forest};
 use crate::world::{Part, World};
 
 /// What worlds are drawn from.
@@ -125,7 +125,7 @@ pub struct SceneConfig {
     pub distance_m: f64,
     /// What the evader runs, and its most speed, m/s; none: nobody runs.
     pub evader: Option<(Course, f64)>,
-    /// Moving obstacles, up to [`crate::moving::MOST`].
+    /// Moving obstacles, up to [`crate::actors::moving::MOST`].
     pub moving: usize,
 }
 

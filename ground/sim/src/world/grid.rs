@@ -1,7 +1,7 @@
 //! A uniform grid over the ground plane that finds the parts near a point or along a ray.
 
 use super::{Hit, Part, Surface};
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 
 const CELL_M: f64 = 2.0;
 

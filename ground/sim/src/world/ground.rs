@@ -1,6 +1,6 @@
 //! Uneven ground: a height field on a square grid, bilinear between the nodes.
 
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use rand::{Rng, RngExt};
 
 /// Heights on a grid of nodes. Beyond the grid the border's height goes on.

@@ -1,6 +1,6 @@
 //! The solids that a world is made of: signed distance and ray intersection, world frame, metres.
 
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 
 /// The union of all spheres whose centre moves from `a` to `b` while the radius goes linearly from `radius_a` to
 /// `radius_b`: a capsule with taper. The ends must lie further apart than the radii differ.

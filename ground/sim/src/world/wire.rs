@@ -1,7 +1,7 @@
 //! A world as the wire has it, for pictures: trees in outline, all else that is solid as boxes.
 
 use super::{Cuboid, Kind, Shape, World};
-use goshawk_core::types::Vec3;
+use goshawk_core::Vec3;
 use goshawk_proto::v1;
 
 /// A world is sent with so many boxes at most: 0.8 MB.

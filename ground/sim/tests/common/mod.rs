@@ -3,12 +3,13 @@
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, reason = "each test file uses its part of it")]
 
 use goshawk_air::config::Vehicle;
-use goshawk_core::types::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
+use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
+use goshawk_sim::actors::evader::Course;
 pub use goshawk_sim::chaos::standin::{Sectors, contract_json};
-use goshawk_sim::evader::Course;
-use goshawk_sim::sensors::Sensors;
-use goshawk_sim::trial::{Difference, Flight, Network, PilotKind, TrialConfig, Unwatched, WorldSource, fly_trial};
+use goshawk_sim::pilots::fly_trial;
+use goshawk_sim::sense::file::Sensors;
+use goshawk_sim::trial::{Difference, Flight, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
 use std::path::Path;
 
 const VEHICLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../air/vehicles/sim.toml");

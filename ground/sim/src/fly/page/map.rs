@@ -1,6 +1,6 @@
 //! One flight from above: what stood in its way, its path coloured by speed, and the runner's.
 
-use goshawk_core::types::Task;
+use goshawk_core::Task;
 
 use super::super::Flown;
 use super::super::report::{contact_name, outcome_name};
@@ -100,7 +100,7 @@ pub(super) fn map(flown: &Flown, label: &str, fastest_mps: f64) -> Result<Svg, T
         _ => quantile(&heights, 0.5).unwrap_or(end.z),
     };
     svg.clip([view.x.pixels[0], TOP], [view.x.pixels[1] - view.x.pixels[0], view.bottom - TOP]);
-    let solid = |x: f64, y: f64| scene.world.clearance(&goshawk_core::types::Vec3::new(x, y, cut_m));
+    let solid = |x: f64, y: f64| scene.world.clearance(&goshawk_core::Vec3::new(x, y, cut_m));
     let corner = |k: usize| [view.x.values[k], view.y.values[k]];
     let mut solids = String::new();
     for outline in outlines(&solid, corner(0), corner(1), OUTLINE_M) {

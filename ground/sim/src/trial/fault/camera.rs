@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::sensor::{RgbdImage, mix};
+use crate::sense::rgbd::{RgbdImage, mix};
 
 /// What goes wrong with the camera's stream. Stamps and numbers go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

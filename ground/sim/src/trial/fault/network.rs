@@ -8,7 +8,7 @@ use goshawk_policy::{Contract, PolicyError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::sensor::mix;
+use crate::sense::rgbd::mix;
 use crate::trial::Network;
 
 /// What the network answers instead.

@@ -1,12 +1,12 @@
 //! An estimator that errs: what its position, velocity and heading become. Stamps go on, and the reset counter says
 //! nothing.
 
-use goshawk_core::types::{AttitudeThrust, Odometry, Rot, Time, Vec3};
+use goshawk_core::{AttitudeThrust, Odometry, Rot, Time, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{PI, TAU};
 
-use crate::sensor::mix;
+use crate::sense::rgbd::mix;
 
 /// What goes wrong with the estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,7 +1,6 @@
 //! The camera of a lockstep flight: exposes, lies where it is told to, and hands its pictures to the pilot.
 
-use goshawk_core::Plan;
-use goshawk_core::types::{Rot, Time, Vec3};
+use goshawk_core::{Plan, Rot, Time, Vec3};
 use goshawk_policy::stream::Arrival;
 
 use super::super::fault::{CameraFault, Fault};
@@ -9,7 +8,7 @@ use super::super::judge::Exposure;
 use super::super::{FRAME_AT_PLANNER_S, TrialError, Witness};
 use super::{FRAMES_PER_S, Lockstep, STEPS_PER_S};
 use crate::render::Frame;
-use crate::sensor::{RgbdImage, mix};
+use crate::sense::rgbd::{RgbdImage, mix};
 
 /// Where pictures come from, as an [`Arrival`] names it: not said, as by most drivers.
 const SOURCE: u64 = 0;

@@ -1,7 +1,6 @@
 //! When a flight is over, and how it ended.
 
-use goshawk_core::Mode;
-use goshawk_core::types::Time;
+use goshawk_core::{Mode, Time};
 
 use super::super::Outcome;
 use super::super::judge::{Contact, TOO_CLOSE_M, contact};

@@ -1,0 +1,10 @@
+//! What is known of the autopilot, from what it sends.
+
+pub mod clock;
+pub(crate) mod contradiction;
+pub(crate) mod estimate;
+pub(crate) mod inertial;
+pub(crate) mod pose;
+pub mod status;
+pub(crate) mod validity;
+pub mod view;

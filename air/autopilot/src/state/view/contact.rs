@@ -1,0 +1,86 @@
+//! Who is heard: what is missing between packets, others on the line, restarts, and the refusal to arm.
+
+use super::{HEARTBEAT_TIMEOUT_S, View};
+use crate::messages::{MavAutopilot, MavMessage};
+use crate::wire::packet::Packet;
+use goshawk_core::Time;
+
+/// Nothing heard for this long, s: it may be starting again. Its fastest stream comes at 100 Hz, its slowest at 1 Hz.
+const HEARD_S: f64 = 1.5;
+/// Its time since boot going back by more than this, ms, means that it has started again.
+const RESTART_MS: u32 = 1_000;
+
+impl View {
+    /// Counts a packet of another system or component, and remembers an autopilot among them.
+    pub fn foreign(&mut self, packet: &Packet) {
+        self.counters.foreign += 1;
+        let MavMessage::HEARTBEAT(heartbeat) = &packet.message else { return };
+        if heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID {
+            self.other = u8::try_from(packet.header.system_id).ok().map(|system| (system, packet.header.component_id));
+        }
+    }
+
+    /// Counts what is missing before `sequence`.
+    pub(super) fn follow(&mut self, sequence: u8) {
+        if let Some(last) = self.sequence.replace(sequence) {
+            let gap = sequence.wrapping_sub(last).wrapping_sub(1);
+            // More than half the circle is a packet that came late, not 128 that were lost.
+            self.counters.lost += if gap < 128 { u64::from(gap) } else { 0 };
+        }
+    }
+
+    /// Its clock has gone back: forgets what the one before the restart said.
+    pub(super) fn has_restarted(&mut self, message: &MavMessage) -> bool {
+        let boot_ms = match message {
+            MavMessage::ATTITUDE_QUATERNION(attitude) => attitude.time_boot_ms,
+            MavMessage::LOCAL_POSITION_NED(local) => local.time_boot_ms,
+            _ => return false,
+        };
+        let restarted = boot_ms.saturating_add(RESTART_MS) < self.boot_ms;
+        self.boot_ms = if restarted { boot_ms } else { self.boot_ms.max(boot_ms) };
+        if restarted {
+            let mut new = Self::new(self.target_system, self.target_component, self.firmware);
+            std::mem::swap(&mut new, self);
+            let before = new;
+            (self.boot_ms, self.heard, self.clock, self.estimate) =
+                (boot_ms, before.heard, before.clock, before.estimate);
+            (self.texts, self.events, self.counters) = (before.texts, before.events, before.counters);
+            self.estimate.compare_anew();
+            self.counters.restarts += 1;
+        }
+        restarted
+    }
+
+    /// It was heard, and nothing has come lately: when it comes again, it may have started again.
+    #[must_use]
+    pub fn has_fallen_silent(&self, now: Time) -> bool {
+        self.heard.is_some_and(|heard| now.since(heard) >= HEARD_S)
+    }
+
+    /// By what it last said, its motors may turn or it is in the air.
+    #[must_use]
+    pub fn may_fly(&self) -> bool {
+        self.armed || self.landed == Some(false)
+    }
+
+    /// Its heartbeat, or anything else of it, is younger than [`HEARTBEAT_TIMEOUT_S`].
+    #[must_use]
+    pub fn is_heard(&self, now: Time) -> bool {
+        [self.heartbeat, self.heard].iter().flatten().any(|heard| now.since(*heard) < HEARTBEAT_TIMEOUT_S)
+    }
+
+    /// On the ground it would refuse to arm, or SYS_STATUS says so: its reasons are worth asking for.
+    #[must_use]
+    pub fn refuses_to_arm(&self, now: Time) -> bool {
+        let status = self.status(now);
+        status.connected && !status.armed && (self.arming.bit_is_clear() || status.would_arm == Some(false))
+    }
+
+    /// Why it would refuse to arm, in one line; none: it would not, or does not say.
+    #[must_use]
+    pub fn refusal(&self, now: Time) -> Option<String> {
+        let status = self.status(now);
+        let refuses = status.connected && status.would_arm == Some(false);
+        refuses.then(|| format!("it refuses to arm: {}", self.arming.reasons(now)))
+    }
+}

@@ -1,0 +1,45 @@
+//! Lead: inverts the attitude loop's first-order lag with the trajectory's own jerk. Beyond the paper.
+
+use crate::values::geometry::cap;
+use crate::values::types::Vec3;
+
+/// Lead: f̈ + tau·f⃛.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeadConfig {
+    /// The attitude loop's first-order lag, s; where the estimate begins.
+    pub tau: f64,
+    /// Largest lead, m/s² (6).
+    pub limit: f64,
+}
+
+/// f̈ + tau·f⃛: what to command now so that an acceleration that follows with lag tau is f̈. The lead's norm is bounded.
+#[must_use]
+pub fn lead(config: &LeadConfig, acc: Vec3, jerk: Vec3) -> Vec3 {
+    acc + cap(jerk * config.tau, config.limit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lagging_vehicle_led_by_the_jerk_follows_the_acceleration() {
+        let (config, dt) = (LeadConfig { tau: 0.25, limit: 100.0 }, 1e-4);
+        let (mut actual, mut worst) = (0.0_f64, 0.0_f64);
+        for k in 0..20_000 {
+            let t = f64::from(k) * dt;
+            let command = lead(&config, Vec3::new(3.0 * t.sin(), 0.0, 0.0), Vec3::new(3.0 * t.cos(), 0.0, 0.0));
+            actual += (command.x - actual) / config.tau * dt;
+            worst = worst.max((actual - 3.0 * (t + dt).sin()).abs());
+        }
+        assert!(worst < 1e-3, "{worst}");
+    }
+
+    #[test]
+    fn the_lead_is_bounded() {
+        let config = LeadConfig { tau: 0.25, limit: 2.0 };
+        let led = lead(&config, Vec3::zeros(), Vec3::new(0.0, 1e9, 0.0));
+        assert!((led - Vec3::new(0.0, 2.0, 0.0)).norm() < 1e-9);
+        assert_eq!(lead(&config, Vec3::x(), Vec3::new(f64::NAN, 0.0, 0.0)), Vec3::x());
+    }
+}

@@ -1,0 +1,182 @@
+//! Yaw, planned apart from the trajectory (§III-C.2): toward the target, rate and acceleration limited; search when lost.
+
+use crate::values::geometry::wrap;
+use crate::values::types::Vec3;
+
+/// Yaw limits and the search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct YawConfig {
+    /// Largest yaw rate, rad/s (2.5).
+    pub max_rate: f64,
+    /// Largest yaw acceleration, rad/s² (10).
+    pub max_acc: f64,
+    /// The yaw loop's lag, s: the command leads the plan by rate·lag; 0: no lead.
+    pub lag: f64,
+    /// Yaw rate of the sweep for a lost target, rad/s (1.0).
+    pub search_rate: f64,
+    /// How long to look where the target was lost before sweeping, s (1.5).
+    pub search_delay: f64,
+    /// Navigation: speed above which yaw follows the velocity, below it the goal, m/s (1).
+    pub along_velocity_speed: f64,
+}
+
+/// Where the nose should point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum YawGoal {
+    /// Stop turning.
+    Keep,
+    /// At a bearing (rad) that itself turns (rad/s).
+    Toward {
+        /// World yaw, rad.
+        yaw: f64,
+        /// The bearing's own rate, rad/s.
+        rate: f64,
+    },
+    /// Turn at the search rate; the sign is the direction, positive to the left.
+    Sweep(f64),
+}
+
+/// The planned yaw; runs ahead of the vehicle, which follows.
+#[derive(Clone, Copy, Debug)]
+pub struct YawPlanner {
+    config: YawConfig,
+    yaw: f64,
+    rate: f64,
+}
+
+/// How fast an error is taken out once it is small, 1/s.
+const GAIN: f64 = 6.0;
+
+/// The goal that looks along `line_world` (m) to something that moves by `vel_world` (m/s) relative to us; keeps the
+/// heading when it is overhead.
+#[must_use]
+pub fn toward(line_world: Vec3, vel_world: Vec3) -> YawGoal {
+    let squared = line_world.xy().norm_squared();
+    if !squared.is_finite() || squared < 0.3 * 0.3 {
+        return YawGoal::Keep;
+    }
+    let rate = (line_world.x * vel_world.y - line_world.y * vel_world.x) / squared;
+    YawGoal::Toward { yaw: line_world.y.atan2(line_world.x), rate: if rate.is_finite() { rate } else { 0.0 } }
+}
+
+impl YawPlanner {
+    /// At rest at yaw 0.
+    #[must_use]
+    pub fn new(config: YawConfig) -> Self {
+        Self { config, yaw: 0.0, rate: 0.0 }
+    }
+
+    /// At rest at `yaw` (rad): on the ground the plan follows the vehicle.
+    pub fn reset(&mut self, yaw: f64) {
+        self.yaw = wrap(yaw);
+        self.rate = 0.0;
+    }
+
+    /// Turns the plan by `jump` (rad): the odometry's heading jumped, the vehicle did not.
+    pub fn shift(&mut self, jump: f64) {
+        self.yaw = wrap(self.yaw + jump);
+    }
+
+    /// Moves on by `dt` seconds (0..=0.1) and returns the yaw to command, led by the yaw loop's lag.
+    pub fn step(&mut self, dt: f64, goal: YawGoal) -> f64 {
+        let c = &self.config;
+        let wanted = match goal {
+            YawGoal::Keep => 0.0,
+            YawGoal::Sweep(direction) => c.search_rate * if direction < 0.0 { -1.0 } else { 1.0 },
+            YawGoal::Toward { yaw, rate } => rate + approach_rate(wrap(yaw - self.yaw), c.max_acc),
+        };
+        let wanted = wanted.clamp(-c.max_rate, c.max_rate);
+        self.rate += (wanted - self.rate).clamp(-c.max_acc * dt, c.max_acc * dt);
+        self.yaw = wrap(self.yaw + self.rate * dt);
+        wrap(self.yaw + self.rate * c.lag)
+    }
+
+    /// Planned yaw without the lead, rad.
+    #[must_use]
+    pub fn yaw(&self) -> f64 {
+        self.yaw
+    }
+}
+
+/// The rate that takes out `error`: proportional when it is small, else the fastest that `max_acc` can still stop.
+fn approach_rate(error: f64, max_acc: f64) -> f64 {
+    let linear = max_acc / (GAIN * GAIN);
+    let size = error.abs();
+    let rate = if size <= linear { GAIN * size } else { (2.0 * max_acc * (size - 0.5 * linear)).sqrt() };
+    rate.copysign(error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const CONFIG: YawConfig = YawConfig {
+        max_rate: 2.5,
+        max_acc: 10.0,
+        lag: 0.0,
+        search_rate: 1.0,
+        search_delay: 1.5,
+        along_velocity_speed: 1.0,
+    };
+
+    #[test]
+    fn turns_to_a_bearing_the_short_way_round_without_overshoot() {
+        let mut yaw = YawPlanner::new(CONFIG);
+        yaw.reset(3.0);
+        let mut past = 0.0_f64;
+        for _ in 0..600 {
+            yaw.step(0.005, YawGoal::Toward { yaw: -3.0, rate: 0.0 });
+            past = past.max(wrap(yaw.yaw() - -3.0));
+            assert!(yaw.yaw().abs() > 2.9, "went the long way");
+        }
+        assert!(wrap(yaw.yaw() + 3.0).abs() < 1e-3 && past < 0.01, "{past}");
+    }
+
+    #[test]
+    fn follows_a_turning_bearing_without_lag() {
+        let mut yaw = YawPlanner::new(CONFIG);
+        for k in 0..600 {
+            yaw.step(0.005, YawGoal::Toward { yaw: wrap(0.005 * f64::from(k + 1)), rate: 1.0 });
+        }
+        assert!(wrap(yaw.yaw() - 3.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn the_command_leads_the_plan_by_the_loops_lag() {
+        let mut yaw = YawPlanner::new(YawConfig { lag: 0.2, ..CONFIG });
+        for _ in 0..200 {
+            let command = yaw.step(0.005, YawGoal::Sweep(-1.0));
+            assert!(wrap(command - (yaw.yaw() + 0.2 * yaw.rate)).abs() < 1e-12);
+        }
+        assert!((yaw.rate + 1.0).abs() < 1e-9, "sweeps to the right");
+    }
+
+    #[test]
+    fn a_target_overhead_keeps_the_heading() {
+        assert_eq!(toward(Vec3::new(0.1, 0.1, 3.0), Vec3::zeros()), YawGoal::Keep);
+    }
+
+    #[test]
+    fn a_target_crossing_to_the_left_turns_left() {
+        let YawGoal::Toward { yaw, rate } = toward(Vec3::new(4.0, 0.0, 0.0), Vec3::new(0.0, 2.0, 0.0)) else {
+            panic!("expected a bearing");
+        };
+        assert_eq!((yaw, rate), (0.0, 0.5));
+    }
+
+    proptest! {
+        #[test]
+        fn rate_and_acceleration_stay_within_limits(
+            goals in prop::collection::vec((-10.0..10.0f64, -20.0..20.0f64), 1..50), dt in 0.001..0.1
+        ) {
+            let mut planner = YawPlanner::new(CONFIG);
+            for (yaw, rate) in goals {
+                let (before, before_rate) = (planner.yaw, planner.rate);
+                planner.step(dt, YawGoal::Toward { yaw, rate });
+                prop_assert!((planner.rate - before_rate).abs() <= CONFIG.max_acc * dt + 1e-9);
+                prop_assert!(wrap(planner.yaw - before).abs() <= CONFIG.max_rate * dt + 1e-9);
+            }
+        }
+    }
+}

@@ -1,0 +1,406 @@
+//! How each mode is flown, and the fallback ladder.
+
+use crate::control::flatness::{FlatCommand, flat_command};
+use crate::control::hover::brake;
+use crate::control::lead::lead;
+use crate::control::motion::Commanded;
+use crate::control::yaw::{YawGoal, toward};
+use crate::mission::controller::Controller;
+use crate::mission::interface::{ControllerInput, ControllerOutput, Request};
+use crate::mission::landing::Phase;
+use crate::mission::modes::{Fallback, Mode};
+use crate::mission::takeoff::{Stage, repeat};
+use crate::planning::evade::Evasion;
+use crate::planning::threat::Threat;
+use crate::values::geometry::{wrap, yaw_of};
+use crate::values::types::{
+    AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3,
+};
+use std::f64::consts::TAU;
+
+/// What a mode wants to fly.
+struct Intent {
+    reference: FlatState,
+    /// After the lead.
+    acc_world: Vec3,
+    fallback: Fallback,
+    /// Sequence and age of the plan flown.
+    plan: Option<(u64, f64)>,
+}
+
+/// Off the ground: above the start by this, m, or rising at this, m/s.
+const LIFTED: (f64, f64) = (0.15, 0.3);
+/// The take-off's thrust rises to this, over the greatest hover thrust that the vehicle file allows.
+const RAMP_END: f64 = 1.25;
+/// A target unseen for longer than this, s, that should be nearer than this, m, has left the image at its side.
+const SLIPPED_AFTER: f64 = 0.3;
+const SLIPPED_WITHIN: f64 = 4.0;
+/// A target that has been hidden for longer than this, s, is looked for so far to the sides, rad, to and fro in this, s.
+const GLANCE_AFTER: f64 = 0.3;
+const GLANCE_ANGLE: f64 = 1.0;
+const GLANCE_PERIOD: f64 = 2.0;
+/// Stepping over a target ends so far below the ceiling, m.
+const BELOW_CEILING: f64 = 1.0;
+
+impl Controller {
+    /// The output of the current mode; transition, reply and readiness are the caller's.
+    pub(crate) fn fly(&mut self, now: Time, dt: f64, input: &ControllerInput) -> ControllerOutput {
+        let request = self.sequence(now, input);
+        if !self.mode.has_authority() {
+            self.rest();
+            return self.silent(request);
+        }
+        if !self.motors_wanted() {
+            self.rest();
+            return self.on_ground(request);
+        }
+        let Some(odometry) = self.believed(now).copied() else {
+            if self.flight.as_ref().is_some_and(|flight| !flight.lifted) {
+                self.rest();
+                return self.on_ground(request);
+            }
+            return self.without_odometry(now, dt, request);
+        };
+        if let Some(thrust) = self.ramp(now, &odometry) {
+            self.rest();
+            return self.spool(thrust, request);
+        }
+        self.watch_side(now);
+        self.find_way(now, &odometry);
+        let goal = self.yaw_goal(now, &odometry);
+        let yaw = self.yaw.step(dt, goal);
+        self.hold_apart(now);
+        let mut intent = self.intent(now, &odometry);
+        intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
+        let disturbance = self.motion.observer().disturbance();
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
+        command.force = command.force_along(&vehicle, &odometry.world_from_body);
+        // A descent may already stand on the ground, which says nothing of how the vehicle flies.
+        let descends = self.flight.as_ref().is_some_and(|flight| flight.landing.phase() != Phase::Brake);
+        let free = self.mode != Mode::Stopping || !descends;
+        self.output(now, request, &intent, &command, yaw, free)
+    }
+
+    /// Take-off's, landing's, the fault's and a given-up take-off's requests.
+    fn sequence(&mut self, now: Time, input: &ControllerInput) -> Option<Request> {
+        let mission = &self.config.mission;
+        match self.mode {
+            Mode::Takeoff => self.flight.as_mut()?.takeoff.step(mission, now, &input.autopilot),
+            Mode::Stopping => {
+                let climb = self.believed(now).map(|o| o.vel_world.z);
+                let stopped = self.hover.is_stopped();
+                let landing = &mut self.flight.as_mut()?.landing;
+                // Without odometry the landing waits, but for a cut that has begun.
+                match (climb, landing.phase()) {
+                    (None, Phase::Brake | Phase::Descend) => None,
+                    (climb, _) => landing.step(mission, now, climb.unwrap_or(0.0), stopped, &input.autopilot),
+                }
+            }
+            Mode::Fault if self.handing_back && input.autopilot.offboard => {
+                repeat(&mut self.asked_back, now, mission.request_period).then_some(Request::HandBack)
+            }
+            _ => self.abandoned.as_mut().and_then(|abandoned| abandoned.step(mission, now, &input.autopilot)),
+        }
+    }
+
+    /// On the ground, or without authority: the observer and the yaw plan follow the vehicle.
+    fn rest(&mut self) {
+        self.motion.rest();
+        self.commanded = Commanded::default();
+        if let Some(odometry) = self.motion.last() {
+            self.yaw.reset(yaw_of(&odometry.world_from_body));
+        }
+    }
+
+    fn motors_wanted(&self) -> bool {
+        self.flight.as_ref().is_some_and(|flight| match self.mode {
+            Mode::Takeoff => flight.takeoff.stage() == Stage::Climb,
+            Mode::Stopping => flight.landing.phase() != Phase::Cut,
+            _ => true,
+        })
+    }
+
+    /// Before the vehicle has left the ground: the thrust to try next, which rises until it lifts. How much that takes
+    /// is what the vehicle file may have wrong.
+    fn ramp(&mut self, now: Time, odometry: &Odometry) -> Option<NormalisedThrust> {
+        let (thrust, ramp) = (&self.config.thrust, self.config.mission.takeoff_ramp);
+        let takes_off = self.mode == Mode::Takeoff;
+        let flight = self.flight.as_mut().filter(|flight| takes_off && !flight.lifted)?;
+        let end = (RAMP_END * thrust.most).min(self.config.vehicle.max_thrust);
+        let tried = NormalisedThrust(end * (flight.takeoff.elapsed(now) / ramp).min(1.0));
+        let height = odometry.pos_world.z - flight.start_world.z;
+        if height < LIFTED.0 && odometry.vel_world.z < LIFTED.1 {
+            return Some(tried);
+        }
+        flight.lifted = true;
+        self.motion.lift_off(tried);
+        None
+    }
+
+    fn intent(&mut self, now: Time, odometry: &Odometry) -> Intent {
+        let (pos, vel) = (odometry.pos_world, odometry.vel_world);
+        let (hold, mission) = (&self.config.hold, &self.config.mission);
+        let task = self.flight.as_ref().map_or(Task::Track, |f| f.profile.task);
+        let mut fallback = Fallback::None;
+        if let Some(evasion) = self.evading(now) {
+            self.hover.reset();
+            let acc = self.config.limits.within_speed(evasion.acc(pos.z, vel), vel, hold.kv);
+            let reference = FlatState { pos, vel: evasion.vel_world, acc };
+            return Intent { reference, acc_world: acc, fallback, plan: None };
+        }
+        let flies = matches!(self.mode, Mode::Track | Mode::Navigate);
+        if let Some(flown) = self.plans.flyable(&self.config.ladder, task, now).filter(|_| flies) {
+            self.hover.reset();
+            let age = now.since(flown.stamp);
+            let reference = flown.quintic.at(age);
+            let led = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
+            let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
+            let target = self.plans.target_at(now).filter(|_| task == Task::Track);
+            let acc_world = target.map_or(acc_world, |target| {
+                let disturbance = self.motion.observer().disturbance();
+                self.config.view.keeping(acc_world, disturbance, target.pos - pos)
+            });
+            return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
+        }
+        let reference = match (self.mode, self.flight.as_ref()) {
+            (Mode::Track | Mode::Navigate, _) => {
+                let reference = self.hover.step(hold, pos, vel);
+                fallback = self.hover_rung();
+                reference
+            }
+            (Mode::Takeoff, Some(flight)) => {
+                if !self.hover.is_stopped() {
+                    self.hover.hold(flight.start_world);
+                }
+                let climb =
+                    (hold.kp / hold.kv * (flight.height() - pos.z)).clamp(-mission.climb_speed, mission.climb_speed);
+                self.hover.step_vertical(hold, pos, vel, climb)
+            }
+            (Mode::Stopping, Some(flight)) if flight.landing.phase() == Phase::Descend => {
+                let low = pos.z - flight.start_world.z < mission.slow_height;
+                let speed = if low { mission.touchdown_speed } else { mission.descent_speed };
+                self.hover.step_vertical(hold, pos, vel, -speed)
+            }
+            _ => {
+                let reference = self.hover.step(hold, pos, vel);
+                // A search needs frames; without them it is a hold for want of plans.
+                if self.mode == Mode::Search && !self.plans.frames_arrive(&self.config.ladder, now) {
+                    fallback = self.hover_rung();
+                }
+                reference
+            }
+        };
+        Intent { reference, acc_world: reference.acc, fallback, plan: None }
+    }
+
+    /// The way aside that is flown, if something moves in the vehicle's way.
+    fn evading(&self, now: Time) -> Option<Evasion> {
+        let may = matches!(self.mode, Mode::Track | Mode::Navigate | Mode::Hold | Mode::Search);
+        let mut evasion = self.plans.evading(&self.config.ladder, now).filter(|_| may)?;
+        // Not so high that the flight would end.
+        let most = self.flight.as_ref().map_or(0.0, |flight| flight.start_world.z) + self.config.limits.ceiling
+            - BELOW_CEILING;
+        evasion.height = evasion.height.map(|height| height.min(most));
+        Some(evasion)
+    }
+
+    /// What is held keeps its distance from a target that is held beside.
+    fn hold_apart(&mut self, now: Time) {
+        let stays = matches!(self.mode, Mode::Hold | Mode::Search);
+        if let Some(threat) = self.threat(now).filter(|_| stays) {
+            self.hover.keep_from(threat.pos_world, self.config.separation.min_distance + threat.pos_doubt);
+        }
+    }
+
+    /// `acc_world` such that the least distance to the target is kept.
+    fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
+        let Some(threat) = self.threat(now) else { return acc_world };
+        let state = [odometry.pos_world, odometry.vel_world];
+        let config = &self.config.separation;
+        let acc_world = match self.evading(now) {
+            Some(evasion) if evasion.from_target => acc_world,
+            _ => self.separation.keep(config, dt, acc_world, state, &threat, self.plans.room()),
+        };
+        // A landing is told by its descent.
+        if self.mode == Mode::Stopping { acc_world } else { config.stay_above(acc_world, state, &threat) }
+    }
+
+    /// The target, where it may have to be kept away from.
+    fn threat(&self, now: Time) -> Option<Threat> {
+        let chases = self.flight.as_ref().is_some_and(|flight| flight.profile.task == Task::Track);
+        self.plans.target().filter(|_| chases).and_then(|target| Threat::of(target, now))
+    }
+
+    fn hover_rung(&self) -> Fallback {
+        if self.hover.is_stopped() { Fallback::HoldPosition } else { Fallback::PlanExpiredBrake }
+    }
+
+    fn yaw_goal(&self, now: Time, odometry: &Odometry) -> YawGoal {
+        let Some(flight) = &self.flight else { return YawGoal::Keep };
+        let config = &self.config.yaw;
+        let at_target = || {
+            self.plans.target_at(now).map_or(YawGoal::Keep, |target| {
+                toward(target.pos - odometry.pos_world, target.vel - odometry.vel_world)
+            })
+        };
+        if let (Mode::Track | Mode::Hold | Mode::Search, Some(at)) = (self.mode, self.plans.glimpse(now)) {
+            return toward(at - odometry.pos_world, Vec3::zeros());
+        }
+        match self.mode {
+            Mode::Search if now.since(self.entered) > config.search_delay => YawGoal::Sweep(self.sweep),
+            Mode::Track | Mode::Hold if self.slipped_by(now, odometry) => YawGoal::Sweep(self.sweep),
+            Mode::Track => self.glance(now, at_target()),
+            Mode::Search => at_target(),
+            Mode::Hold if flight.profile.task == Task::Track => at_target(),
+            Mode::Navigate => {
+                // Along the velocity when fast, to the waypoint when slow or on the way away from it, in between by their
+                // share: whoever only looks where they go does not find back.
+                let to_goal = flight.waypoint_world.map_or_else(Vec3::zeros, |way| way - odometry.pos_world);
+                let to_goal = Vec3::new(to_goal.x, to_goal.y, 0.0).try_normalize(1e-6).unwrap_or_default();
+                let vel = Vec3::new(odometry.vel_world.x, odometry.vel_world.y, 0.0);
+                let share = (vel.norm() / config.along_velocity_speed - 0.5).clamp(0.0, 1.0);
+                let along = vel.try_normalize(1e-6).unwrap_or_default();
+                let share = share.min((along.dot(&to_goal) + 0.5).max(0.0));
+                toward(along * share + to_goal * (1.0 - share), Vec3::zeros())
+            }
+            _ => YawGoal::Keep,
+        }
+    }
+
+    /// A navigation that flies toward its goal may be stuck on the way.
+    fn find_way(&mut self, now: Time, odometry: &Odometry) {
+        let Some(flight) = &mut self.flight else { return };
+        let Some(goal) = flight.goal_world else { return };
+        flight.waypoint_world = Some(match self.mode {
+            Mode::Navigate => flight.detour.step(now, odometry.pos_world, goal),
+            _ => goal,
+        });
+    }
+
+    /// Toward where a hidden target should be, with looks to both sides of it, first to the one it was heading for; at the
+    /// far end of a look the way ahead may leave the image for a moment.
+    fn glance(&self, now: Time, goal: YawGoal) -> YawGoal {
+        let hidden = self.plans.target().map_or(0.0, |target| now.since(target.last_seen)) - GLANCE_AFTER;
+        match goal {
+            YawGoal::Toward { yaw, rate } if hidden > 0.0 => {
+                let swing = GLANCE_ANGLE.copysign(self.sweep) * (TAU * hidden / GLANCE_PERIOD).sin();
+                YawGoal::Toward { yaw: wrap(yaw + swing), rate }
+            }
+            goal => goal,
+        }
+    }
+
+    /// The target vanished near by: it is beside us rather than behind something ahead.
+    fn slipped_by(&self, now: Time, odometry: &Odometry) -> bool {
+        let Some((target, at)) = self.plans.target().zip(self.plans.target_at(now)) else { return false };
+        now.since(target.last_seen) > SLIPPED_AFTER && (at.pos - odometry.pos_world).xy().norm() < SLIPPED_WITHIN
+    }
+
+    /// Odometry is stale or not believed: brake by dead reckoning where there is any, then level, slightly below hover
+    /// thrust.
+    fn without_odometry(&mut self, now: Time, dt: f64, request: Option<Request>) -> ControllerOutput {
+        // What is remembered of the place is worthless when odometry comes back.
+        self.hover.reset();
+        let yaw = self.yaw.step(dt, YawGoal::Keep);
+        let (ladder, hold) = (&self.config.ladder, &self.config.hold);
+        let live = self.motion.age(now).is_some_and(|age| age <= ladder.odometry_stale);
+        let distrust = self.motion.distrust().filter(|_| live);
+        let disturbance = distrust.map_or_else(|| self.motion.observer().disturbance(), |d| d.disturbance);
+        let moving = distrust.and_then(|d| d.moving(hold.stopped_speed).map(|vel_world| (*d, vel_world)));
+        let (acc_world, disturbance, fallback) = match moving {
+            Some((distrust, vel_world)) => {
+                let turn = distrust.loop_from_world();
+                (turn * brake(hold, vel_world), turn * disturbance, Fallback::OdometryFalseBrake)
+            }
+            // Of the disturbance only the vertical part stays: it corrects the hover thrust and tilts nothing.
+            None => (
+                Vec3::new(0.0, 0.0, -ladder.descend_acc),
+                Vec3::new(0.0, 0.0, disturbance.z),
+                Fallback::OdometryStaleDescend,
+            ),
+        };
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let mut command = flat_command(&vehicle, acc_world, disturbance, yaw);
+        // Where the attitude is not known the thrust is that of the attitude which is on its way.
+        let tilted = moving.filter(|(distrust, _)| !distrust.attitude_stands);
+        if let Some((odometry, (distrust, _))) = self.motion.last().zip(tilted) {
+            command.force = command.force_along(&vehicle, &distrust.loop_from_body(&odometry.world_from_body));
+        }
+        let reference = FlatState { acc: acc_world, ..FlatState::default() };
+        let intent = Intent { reference, acc_world, fallback, plan: None };
+        self.output(now, request, &intent, &command, yaw, moving.is_some())
+    }
+
+    fn output(
+        &mut self,
+        now: Time,
+        request: Option<Request>,
+        intent: &Intent,
+        command: &FlatCommand,
+        yaw: f64,
+        free: bool,
+    ) -> ControllerOutput {
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let thrust = vehicle.normalised(command.force);
+        self.commanded = Commanded { thrust, acc: vehicle.force(thrust).0 / vehicle.mass, free, airborne: true };
+        self.motion.command(now, &command.world_from_body);
+        ControllerOutput {
+            fallback: intent.fallback,
+            setpoint: Some(AttitudeThrust { world_from_body: command.world_from_body, thrust }),
+            flat: intent.reference,
+            acc_des_world: intent.reference.acc,
+            acc_att_world: command.acc_att_world,
+            thrust: command.force,
+            yaw_des: yaw,
+            plan_seq: intent.plan.map(|p| p.0),
+            plan_age: intent.plan.map(|p| p.1),
+            ..self.silent(request)
+        }
+    }
+
+    /// Level, no thrust.
+    fn on_ground(&self, request: Option<Request>) -> ControllerOutput {
+        self.spool(NormalisedThrust(0.0), request)
+    }
+
+    /// Level on the ground, with a thrust that does not lift.
+    fn spool(&self, thrust: NormalisedThrust, request: Option<Request>) -> ControllerOutput {
+        let world_from_body = Rot::from_axis_angle(&Vec3::z_axis(), self.yaw.yaw());
+        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let force = vehicle.force(thrust);
+        ControllerOutput {
+            setpoint: Some(AttitudeThrust { world_from_body, thrust }),
+            acc_att_world: Vec3::new(0.0, 0.0, force.0 / vehicle.mass - GRAVITY),
+            thrust: force,
+            ..self.silent(request)
+        }
+    }
+
+    /// No setpoint.
+    fn silent(&self, request: Option<Request>) -> ControllerOutput {
+        ControllerOutput {
+            mode: self.mode,
+            fallback: if self.handing_back { Fallback::HandBack } else { Fallback::None },
+            setpoint: None,
+            request,
+            flat: FlatState::default(),
+            acc_des_world: Vec3::zeros(),
+            acc_att_world: Vec3::zeros(),
+            acc_disturbance_world: self.motion.observer().disturbance(),
+            acc_meas_world: self.motion.observer().acceleration(),
+            thrust: Newtons(0.0),
+            hover_thrust: self.motion.vehicle(&self.config.vehicle).hover_thrust,
+            attitude_lag: self.motion.lead(&self.config.lead).tau,
+            odometry_fault: self.motion.fault(),
+            odometry_doubt: self.motion.doubt(),
+            yaw_des: self.yaw.yaw(),
+            plan_seq: None,
+            plan_age: None,
+            planning: self.planning(),
+            transition: None,
+            reply: None,
+            readiness: Ok(()),
+        }
+    }
+}

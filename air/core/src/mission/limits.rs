@@ -1,0 +1,138 @@
+//! What a flight must not exceed: place, height, speed, time, charge. Tilt and thrust are limited in `flatness.rs`.
+
+use crate::control::hover::HoldConfig;
+use crate::mission::interface::Profile;
+use crate::values::error::{ConfigError, within};
+use crate::values::types::Vec3;
+
+/// Limits of every flight, whatever its profile says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimitsConfig {
+    /// Largest horizontal distance from the start, m.
+    pub fence_radius: f64,
+    /// Largest height above the start, m.
+    pub ceiling: f64,
+    /// Largest speed, m/s.
+    pub max_speed: f64,
+    /// Longest time from Start to the landing's beginning, s.
+    pub max_time: f64,
+    /// Charge below which Start is refused, 0..1.
+    pub battery_start: f64,
+    /// Charge below which the vehicle lands, 0..1.
+    pub battery_land: f64,
+}
+
+/// Between the decision to brake and the braking, s: odometry's delay and the attitude loop's lag, amply.
+const REACTION: f64 = 0.3;
+
+impl LimitsConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        let radius = "no small quadrotor comes back from farther on one battery";
+        within("limits.fence_radius_m", self.fence_radius, 1.0..=10_000.0, radius)?;
+        within("limits.ceiling_m", self.ceiling, 1.0..=500.0, "above fly others")?;
+        within("limits.max_speed_mps", self.max_speed, 0.5..=30.0, "no policy is trained beyond, nor sees far enough")?;
+        within("limits.max_time_s", self.max_time, 10.0..=7200.0, "no small quadrotor's battery lasts longer")?;
+        let charge = "it is a share of a full battery";
+        within("limits.battery_land", self.battery_land, 0.0..=1.0, charge)?;
+        let first = "below battery_land a flight would end as it begins";
+        within("limits.battery_start", self.battery_start, self.battery_land..=1.0, first)
+    }
+
+    /// Which limit the profile goes beyond; none: it can be flown.
+    #[must_use]
+    pub fn exceeded_by(&self, profile: &Profile) -> Option<&'static str> {
+        let goal = profile.goal.unwrap_or_default();
+        if profile.speed > self.max_speed {
+            Some("its speed is above limits.max_speed")
+        } else if profile.height.max(goal.z) > self.ceiling {
+            Some("its height or its goal is above limits.ceiling")
+        } else if goal.xy().norm() > self.fence_radius {
+            Some("its goal is beyond limits.fence_radius")
+        } else {
+            None
+        }
+    }
+
+    /// A vehicle at `from_start` (m, world axes) with `vel_world` can only just stop inside the fence.
+    #[must_use]
+    pub fn reaches_fence(&self, hold: &HoldConfig, from_start: Vec3, vel_world: Vec3) -> bool {
+        let vel = vel_world.xy();
+        let way = stopping_distance(hold, vel.norm(), hold.max_acc_horizontal);
+        (from_start.xy() + vel.try_normalize(1e-6).unwrap_or_default() * way).norm() > self.fence_radius
+    }
+
+    /// As [`LimitsConfig::reaches_fence`], for the ceiling.
+    #[must_use]
+    pub fn reaches_ceiling(&self, hold: &HoldConfig, from_start: Vec3, vel_world: Vec3) -> bool {
+        from_start.z + stopping_distance(hold, vel_world.z.max(0.0), hold.max_acc_vertical) > self.ceiling
+    }
+
+    /// `acc_world` with as much less of it along the velocity as keeps the speed below its limit, which is approached
+    /// with the velocity gain `kv`, 1/s.
+    #[must_use]
+    pub fn within_speed(&self, acc_world: Vec3, vel_world: Vec3, kv: f64) -> Vec3 {
+        let speed = vel_world.norm();
+        let Some(along) = vel_world.try_normalize(1e-6) else { return acc_world };
+        let excess = acc_world.dot(&along) - kv * (self.max_speed - speed);
+        if excess > 0.0 { acc_world - along * excess } else { acc_world }
+    }
+}
+
+/// Way that the hover's braking takes from `speed`: at its most acceleration until the velocity gain asks for less.
+fn stopping_distance(hold: &HoldConfig, speed: f64, max_acc: f64) -> f64 {
+    let knee = max_acc / hold.kv;
+    let hard = if speed > knee { (speed * speed - knee * knee) / (2.0 * max_acc) } else { 0.0 };
+    speed * REACTION + hard + speed.min(knee) / hold.kv
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::values::types::Task;
+    use proptest::prelude::*;
+
+    const LIMITS: LimitsConfig = LimitsConfig {
+        fence_radius: 50.0,
+        ceiling: 10.0,
+        max_speed: 8.0,
+        max_time: 300.0,
+        battery_start: 0.3,
+        battery_land: 0.15,
+    };
+    const HOLD: HoldConfig =
+        HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 };
+
+    #[test]
+    fn a_profile_beyond_a_limit_is_named_by_it() {
+        let profile = Profile { task: Task::Track, speed: 8.0, height: 10.0, goal: Some(Vec3::new(30.0, 40.0, 10.0)) };
+        assert_eq!(LIMITS.exceeded_by(&profile), None);
+        let names = |profile: Profile, limit: &str| assert!(LIMITS.exceeded_by(&profile).unwrap().contains(limit));
+        names(Profile { speed: 8.1, ..profile }, "max_speed");
+        names(Profile { height: 10.1, ..profile }, "ceiling");
+        names(Profile { goal: Some(Vec3::new(0.0, 0.0, 11.0)), ..profile }, "ceiling");
+        names(Profile { goal: Some(Vec3::new(31.0, 40.0, 1.0)), ..profile }, "fence_radius");
+    }
+
+    #[test]
+    fn the_fence_is_reached_earlier_the_faster_and_only_outward() {
+        let at = |x: f64, v: f64| LIMITS.reaches_fence(&HOLD, Vec3::new(x, 0.0, 2.0), Vec3::new(v, 0.0, 0.0));
+        assert!(!at(49.9, 0.0) && at(50.1, 0.0));
+        assert!(!at(40.0, 4.0) && at(40.0, 10.0) && !at(45.0, -10.0));
+        assert!(LIMITS.reaches_ceiling(&HOLD, Vec3::new(0.0, 0.0, 9.0), Vec3::z() * 2.0));
+        assert!(!LIMITS.reaches_ceiling(&HOLD, Vec3::new(0.0, 0.0, 9.0), Vec3::z() * -2.0));
+    }
+
+    proptest! {
+        #[test]
+        fn at_the_speed_limit_nothing_accelerates_along_the_way_and_nothing_else_changes(
+            acc in prop::array::uniform3(-30.0..30.0f64), vel in prop::array::uniform3(-20.0..20.0f64)
+        ) {
+            let (acc, vel) = (Vec3::from(acc), Vec3::from(vel));
+            let limited = LIMITS.within_speed(acc, vel, 2.5);
+            let along = vel.normalize();
+            prop_assert!(limited.dot(&along) <= 2.5 * (8.0 - vel.norm()) + 1e-6 || limited == acc);
+            prop_assert!(((limited - acc) - along * (limited - acc).dot(&along)).norm() < 1e-9);
+            prop_assert!((limited - acc).dot(&along) <= 1e-9, "it never pushes");
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Where the trajectories should end: navigation's goal, or where the target will be by then (beyond the paper). The
+//! network gets it as the last vector of its state and is trained to end there.
+
+use crate::planning::target::{Expected, LONGEST_CARRY};
+use crate::values::error::{ConfigError, within};
+use crate::values::quintic::Quintic;
+use crate::values::types::{Time, Vec3};
+
+/// How a target is chased.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChaseConfig {
+    /// Horizontal distance to keep from a target that stands, m (2.5).
+    pub standoff: f64,
+    /// What is kept beyond that for each m/s of the target's speed, s (0.6): it may turn.
+    pub headway: f64,
+    /// Above the target's centre, m (0.3).
+    pub height: f64,
+    /// A target unseen for longer than this is not pursued any more, s (4).
+    pub pursue_until: f64,
+    /// Trajectories that come nearer than this to where the target's centre may be cost more, m (2).
+    pub keep_off: f64,
+}
+
+/// What it costs to meet the target, on the scale of the network's costs: more than a way around.
+const MEETING: f64 = 30.0;
+/// Looks along a trajectory at so many instants.
+const LOOKS: u32 = 8;
+
+impl ChaseConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        within("planner.standoff_m", self.standoff, 0.0..=20.0, "from farther off the target is not seen well")?;
+        within("planner.headway_s", self.headway, 0.0..=5.0, "from farther off the target is not seen well")?;
+        within("planner.above_target_m", self.height, 0.0..=20.0, "the camera does not look down")?;
+        let gone = "by then it may be anywhere";
+        within("planner.pursue_until_s", self.pursue_until, 0.0..=30.0, gone)?;
+        let wide = "a person is that wide, and no way leads around more";
+        within("limits.min_target_distance_m", self.keep_off, 0.1..=20.0, wide)
+    }
+
+    /// The target is worth going after.
+    #[must_use]
+    pub fn pursues(&self, target: &Expected) -> bool {
+        target.unseen <= self.pursue_until
+    }
+
+    /// What a trajectory costs for coming near to the target, which the network was never taught to spare.
+    #[must_use]
+    pub fn crowding(&self, trajectory: &Quintic, target: &Expected) -> f64 {
+        let nearest = (1..=LOOKS)
+            .map(|k| trajectory.duration() * f64::from(k) / f64::from(LOOKS))
+            .map(|t| (trajectory.at(t).pos - target.pos_world - target.vel_world * t).norm_squared())
+            .fold(f64::INFINITY, f64::min)
+            .sqrt();
+        MEETING * (1.0 - nearest / (self.keep_off + target.pos_doubt)).max(0.0)
+    }
+}
+
+/// Navigation: over the goal by more than this, m, a trajectory should not end.
+const RISE: f64 = 0.6;
+/// And each metre beyond that costs so much, on the scale of the network's costs.
+const CLIMBING: f64 = 30.0;
+
+/// What it costs a navigation to end at `end` (m): who flies over a roof finds no way down to the goal under it, which
+/// the camera does not show.
+#[must_use]
+pub fn climbing(end: Vec3, goal: Vec3) -> f64 {
+    CLIMBING * (end.z - goal.z - RISE).max(0.0)
+}
+
+/// A target that is not seen for longer than this went behind something, s.
+const HIDDEN_AFTER: f64 = 0.2;
+/// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where
+/// it would otherwise get there more slowly than the target ran.
+const BEYOND: f64 = 2.0;
+/// From so near to that place one sees what lies behind it, m.
+const PASSED_WITHIN: f64 = 2.5;
+/// No room is kept any more from a target that is hidden for so long, s.
+const ROOM_UNTIL: f64 = 1.0;
+
+/// The chase: where it aims, and whether it has been where the target vanished.
+#[derive(Clone, Copy, Debug)]
+pub struct Chase {
+    config: ChaseConfig,
+    /// When the target was last seen whose last place has been reached.
+    passed: Option<Time>,
+}
+
+impl Chase {
+    /// A chase that has not begun.
+    #[must_use]
+    pub fn new(config: ChaseConfig) -> Self {
+        Self { config, passed: None }
+    }
+
+    /// Where a trajectory of `duration` s from `pos_world` should end, relative to there, m: short of where the target
+    /// will be then, never behind the vehicle. A target that went behind something is followed by the way that it took:
+    /// first to where it was seen last, which lies in the open, for the straight line to where it should be now leads
+    /// into the wall beside the doorway. The longer it is hidden, the less is its last velocity believed, and the less
+    /// room is kept.
+    pub fn aim(&mut self, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
+        let up = Vec3::new(0.0, 0.0, self.config.height);
+        let vel_world = Vec3::new(target.vel_world.x, target.vel_world.y, 0.0);
+        let corner = target.seen_world - pos_world;
+        if corner.xy().norm() < PASSED_WITHIN {
+            self.passed = Some(target.last_seen);
+        }
+        if target.unseen > HIDDEN_AFTER && self.passed != Some(target.last_seen) {
+            let beyond = (vel_world.norm() * duration - corner.xy().norm()).max(BEYOND);
+            return corner + vel_world.try_normalize(1e-6).unwrap_or_default() * beyond + up;
+        }
+        let lead = duration * (1.0 - target.unseen / LONGEST_CARRY).clamp(0.0, 1.0);
+        let line = target.pos_world + vel_world * lead - pos_world;
+        let room = self.config.standoff + self.config.headway * vel_world.norm();
+        let flat = line.xy().norm();
+        let kept = (flat - room * (1.0 - target.unseen / ROOM_UNTIL).max(0.0)).max(0.0) / flat.max(1e-6);
+        Vec3::new(line.x * kept, line.y * kept, line.z) + up
+    }
+}
+
+/// An aim as a share of the `reach` (m) of a trajectory, at most 1 long. Not finite: none, which is zero.
+#[must_use]
+pub fn within_reach(aim: Vec3, reach: f64) -> Vec3 {
+    let share = aim / reach.max(aim.norm());
+    if share.iter().all(|x| x.is_finite()) { share } else { Vec3::zeros() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::values::types::FlatState;
+
+    const CHASE: ChaseConfig =
+        ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 };
+
+    /// It was seen last 1 m before where it should be.
+    fn target(unseen: f64) -> Expected {
+        let pos_world = Vec3::new(6.0, 0.0, 1.0);
+        let (last_seen, seen_world) = (Time::from_secs(7.0), pos_world - Vec3::x());
+        Expected { pos_world, vel_world: Vec3::new(2.0, 0.0, 0.4), unseen, last_seen, seen_world, pos_doubt: 0.0 }
+    }
+
+    fn aim(config: ChaseConfig, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
+        Chase::new(config).aim(pos_world, target, duration)
+    }
+
+    #[test]
+    fn it_lies_short_of_where_the_target_will_be_and_a_little_higher() {
+        let aim = aim(CHASE, Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
+        assert!((aim - Vec3::new(4.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
+    }
+
+    #[test]
+    fn a_fast_target_is_given_more_room() {
+        let chase = ChaseConfig { headway: 0.5, ..CHASE };
+        let aim = aim(chase, Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
+        assert!((aim - Vec3::new(3.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
+    }
+
+    #[test]
+    fn one_that_went_behind_something_is_followed_to_where_it_was_seen_last_and_from_there_on() {
+        let (mut chase, hidden) = (Chase::new(CHASE), target(0.5));
+        let away = Vec3::new(-4.0, -3.0, 1.0);
+        let first = chase.aim(away, &hidden, 1.0);
+        assert!((away + first - Vec3::new(7.0, 0.0, 1.3)).norm() < 1e-12, "{first}: 2 m beyond, as it was heading");
+        let there = Vec3::new(4.0, -2.0, 1.0);
+        assert!(chase.aim(there, &hidden, 1.0).x > 0.0);
+        let on = chase.aim(away, &hidden, 1.0);
+        assert!((on - first).norm() > 0.5, "it has been there: {on}");
+        let again = Expected { last_seen: Time::from_secs(8.0), ..hidden };
+        assert_eq!(chase.aim(away, &again, 1.0), first, "seen and hidden anew");
+    }
+
+    #[test]
+    fn the_way_to_where_it_was_seen_last_is_flown_as_fast_as_it_ran() {
+        let hidden = Expected { vel_world: Vec3::new(6.0, 0.0, 0.0), ..target(0.5) };
+        let aim = aim(CHASE, Vec3::new(1.0, 0.0, 1.0), &hidden, 1.5);
+        assert!((aim.x - 9.0).abs() < 1e-12, "6 m/s for 1.5 s, of which it is 4 m to there: {aim}");
+    }
+
+    #[test]
+    fn a_hidden_target_is_led_less_and_less_and_given_no_room() {
+        let ahead = |unseen| {
+            let mut chase = Chase::new(CHASE);
+            chase.aim(target(unseen).seen_world, &target(unseen), 1.0); // there is nothing more to see from there
+            chase.aim(Vec3::zeros(), &target(unseen), 1.0).x
+        };
+        assert_eq!([ahead(0.0), ahead(0.75), ahead(2.0)], [5.5, 6.375, 6.0]);
+        assert!(CHASE.pursues(&target(2.5)) && !CHASE.pursues(&target(2.6)));
+    }
+
+    #[test]
+    fn nobody_backs_off_from_a_target_that_is_near() {
+        let aim = aim(CHASE, Vec3::new(7.0, 0.0, 1.3), &target(0.0), 0.0);
+        assert!(aim.norm() < 1e-12, "{aim}");
+    }
+
+    #[test]
+    fn meeting_the_target_costs_and_passing_it_does_not() {
+        let fly = |lateral: f64, far: f64| {
+            let vel = Vec3::new(4.0, 0.0, 0.0);
+            let start = FlatState { pos: Vec3::new(3.0, lateral, 1.0), vel, acc: Vec3::zeros() };
+            Quintic::new(&start, &FlatState { pos: start.pos + Vec3::new(far, 0.0, 0.0), ..start }, 2.0)
+        };
+        let still = Expected { vel_world: Vec3::zeros(), ..target(0.0) };
+        assert!(CHASE.crowding(&fly(0.0, 8.0), &still) > 20.0);
+        assert_eq!(CHASE.crowding(&fly(2.0, 8.0), &still), 0.0);
+        // It runs away at 2 m/s: behind it there is room.
+        assert_eq!(CHASE.crowding(&fly(0.0, 4.0), &target(0.0)), 0.0);
+    }
+
+    #[test]
+    fn a_far_aim_is_one_long_and_a_mad_one_is_none() {
+        assert_eq!(within_reach(Vec3::new(0.0, 5.0, 0.0), 10.0), Vec3::new(0.0, 0.5, 0.0));
+        assert!((within_reach(Vec3::new(30.0, 40.0, 0.0), 10.0).norm() - 1.0).abs() < 1e-12);
+        for bad in [f64::NAN, f64::INFINITY] {
+            assert_eq!(within_reach(Vec3::new(bad, 1.0, 0.0), 10.0), Vec3::zeros());
+        }
+    }
+}

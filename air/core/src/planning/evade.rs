@@ -1,0 +1,333 @@
+//! Out of the way of what moves, and of a target that comes (beyond the paper).
+//!
+//! The network's trajectories lead to the aim and last a second or more: a slow vehicle's hardly differ before a mover
+//! is there. If the best of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
+//! So it is when a target comes that braking alone does not keep away from; then faster ways are tried as well, and ways
+//! over it: it runs as fast as the vehicle backs, but it does not fly.
+
+use crate::planning::movers::{Movers, meeting};
+use crate::planning::obstacles::{Ignored, Obstacles};
+use crate::planning::threat::{Pace, Threat};
+use crate::values::geometry::cap;
+use crate::values::quintic::Quintic;
+use crate::values::types::{Flat, FlatState, Rot, Time, Vec3};
+
+/// A way aside: to this velocity as fast as may be, and straight on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evasion {
+    /// Level, m/s.
+    pub vel_world: Vec3,
+    /// And to this height, m; none: as high as one flies.
+    pub height: Option<f64>,
+    /// Out of the way of the target: so it keeps the least distance by itself.
+    pub from_target: bool,
+}
+
+impl Evasion {
+    /// What to fly at `height` (m) with `vel_world` (m/s), m/s².
+    #[must_use]
+    pub fn acc(&self, height: f64, vel_world: Vec3) -> Vec3 {
+        let level = Vec3::new(vel_world.x, vel_world.y, 0.0);
+        let climb = self.height.map_or(0.0, |end| ((end - height) * RISE.2).clamp(0.0, RISE.1));
+        let vertical = ((climb - vel_world.z) * GAIN).clamp(-RISE.0, RISE.0);
+        cap((self.vel_world - level) * GAIN, ACC) + Vec3::z() * vertical
+    }
+}
+
+/// Gain on the velocity, 1/s, and the acceleration with which a way aside begins, m/s².
+const GAIN: f64 = 5.0;
+const ACC: f64 = 8.0;
+/// Until it begins, the vehicle flies on as it does, s: network and attitude.
+const LAG: f64 = 0.1;
+/// Upward it goes with this acceleration, m/s², to this speed, m/s, which falls with the height that is left, 1/s.
+const RISE: (f64, f64, f64) = (10.0, 4.0, 3.0);
+/// How far a way aside is foreseen, s.
+const HORIZON: f64 = 1.2;
+/// At this time places are compared with where the vehicle would be, s.
+const SOON: f64 = 0.6;
+/// Headings that are tried, at these speeds, m/s, and turns of the velocity, rad.
+const HEADINGS: u32 = 16;
+const SPEEDS: [f64; 2] = [1.2, 2.5];
+const TURNS: [f64; 6] = [-0.9, -0.45, -0.2, 0.2, 0.45, 0.9];
+/// What the trajectory that would be flown costs at least for movers, so that another is looked for: a navigation takes
+/// its time, a chase that steps aside loses its target.
+const WORTH: (f64, f64) = (2.0, 14.0);
+/// A way aside costs less by so much, or is not flown.
+const BETTER: f64 = 1.0;
+/// On the scale of the network's costs: a place that was never looked through; each metre from where the vehicle would
+/// be; each m/s from what was flown a frame ago.
+const UNKNOWN: f64 = 6.0;
+const ASIDE: f64 = 0.5;
+const RESTLESS: f64 = 0.5;
+/// Times of a way at which it is looked whether one knows the place, s.
+const KNOWN_AT: [f64; 4] = [0.4, 0.7, 1.0, 1.3];
+/// Out of a target's way one may go faster, m/s, and up, which costs so much, for it leaves the image.
+const FAST: f64 = 4.0;
+const UPWARD: f64 = 1.0;
+/// Each m/s away from it costs so much: who backs before a runner only puts it off.
+const BACKWARD: f64 = 1.5;
+/// What it costs to be where a target may be, and at how many instants one looks, up to so late, s.
+const PERSON: f64 = 60.0;
+const LOOKS: u32 = 12;
+const FORESEEN: f64 = 1.5;
+/// A target comes that is faster toward the vehicle than this, m/s.
+const COMES: f64 = 0.5;
+
+/// Chooses ways aside.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Evader {
+    /// Of the last frame.
+    last: Option<Evasion>,
+    stamp: Option<Time>,
+    pace: Pace,
+}
+
+/// What is in the way.
+pub(crate) struct Scene<'a> {
+    pub(crate) stamp: Time,
+    pub(crate) obstacles: &'a Obstacles,
+    pub(crate) movers: &'a Movers,
+    pub(crate) ignored: Option<&'a Ignored>,
+    /// A target is chased.
+    pub(crate) chases: bool,
+    /// It must be kept away from,
+    pub(crate) threat: Option<Threat>,
+    /// by so much, m,
+    pub(crate) keep_off: f64,
+    /// and accelerates no harder than this, m/s².
+    pub(crate) target_acc: f64,
+}
+
+impl Scene<'_> {
+    fn danger(&self, way: &impl Fn(f64) -> Vec3, horizon: f64) -> f64 {
+        self.obstacles.meeting_on(way, horizon, self.ignored) + meeting(self.movers, self.stamp, way, horizon)
+    }
+}
+
+/// The target, which may go on as it does, or turn on the vehicle.
+struct Runner {
+    /// m.
+    pos_world: Vec3,
+    /// How it may run, m/s.
+    vels_world: [Vec3; 2],
+    /// From it to the vehicle, level.
+    away: Vec3,
+    /// It comes nearer.
+    comes: bool,
+    /// m.
+    keep_off: f64,
+}
+
+impl Runner {
+    fn of(start: &FlatState, pace: &mut Pace, dt: f64, scene: &Scene) -> Option<Self> {
+        let threat = scene.threat.as_ref()?;
+        pace.step(dt, threat);
+        let away: Flat = (start.pos - threat.pos_world).xy().try_normalize(1e-3)?;
+        let worst = pace.worst(threat, scene.target_acc, &away);
+        let turned = away * worst.dot(&away).max(0.0);
+        Some(Self {
+            pos_world: threat.pos_world,
+            vels_world: [worst, turned].map(|vel| vel.push(0.0)),
+            away: away.push(0.0),
+            comes: threat.vel_world.xy().dot(&away) > COMES,
+            keep_off: scene.keep_off + threat.pos_doubt,
+        })
+    }
+
+    /// What it costs to fly `way`.
+    fn meets(&self, way: &impl Fn(f64) -> Vec3) -> f64 {
+        let share = |vel: &Vec3| {
+            let at = |k: u32| {
+                let time = FORESEEN * f64::from(k) / f64::from(LOOKS);
+                let gap = (way(time) - self.pos_world - vel * time).norm();
+                1.0 - gap / self.keep_off
+            };
+            (1..=LOOKS).map(at).fold(0.0, f64::max)
+        };
+        PERSON * self.vels_world.iter().map(share).fold(0.0, f64::max)
+    }
+
+    /// What it costs to back before it with `vel`, m/s.
+    fn backs(&self, vel: &Vec3) -> f64 {
+        if self.comes { BACKWARD * vel.dot(&self.away).max(0.0) } else { 0.0 }
+    }
+}
+
+impl Evader {
+    /// The way aside from `start`, where `flown` would be flown otherwise, or a stop; none: nothing moves in its way, or
+    /// no way is safer.
+    pub(crate) fn step(&mut self, start: &FlatState, flown: Option<&Quintic>, scene: &Scene) -> Option<Evasion> {
+        let last = self.last.take();
+        let dt = self.stamp.replace(scene.stamp).map_or(0.0, |stamp| scene.stamp.since(stamp).clamp(0.0, 1.0));
+        let runner = Runner::of(start, &mut self.pace, dt, scene);
+        let on = |vel_world: Vec3| Evasion { vel_world, height: None, from_target: false };
+        let stop = |time: f64| aside(start, &on(Vec3::zeros()), time);
+        // Before a target the vehicle brakes, whatever is flown.
+        let coming = runner.as_ref().filter(|runner| runner.comes);
+        let met = coming.map_or(0.0, |coming| coming.meets(&stop));
+        let otherwise = |time: f64| match flown {
+            Some(flown) if met == 0.0 => flown.at(time).pos,
+            _ => stop(time),
+        };
+        let horizon = flown.map_or(HORIZON, Quintic::duration);
+        let worth = if scene.chases { WORTH.1 } else { WORTH.0 };
+        if met == 0.0 && meeting(scene.movers, scene.stamp, &otherwise, horizon) < worth {
+            return None;
+        }
+        let least = scene.danger(&otherwise, horizon) + met;
+        let soon = otherwise(SOON.min(horizon));
+        let level = Vec3::new(start.vel.x, start.vel.y, 0.0);
+        let around = (0..HEADINGS).flat_map(|k| SPEEDS.map(|speed| heading(k) * speed));
+        let turned = TURNS.iter().map(|turn| Rot::from_axis_angle(&Vec3::z_axis(), *turn) * level * 0.85);
+        // All but what is looked up in the map.
+        let effort = |evasion: &Evasion| {
+            let vel = evasion.vel_world;
+            let way = |time: f64| aside(start, evasion, time);
+            runner.as_ref().map_or(0.0, |runner| runner.meets(&way) + runner.backs(&vel))
+                + ASIDE * (way(SOON) - soon).norm()
+                + evasion.height.map_or(0.0, |_| UPWARD)
+                + last.map_or(0.0, |last| RESTLESS * (vel - last.vel_world).norm())
+        };
+        let risk = |evasion: &Evasion| {
+            let way = |time: f64| aside(start, evasion, time);
+            let unknown = KNOWN_AT.iter().filter(|time| !scene.obstacles.is_known(&way(**time))).count();
+            scene.danger(&way, HORIZON) + UNKNOWN * unknown as f64 / KNOWN_AT.len() as f64
+        };
+        let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned).map(on);
+        let out = coming.filter(|_| met > 0.0).into_iter().flat_map(outward);
+        let mut best = None;
+        for way in all.chain(out) {
+            let cheaper = |cost: f64| cost.is_finite() && best.is_none_or(|(_, least)| cost < least);
+            let effort = effort(&way);
+            if cheaper(effort) {
+                let cost = effort + risk(&way);
+                best = if cheaper(cost) { Some((way, cost)) } else { best };
+            }
+        }
+        let (way, cost) = best?;
+        let better = if last.is_some() { 0.0 } else { BETTER };
+        (cost + better < least).then(|| *self.last.insert(Evasion { from_target: met > 0.0, ..way }))
+    }
+}
+
+fn heading(k: u32) -> Vec3 {
+    let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(HEADINGS)).sin_cos();
+    Vec3::new(cos, sin, 0.0)
+}
+
+/// Out of a target's way: fast, and over it.
+fn outward(coming: &Runner) -> impl Iterator<Item = Evasion> {
+    let over = Some(coming.pos_world.z + coming.keep_off);
+    let level = (0..HEADINGS).flat_map(|k| [SPEEDS[0], SPEEDS[1], FAST].map(|speed| heading(k) * speed));
+    let way = |height| move |vel_world| Evasion { vel_world, height, from_target: true };
+    (0..HEADINGS).map(|k| heading(k) * FAST).map(way(None)).chain(level.chain([Vec3::zeros()]).map(way(over)))
+}
+
+/// Where one is after `time` s on the way.
+fn aside(start: &FlatState, evasion: &Evasion, time: f64) -> Vec3 {
+    let lag = time.min(LAG);
+    let (pos, from) = (start.pos + start.vel * lag + start.acc * (0.5 * lag * lag), start.vel + start.acc * lag);
+    let change = (evasion.vel_world - from).xy().push(0.0);
+    let (left, turning) = (time - lag, change.norm() / ACC);
+    let turned = left.min(turning);
+    let level =
+        from * turned + change * (0.5 * turned * turned / turning.max(1e-9)) + evasion.vel_world * (left - turned);
+    let rise = evasion.height.map_or(0.0, |end| {
+        let rising = left.min(((RISE.1 - start.vel.z) / RISE.0).max(0.0));
+        let free = (start.vel.z + 0.5 * RISE.0 * rising) * rising + RISE.1 * (left - rising);
+        free.min((end - start.pos.z).max(0.0))
+    });
+    Vec3::new(pos.x + level.x, pos.y + level.y, start.pos.z + rise)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planning::movers::{MOST, Mover};
+    use crate::planning::nearest::{COLUMNS, ROWS};
+
+    const STAMP: Time = Time(1_000_000_000);
+
+    /// One looks at a wall 9 m ahead.
+    fn open_space() -> Obstacles {
+        let mut obstacles = Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0);
+        for _ in 0..4 {
+            obstacles.see(STAMP, (&Vec3::zeros(), &Rot::identity()), &[9000; COLUMNS * ROWS], None);
+        }
+        obstacles
+    }
+
+    fn mover(pos_world: Vec3, vel_world: Vec3) -> Movers {
+        let mut movers = [None; MOST];
+        movers[0] = Some(Mover { stamp: STAMP, pos_world, vel_world, radius: 0.3, pos_doubt: 0.0 });
+        movers
+    }
+
+    fn step(start: &FlatState, movers: &Movers) -> Option<Evasion> {
+        step_before(start, movers, None)
+    }
+
+    fn step_before(start: &FlatState, movers: &Movers, threat: Option<Threat>) -> Option<Evasion> {
+        let obstacles = open_space();
+        let ahead = FlatState { pos: start.pos + start.vel * 2.0, ..*start };
+        let flown = Quintic::new(start, &ahead, 2.0);
+        let scene = Scene {
+            stamp: STAMP,
+            obstacles: &obstacles,
+            movers,
+            ignored: None,
+            chases: threat.is_some(),
+            threat,
+            keep_off: 2.0,
+            target_acc: 8.0,
+        };
+        Evader::default().step(start, Some(&flown), &scene)
+    }
+
+    #[test]
+    fn a_mover_on_the_way_is_evaded_by_its_back_or_by_a_stop_and_one_that_passes_is_not() {
+        let start = FlatState { vel: Vec3::x() * 2.0, ..FlatState::default() };
+        let crossing = mover(Vec3::new(2.2, -1.2, 0.0), Vec3::y() * 1.2);
+        let evasion = step(&start, &crossing).expect("they would meet");
+        let gap = (1..=20).map(|k| f64::from(k) * 0.09).map(|time| {
+            let it = crossing[0].unwrap();
+            (aside(&start, &evasion, time) - it.pos_world - it.vel_world * time).xy().norm()
+        });
+        let least = gap.fold(f64::INFINITY, f64::min);
+        assert!(least > 0.6, "{least} {evasion:?}");
+        assert_eq!(step(&start, &mover(Vec3::new(2.2, -1.2, 0.0), Vec3::y() * -1.2)), None);
+        assert_eq!(step(&start, &[None; MOST]), None);
+    }
+
+    fn target(pos_world: Vec3, vel_world: Vec3) -> Option<Threat> {
+        Some(Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, unseen: 0.0 })
+    }
+
+    #[test]
+    fn a_target_that_comes_is_stepped_out_of_its_way_by_the_distance_and_not_backed_before() {
+        let (start, comes) = (FlatState::default(), target(Vec3::x() * 5.0, Vec3::x() * -5.0));
+        let evasion = step_before(&start, &[None; MOST], comes).expect("it would be run over");
+        let gap = |time: f64| (aside(&start, &evasion, time) - Vec3::x() * (5.0 - 5.0 * time)).norm();
+        let least = (1..=20).map(|k| gap(f64::from(k) * 0.1)).fold(f64::INFINITY, f64::min);
+        assert!(least > 1.9 && evasion.vel_world.x > -2.0, "{least} {evasion:?}");
+        let leaves = target(Vec3::x() * 5.0, Vec3::x() * 5.0);
+        assert_eq!(step_before(&start, &[None; MOST], leaves), None);
+        let passes = target(Vec3::new(5.0, 5.0, 0.0), Vec3::y() * 5.0);
+        assert_eq!(step_before(&start, &[None; MOST], passes), None);
+    }
+
+    #[test]
+    fn one_that_is_too_near_to_step_aside_is_stepped_over() {
+        let near = target(Vec3::new(2.2, 0.0, -0.4), Vec3::x() * -4.0);
+        let evasion = step_before(&FlatState::default(), &[None; MOST], near).expect("it would be run over");
+        assert_eq!(evasion.height, Some(1.6), "the least distance above it");
+        assert!(evasion.acc(0.0, Vec3::zeros()).z > 5.0);
+        assert_eq!(evasion.acc(9.0, Vec3::zeros()).z, 0.0, "nobody comes down on it");
+    }
+
+    #[test]
+    fn whatever_is_not_finite_is_not_flown() {
+        let start = FlatState { vel: Vec3::x() * f64::NAN, ..FlatState::default() };
+        assert_eq!(step(&start, &mover(Vec3::x(), Vec3::x() * -2.0)), None);
+    }
+}

@@ -1,0 +1,484 @@
+//! What was seen to stand about the vehicle in the last seconds, and what it costs to meet it (beyond the paper).
+//!
+//! The network sees one image. A thin branch is missing in many of them, and out of sight when it is passed: so the
+//! nearest depths of each image are kept in a voxel grid that rolls along, and the trajectories are held against it. One
+//! that meets something costs more, the sooner the more; none is forbidden, since one must be flown.
+
+use crate::planning::movers::{Followed, Fresh, Movers};
+use crate::planning::nearest::{Blocks, COLUMNS, Nearest, ROWS};
+use crate::planning::room::{FARTHEST_ROOM, Room, among};
+use crate::values::quintic::Quintic;
+use crate::values::types::{Rot, Time, Vec3};
+use nalgebra::{Vector2, Vector3};
+
+/// Edge of a voxel, m.
+const VOXEL: f64 = 0.2;
+/// Voxels along x, y, z: powers of two, so that an index wraps by a mask. A row along x is one word of bits.
+const SIZE: [i32; 3] = [128, 128, 32];
+const VOXELS: usize = 128 * ROW_COUNT;
+const ROW_COUNT: usize = 128 * 32;
+
+/// Evidence for something in a voxel: a frame that ends in it gives `HIT`, one that looks through it takes `MISS`. Two
+/// frames make an obstacle, a stray pixel does not.
+const HIT: i8 = 3;
+const MISS: i8 = 2;
+const OCCUPIED: i8 = 6;
+const LEAST: i8 = -4;
+const MOST: i8 = 24;
+
+/// Looking through ends this far before the measured depth, m, and as much more as this times its square, 1/m: its noise.
+const SHORT: f32 = 0.25;
+const SHORT_PER_M: f32 = 0.006;
+/// And no farther than this, m: what comes nearer than is remembered came through what was seen to be free.
+const LOOKED: f32 = 10.0;
+/// Between the points of a ray, voxels.
+const STEP: f32 = 0.8;
+
+/// A trajectory is looked at in so many instants.
+const LOOKS: u32 = 20;
+/// What it costs to meet something at once, on the scale of the network's costs, which differ by a few units.
+const MEETING: f64 = 30.0;
+/// Meeting it costs the less the later, and nothing after this time, s: till then there is another way.
+const HORIZON: f64 = 2.5;
+
+/// What moves is looked for from so far below the camera to so far above it, m.
+const LEVEL: (f32, f32) = (-1.0, 0.7);
+/// It is gone if one sees this much farther, m, where it should be, at the camera's height and so far below, m.
+const BEYOND: f64 = 0.8;
+const BELOW: f64 = -0.5;
+
+type Voxel = Vector3<i32>;
+
+/// Something that is no obstacle: an upright cylinder about the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ignored {
+    /// A point of its axis, world frame, m.
+    pub at_world: Vec3,
+    /// m.
+    pub radius: f64,
+}
+
+/// A bit for each voxel, a row along x being one word.
+type Bits = Box<[u128; ROW_COUNT]>;
+
+/// A voxel's edge in steps of whole numbers.
+const FINE: f32 = (1 << FINE_BITS) as f32;
+const FINE_BITS: u32 = 16;
+
+/// The grid.
+#[derive(Clone, Debug)]
+pub struct Obstacles {
+    blocks: Blocks,
+    /// Nothing farther is remembered, m along the optical axis.
+    range: f32,
+    /// Lowest voxel; none: nothing was seen.
+    low: Option<Voxel>,
+    evidence: Vec<i8>,
+    /// Where the evidence suffices.
+    occupied: Bits,
+    /// Where the evidence is the least: to look through such a voxel once more, as most are, changes nothing.
+    free: Bits,
+    /// This frame: in what voxels its rays end, and through which they pass. Each voxel learns once a frame.
+    ended: Bits,
+    passed: Bits,
+    /// What came to be where the vehicle had looked through: it may move.
+    moved: Bits,
+    /// This frame's points of such voxels.
+    new: Fresh,
+    followed: Followed,
+}
+
+impl Obstacles {
+    /// Seen through a camera of these fields of view, rad, and remembered within `range`, m (6; 0: nothing is): beyond,
+    /// depth is worse than a voxel is wide.
+    #[must_use]
+    pub fn new(hfov: f64, vfov: f64, range: f64) -> Self {
+        Self {
+            blocks: Blocks::new(hfov, vfov),
+            range: range as f32,
+            low: None,
+            evidence: vec![0; VOXELS],
+            occupied: Box::new([0; ROW_COUNT]),
+            free: Box::new([0; ROW_COUNT]),
+            ended: Box::new([0; ROW_COUNT]),
+            passed: Box::new([0; ROW_COUNT]),
+            moved: Box::new([0; ROW_COUNT]),
+            new: Fresh::new(COLUMNS * ROWS),
+            followed: Followed::new(),
+        }
+    }
+
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        self.low = None;
+        self.evidence.fill(0);
+        self.occupied.fill(0);
+        self.free.fill(0);
+        self.moved.fill(0);
+        self.followed.reset();
+    }
+
+    /// What moves, at the height `z` (m).
+    #[must_use]
+    pub fn movers(&self, z: f64) -> Movers {
+        self.followed.movers(z)
+    }
+
+    /// Takes in what is seen from `cam_world` (m). Not finite: nothing is.
+    pub fn see(
+        &mut self,
+        stamp: Time,
+        (cam_world, world_from_cam): (&Vec3, &Rot),
+        nearest: &Nearest,
+        ignored: Option<&Ignored>,
+    ) {
+        if self.range <= 0.0 || !cam_world.iter().chain(world_from_cam.coords.iter()).all(|x| x.is_finite()) {
+            return;
+        }
+        let low = self.roll(cam_world);
+        self.new.clear();
+        let lens = in_voxels(cam_world, &low);
+        if !is_inside(&lens) {
+            return;
+        }
+        let fine =
+            Voxel::from_fn(|axis, _| (low[axis] & (SIZE[axis] - 1)) << FINE_BITS) + lens.map(|x| (x * FINE) as i32);
+        let turn = world_from_cam.to_rotation_matrix().into_inner().map(|x| x as f32) / VOXEL as f32;
+        let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
+        for (block, mm) in nearest.iter().enumerate().filter(|(_, mm)| **mm > 0) {
+            let (ray, depth) = (turn * self.blocks.rays[block], f32::from(*mm) * 1e-3);
+            let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(LOOKED);
+            pass(&mut self.passed, &fine, &ray, free);
+            let at = lens + ray * depth;
+            let expected = skipped.is_some_and(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) < radius);
+            if depth <= self.range && is_inside(&at) && !expected {
+                let (row, bit) = place(&low, &at);
+                self.moved[row] |= self.free[row] & bit;
+                let level = (at.z - lens.z) * VOXEL as f32;
+                let moves = self.moved[row] & bit != 0
+                    && (LEVEL.0..LEVEL.1).contains(&level)
+                    && !self.is_beside_fixed(row, bit);
+                let place = (low.map(f64::from) + at.map(f64::from)) * VOXEL;
+                if moves {
+                    self.new.push([at.x as u8, at.y as u8], place);
+                }
+                // Who moves on leaves nothing to be remembered.
+                if !(moves && self.followed.covers(&place)) {
+                    self.ended[row] |= bit;
+                }
+            }
+        }
+        self.learn();
+        let (cam_from_world, blocks) = (world_from_cam.inverse(), &self.blocks);
+        let through = |at: &Vector2<f64>| {
+            [BELOW, 0.0].iter().all(|up| {
+                let line = cam_from_world * Vec3::new(at.x - cam_world.x, at.y - cam_world.y, *up);
+                blocks.toward(nearest, &line).is_some_and(|depth| depth > line.x + BEYOND)
+            })
+        };
+        self.followed.step(stamp, cam_world, &mut self.new, through);
+    }
+
+    /// Something that does not move is in a voxel beside that of `bit` in `row`: what seems new there is its edge.
+    fn is_beside_fixed(&self, row: usize, bit: u128) -> bool {
+        let wide = bit | bit.rotate_left(1) | bit.rotate_right(1);
+        let [_, along_y, along_z] = SIZE.map(|n| n as usize);
+        let beside = |at: usize, by: usize, n: usize| (at + n + by - 1) & (n - 1);
+        let (y, z) = (row % along_y, row / along_y);
+        (0..9).any(|k| {
+            let row = beside(z, k / 3, along_z) * along_y + beside(y, k % 3, along_y);
+            self.occupied[row] & !self.moved[row] & wide != 0
+        })
+    }
+
+    /// What the frame's rays say of the voxels.
+    fn learn(&mut self) {
+        for row in 0..ROW_COUNT {
+            let (ended, passed) = (std::mem::take(&mut self.ended[row]), std::mem::take(&mut self.passed[row]));
+            for bit in bits(ended) {
+                self.change(row, bit, HIT);
+            }
+            for bit in bits(passed & !ended & !self.free[row]) {
+                self.change(row, bit, -MISS);
+            }
+        }
+    }
+
+    fn change(&mut self, row: usize, bit: u32, change: i8) {
+        let evidence = &mut self.evidence[128 * row + bit as usize];
+        *evidence = (*evidence + change).clamp(LEAST, MOST);
+        let set = |word: u128, on: bool| word & !(1 << bit) | u128::from(on) << bit;
+        self.occupied[row] = set(self.occupied[row], *evidence >= OCCUPIED);
+        self.free[row] = set(self.free[row], *evidence == LEAST);
+    }
+
+    /// What a trajectory costs for what it would meet.
+    #[must_use]
+    pub fn meeting(&self, trajectory: &Quintic, ignored: Option<&Ignored>) -> f64 {
+        self.meeting_on(&|time| trajectory.at(time).pos, trajectory.duration(), ignored)
+    }
+
+    /// As [`Obstacles::meeting`], of a `way` that gives the place (m) at a time, s, up to `horizon`, s.
+    pub(crate) fn meeting_on(&self, way: &impl Fn(f64) -> Vec3, horizon: f64, ignored: Option<&Ignored>) -> f64 {
+        let Some(low) = self.low else { return 0.0 };
+        let horizon = horizon.min(HORIZON);
+        let met = (1..=LOOKS).map(|k| horizon * f64::from(k) / f64::from(LOOKS)).find(|time| {
+            let pos = way(*time);
+            let expected = ignored.is_some_and(|c| (pos.xy() - c.at_world.xy()).norm() < c.radius);
+            !expected && self.is_near(&low, &in_voxels(&pos, &low))
+        });
+        met.map_or(0.0, |time| MEETING * (1.0 - time / HORIZON).powi(2))
+    }
+
+    /// The place was looked through once.
+    pub(crate) fn is_known(&self, pos_world: &Vec3) -> bool {
+        let Some(low) = self.low else { return false };
+        let at = in_voxels(pos_world, &low);
+        is_inside(&at) && {
+            let (row, bit) = place(&low, &at);
+            (self.free[row] | self.moved[row]) & bit != 0
+        }
+    }
+
+    /// The room about a place. What was never seen counts as free.
+    #[must_use]
+    pub fn room(&self, pos_world: &Vec3) -> Room {
+        let Some(low) = self.low else { return among(std::iter::empty()) };
+        let at = in_voxels(pos_world, &low);
+        let inner = at.map(|x| x as i32);
+        let far = (f64::from(FARTHEST_ROOM) / VOXEL) as i32;
+        let about = |axis: usize, by: i32| (inner[axis] - by).max(0)..=(inner[axis] + by).min(SIZE[axis] - 1);
+        let rows = about(2, 1).flat_map(|z| about(1, far).map(move |y| Voxel::new(0, y, z)));
+        among(rows.map(|row| (row, self.occupied[row_of(&(low + row))])).filter(|(_, word)| *word != 0).flat_map(
+            |(row, word)| {
+                about(0, far)
+                    .filter(move |x| word & 1 << bit_of(low.x + x) != 0)
+                    .map(move |x| (Vector2::new(x as f32 + 0.5, row.y as f32 + 0.5) - at.xy()) * VOXEL as f32)
+            },
+        ))
+    }
+
+    /// Something is in the point's voxel or in one of those about it: within 0.2 to 0.4 m.
+    fn is_near(&self, low: &Voxel, at: &Vector3<f32>) -> bool {
+        if !is_inside(at) {
+            return false;
+        }
+        let inner = at.map(|x| x as i32);
+        // The voxel's neighbours along x, but for those beyond the grid, where the rows wrap.
+        let (first, last) = ((inner.x - 1).max(0), (inner.x + 1).min(SIZE[0] - 1));
+        let about = (first..=last).fold(0_u128, |bits, x| bits | 1 << bit_of(low.x + x));
+        let rows = |axis: usize| (inner[axis] - 1).max(0)..=(inner[axis] + 1).min(SIZE[axis] - 1);
+        rows(2).any(|z| rows(1).any(|y| self.occupied[row_of(&(low + Voxel::new(0, y, z)))] & about != 0))
+    }
+
+    /// Moves the grid so that `centre` is in its middle, and forgets what it leaves. Returns the lowest voxel.
+    fn roll(&mut self, centre: &Vec3) -> Voxel {
+        let low = centre.map(|x| ((x / VOXEL).floor() as i32).clamp(-FARTHEST, FARTHEST)) - Voxel::from(SIZE) / 2;
+        let old = self.low.replace(low).unwrap_or(low);
+        for axis in 0..3 {
+            let moved = low[axis] - old[axis];
+            // The planes that come in take the memory of those that go.
+            let first = if moved > 0 { old[axis] + SIZE[axis] } else { low[axis] };
+            for plane in first..first + moved.abs().min(SIZE[axis]) {
+                self.forget_plane(axis, plane);
+            }
+        }
+        low
+    }
+
+    fn forget_plane(&mut self, axis: usize, plane: i32) {
+        let at = (plane & (SIZE[axis] - 1)) as usize;
+        let [_, along_y, along_z] = SIZE.map(|n| n as usize);
+        match axis {
+            0 => (0..ROW_COUNT).for_each(|row| self.forget(row, 1 << at)),
+            1 => (0..along_z).for_each(|z| self.forget(z * along_y + at, u128::MAX)),
+            _ => (0..along_y).for_each(|y| self.forget(at * along_y + y, u128::MAX)),
+        }
+    }
+
+    fn forget(&mut self, row: usize, gone: u128) {
+        for bit in bits(gone) {
+            self.evidence[128 * row + bit as usize] = 0;
+        }
+        self.occupied[row] &= !gone;
+        self.free[row] &= !gone;
+        self.moved[row] &= !gone;
+    }
+}
+
+/// The bits that are set, from the lowest.
+fn bits(mut word: u128) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let bit = (word != 0).then(|| word.trailing_zeros())?;
+        word &= word - 1;
+        Some(bit)
+    })
+}
+
+/// Marks the voxels that a ray (voxels for 1 m along the optical axis) passes on its first `free` m, but for the grid's
+/// outermost. `lens`: [`FINE`] to a voxel. Whole numbers wrap as the grid does: nothing is converted or compared.
+fn pass(passed: &mut Bits, lens: &Vector3<i32>, ray: &Vector3<f32>, free: f32) {
+    let step = STEP / ray.norm();
+    let within = (0..3).map(|axis| (SIZE[axis] / 2 - 1) as f32 / ray[axis].abs()).fold(free, f32::min);
+    let advance = (ray * (step * FINE)).map(|x| x as i32);
+    let mut at = *lens;
+    for _ in 0..(within / step) as u32 {
+        at += advance;
+        let voxel = at.map(|x| x >> FINE_BITS);
+        passed[row_of(&voxel)] |= 1 << bit_of(voxel.x);
+    }
+}
+
+/// Row and bit of the voxel that a point inside lies in.
+fn place(low: &Voxel, at: &Vector3<f32>) -> (usize, u128) {
+    let voxel = low + at.map(|x| x as i32);
+    (row_of(&voxel), 1 << bit_of(voxel.x))
+}
+
+/// No voxel's index is larger: nobody flies farther than 200 km, and differences do not overflow.
+const FARTHEST: i32 = 1_000_000;
+
+/// A point, in voxels from `low`.
+fn in_voxels(pos_world: &Vec3, low: &Voxel) -> Vector3<f32> {
+    (pos_world / VOXEL - low.map(f64::from)).map(|x| x as f32)
+}
+
+fn is_inside(at: &Vector3<f32>) -> bool {
+    (0..3).all(|axis| at[axis] >= 0.0 && at[axis] < SIZE[axis] as f32)
+}
+
+fn row_of(voxel: &Voxel) -> usize {
+    let wrap = |axis: usize| (voxel[axis] & (SIZE[axis] - 1)) as usize;
+    wrap(2) * SIZE[1] as usize + wrap(1)
+}
+
+fn bit_of(x: i32) -> u32 {
+    (x & (SIZE[0] - 1)) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planning::room::HEADINGS;
+    use crate::values::types::FlatState;
+    use proptest::prelude::*;
+
+    const AHEAD: usize = COLUMNS * ROWS / 2 + COLUMNS / 2;
+
+    fn obstacles() -> Obstacles {
+        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0)
+    }
+
+    fn see(obstacles: &mut Obstacles, from: Vec3, nearest: &Nearest) {
+        obstacles.see(Time::from_secs(1.0), (&from, &Rot::identity()), nearest, None);
+    }
+
+    /// All blocks at 9 m, but the one right of and below the middle.
+    fn thing_at(mm: u16) -> Nearest {
+        let mut nearest = [9000; COLUMNS * ROWS];
+        nearest[AHEAD] = mm;
+        nearest
+    }
+
+    /// Straight ahead from `from`, `length` m in `duration` s.
+    fn ahead(from: Vec3, length: f64, duration: f64) -> Quintic {
+        let vel = Vec3::x() * (length / duration);
+        let start = FlatState { pos: from, vel, acc: Vec3::zeros() };
+        Quintic::new(&start, &FlatState { pos: from + Vec3::x() * length, ..start }, duration)
+    }
+
+    #[test]
+    fn what_was_seen_in_two_frames_costs_the_more_the_sooner_it_is_met() {
+        let mut obstacles = obstacles();
+        see(&mut obstacles, Vec3::zeros(), &thing_at(4000));
+        assert_eq!(obstacles.meeting(&ahead(Vec3::zeros(), 6.0, 2.0), None), 0.0, "a stray pixel");
+        see(&mut obstacles, Vec3::zeros(), &thing_at(4000));
+        let [slow, fast] = [2.0, 1.0].map(|duration| obstacles.meeting(&ahead(Vec3::zeros(), 6.0, duration), None));
+        assert!(slow > 0.0 && fast > 1.5 * slow, "{slow} {fast}");
+        assert_eq!(obstacles.meeting(&ahead(Vec3::y(), 6.0, 1.0), None), 0.0, "beside it");
+        assert_eq!(obstacles.meeting(&ahead(Vec3::zeros(), 3.0, 1.0), None), 0.0, "short of it");
+        assert_eq!(obstacles.meeting(&ahead(Vec3::zeros(), 40.0, 30.0), None), 0.0, "long after");
+    }
+
+    #[test]
+    fn it_is_remembered_while_it_is_not_measured_and_forgotten_once_it_is_looked_through() {
+        let mut obstacles = obstacles();
+        let way = ahead(Vec3::zeros(), 6.0, 1.0);
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
+        (0..30).for_each(|_| see(&mut obstacles, Vec3::zeros(), &[0; COLUMNS * ROWS]));
+        assert!(obstacles.meeting(&way, None) > 0.0, "holes look through nothing");
+        (0..10).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(9000)));
+        assert_eq!(obstacles.meeting(&way, None), 0.0);
+    }
+
+    #[test]
+    fn there_is_room_up_to_a_thin_thing() {
+        let mut obstacles = obstacles();
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
+        let room = |x: f64| obstacles.room(&Vec3::new(x, 0.0, 0.0));
+        for (x, left) in [(1.0, 2.7), (2.9, 0.8), (3.4, 0.3)] {
+            assert!((room(x)[0] - left).abs() < 0.25, "{x} {}", room(x)[0]);
+        }
+        assert_eq!(room(1.0)[HEADINGS / 4], FARTHEST_ROOM, "beside");
+        assert_eq!(room(90.0), [FARTHEST_ROOM; HEADINGS], "outside of the grid");
+    }
+
+    #[test]
+    fn a_branch_that_every_third_image_misses_stays() {
+        let mut obstacles = obstacles();
+        for frame in 0..30 {
+            see(&mut obstacles, Vec3::zeros(), &thing_at(if frame % 3 == 2 { 9000 } else { 4000 }));
+        }
+        assert!(obstacles.meeting(&ahead(Vec3::zeros(), 6.0, 1.0), None) > 0.0);
+    }
+
+    #[test]
+    fn the_target_is_no_obstacle() {
+        let mut obstacles = obstacles();
+        let ignored = Ignored { at_world: Vec3::new(4.0, 0.0, 1.0), radius: 0.8 };
+        let way = ahead(Vec3::zeros(), 6.0, 1.0);
+        (0..4).for_each(|_| {
+            obstacles.see(Time::from_secs(1.0), (&Vec3::zeros(), &Rot::identity()), &thing_at(4000), Some(&ignored))
+        });
+        assert_eq!(obstacles.meeting(&way, None), 0.0);
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));
+        assert!(obstacles.meeting(&way, None) > 0.0 && obstacles.meeting(&way, Some(&ignored)) == 0.0);
+    }
+
+    #[test]
+    fn it_stays_where_it_is_while_the_vehicle_flies_and_goes_when_it_is_far_behind() {
+        let mut obstacles = obstacles();
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::new(0.0, 0.0, 30.0), &thing_at(4000)));
+        let back = |x: f64| ahead(Vec3::new(x, 0.0, 30.0), -4.0, 1.0);
+        for step in 1..=20 {
+            let at = Vec3::new(0.5 * f64::from(step), 0.0, 30.0);
+            see(&mut obstacles, at, &[0; COLUMNS * ROWS]);
+        }
+        assert!(obstacles.meeting(&back(7.0), None) > 0.0, "6 m behind the vehicle");
+        see(&mut obstacles, Vec3::new(90.0, 0.0, 30.0), &[0; COLUMNS * ROWS]);
+        see(&mut obstacles, Vec3::new(7.0, 0.0, 30.0), &[0; COLUMNS * ROWS]);
+        assert_eq!(obstacles.meeting(&back(7.0), None), 0.0);
+    }
+
+    #[test]
+    fn with_a_range_of_zero_nothing_is_remembered() {
+        let mut none = Obstacles::new(1.5, 1.0, 0.0);
+        (0..4).for_each(|_| see(&mut none, Vec3::zeros(), &thing_at(1000)));
+        assert_eq!(none.meeting(&ahead(Vec3::zeros(), 6.0, 1.0), None), 0.0);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_comes_nothing_panics(
+            at in prop::array::uniform3(prop::num::f64::ANY), to in prop::array::uniform3(prop::num::f64::ANY),
+            mm in prop::num::u16::ANY, frames in 1..4
+        ) {
+            let mut obstacles = obstacles();
+            (0..frames).for_each(|_| see(&mut obstacles, Vec3::from(at), &[mm; COLUMNS * ROWS]));
+            let start = FlatState { pos: Vec3::from(at), ..FlatState::default() };
+            let end = FlatState { pos: Vec3::from(to), ..FlatState::default() };
+            let cost = obstacles.meeting(&Quintic::new(&start, &end, 1.0), None);
+            prop_assert!((0.0..=MEETING).contains(&cost));
+        }
+    }
+}

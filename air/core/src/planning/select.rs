@@ -1,0 +1,90 @@
+//! Which detections are the target's: objectness filter → consistency gate (§III-C.2). Which candidate is flown: the one
+//! of lowest predicted cost, in whatever cell, since every trajectory is trained to lead to the aim (beyond the paper).
+
+use crate::planning::target::{Detection, TargetFilter};
+use crate::values::error::{ConfigError, within};
+use crate::values::types::{ANCHORS, Candidate, Rejection, Time, Vec3};
+
+/// What makes a detection worth a look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SelectConfig {
+    /// Least objectness of a cell that holds the target, 0..1 (0.5).
+    pub min_objectness: f64,
+    /// Least objectness where a confirmed target is expected, 0..=min_objectness (0.2): there a weak detection that
+    /// passes the gate is more likely the target than not. Far or half hidden targets are weak.
+    pub keep_objectness: f64,
+}
+
+impl SelectConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        within("planner.min_objectness", self.min_objectness, 0.01..=0.99, "at 0 all is a target, at 1 nothing")?;
+        let weak = "what keeps a target is no stronger than what finds one";
+        within("planner.keep_objectness", self.keep_objectness, 0.01..=self.min_objectness, weak)
+    }
+}
+
+/// Updates the target filter with the candidates' detections at `stamp` and gives, for each candidate, why its detection
+/// is not the target's; none: it is.
+pub fn detect(
+    config: &SelectConfig,
+    stamp: Time,
+    cam_world: Vec3,
+    filter: &mut TargetFilter,
+    candidates: &[Candidate; ANCHORS],
+) -> [Option<Rejection>; ANCHORS] {
+    let strong = |candidate: &Candidate| candidate.objectness >= config.min_objectness;
+    // Beside a strong one elsewhere a weak one is worth nothing: it would keep a track alive that has gone astray.
+    let weak_counts = filter.is_confirmed() && !candidates.iter().any(strong);
+    let least = if weak_counts { config.keep_objectness } else { config.min_objectness };
+    let detections = std::array::from_fn(|index| detection(least, cam_world, &candidates[index]));
+    let mut consistent = [false; ANCHORS];
+    filter.step(stamp, &detections, &mut consistent);
+    std::array::from_fn(|index| match (detections[index].is_some(), consistent[index]) {
+        (false, _) => Some(Rejection::Objectness),
+        (true, false) => Some(Rejection::Gate),
+        (true, true) => None,
+    })
+}
+
+/// Marks why each candidate is not flown and returns the index of the one that is: with an aim the valid one of least
+/// cost, together with what `added` says, which is never negative; without an aim (none added) none, for `unseen`'s
+/// reasons.
+pub fn select(
+    added: Option<impl Fn(&Candidate) -> f64>,
+    unseen: &[Option<Rejection>; ANCHORS],
+    candidates: &mut [Candidate; ANCHORS],
+) -> Option<usize> {
+    let best = added.as_ref().and_then(|added| {
+        let mut best: Option<(usize, f64)> = None;
+        for (index, candidate) in candidates.iter().enumerate().filter(|(_, c)| c.rejection.is_none()) {
+            let cheaper = |cost: f64| best.is_none_or(|(_, least)| cost < least);
+            // Most are too dear already.
+            if cheaper(candidate.cost) {
+                let cost = candidate.cost + added(candidate);
+                best = if cheaper(cost) { Some((index, cost)) } else { best };
+            }
+        }
+        best
+    });
+    let chosen = best.map(|(index, _)| index);
+    for (index, candidate) in candidates.iter_mut().enumerate() {
+        if candidate.rejection.is_none() && Some(index) != chosen {
+            candidate.rejection = match best {
+                // Cheaper by itself than the one that is flown: what was added decided.
+                Some((_, least)) if candidate.cost < least => Some(Rejection::Blocked),
+                Some(_) => Some(Rejection::Cost),
+                None => unseen[index].or(Some(Rejection::Gate)),
+            };
+        }
+    }
+    chosen
+}
+
+fn detection(least: f64, cam_world: Vec3, candidate: &Candidate) -> Option<Detection> {
+    let pos_world = candidate.target_world.filter(|_| candidate.objectness >= least)?;
+    Some(Detection { pos_world, sight_world: pos_world - cam_world, objectness: candidate.objectness })
+}

@@ -1,0 +1,448 @@
+//! Where the target is: constant-velocity Kalman filter, gate, confirmation, re-acquisition (§III-C.2, eq. 10).
+//!
+//! The network knows better where in the image a target is than how far away, and both the better the surer it is that
+//! there is one. So a detection's covariance is long along its line of sight, and large where the objectness is low.
+
+use crate::planning::doubt::pos_doubt;
+use crate::values::error::{ConfigError, within};
+use crate::values::types::{TargetEstimate, Time, Vec3};
+use nalgebra::{Matrix3, Matrix6};
+
+/// The filter's noise, gate and confirmation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TargetConfig {
+    /// Variance of the target's acceleration from frame to frame, (m/s²)², for each world axis (48, 48, 24).
+    pub acc_variance: [f64; 3],
+    /// Variance of a detection at short range and an objectness of 1, across the line of sight, m² (0.015),
+    pub lateral_variance: f64,
+    /// and along it, m² (0.06).
+    pub range_variance: f64,
+    /// By how many times both are larger at an objectness of 0; by its root's share before (16).
+    pub doubt: f64,
+    /// Distance at which both have doubled, m (6).
+    pub variance_distance: f64,
+    /// Largest inconsistency of a detection, in standard deviations (5).
+    pub gate: f64,
+    /// Detections needed among the last `confirm_of` frames to believe the target (4).
+    pub confirm_hits: u32,
+    /// Frames that confirmation looks back on, at most 32 (6).
+    pub confirm_of: u32,
+    /// Least mean objectness of detections that confirm, 0..=1 (0.9): foliage may look like the target now and then.
+    pub confirm_objectness: f64,
+    /// Mean objectness that nothing but the target keeps up, confirm_objectness..=1 (0.98): believed wherever it is.
+    pub sure_objectness: f64,
+    /// How long the target is believed without being seen, s (0.5).
+    pub blind_time: f64,
+    /// Largest speed of a target, m/s (10),
+    pub max_speed: f64,
+    /// and its largest acceleration, m/s² (8).
+    pub max_acc: f64,
+    /// Detections farther from the lens than this are not believed, m (20).
+    pub max_distance: f64,
+    /// Added to the reachable set's radius, m (1).
+    pub reacquire_margin: f64,
+}
+
+/// One detection, world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detection {
+    /// The target's centre, m.
+    pub pos_world: Vec3,
+    /// The line of sight from the lens to it, m.
+    pub sight_world: Vec3,
+    /// 0..=1.
+    pub objectness: f64,
+}
+
+/// Position and velocity, normally distributed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Motion {
+    pos: Vec3,
+    vel: Vec3,
+    /// Covariance of the position, m²,
+    pos_var: Matrix3<f64>,
+    /// of position and velocity,
+    cross: Matrix3<f64>,
+    /// of the velocity.
+    vel_var: Matrix3<f64>,
+}
+
+impl Motion {
+    /// x ← F x, P ← F P Fᵀ + G σ² Gᵀ with G = (dt²/2, dt) on each axis.
+    fn predict(&mut self, dt: f64, acc_variance: [f64; 3]) {
+        let noise = Matrix3::from_diagonal(&Vec3::from(acc_variance)) * (dt * dt);
+        self.pos += self.vel * dt;
+        self.pos_var +=
+            (self.cross + self.cross.transpose()) * dt + self.vel_var * (dt * dt) + noise * (0.25 * dt * dt);
+        self.cross += self.vel_var * dt + noise * (0.5 * dt);
+        self.vel_var += noise;
+    }
+
+    /// The position is `measured` with covariance `measured_var`, positive definite.
+    fn update(&mut self, measured: Vec3, measured_var: &Matrix3<f64>) {
+        let Some(precision) = (self.pos_var + measured_var).try_inverse() else { return };
+        let (gain_pos, gain_vel) = (self.pos_var * precision, self.cross.transpose() * precision);
+        let innovation = measured - self.pos;
+        self.pos += gain_pos * innovation;
+        self.vel += gain_vel * innovation;
+        self.vel_var = symmetric(&(self.vel_var - gain_vel * self.cross));
+        self.cross -= gain_pos * self.cross;
+        self.pos_var = symmetric(&(self.pos_var - gain_pos * self.pos_var));
+    }
+}
+
+fn symmetric(m: &Matrix3<f64>) -> Matrix3<f64> {
+    (m + m.transpose()) * 0.5
+}
+
+/// A hypothesis of one target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Track {
+    motion: Motion,
+    stamp: Time,
+    last_seen: Time,
+    /// Bit k: was seen k frames ago.
+    history: u32,
+    /// Objectness of its detections, averaged over about the last `confirm_of`: to be hidden is no evidence against it.
+    strength: f64,
+    confirmed: bool,
+    /// It began where the lost target can hardly have run.
+    beyond_reach: bool,
+}
+
+/// A believed target at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// Where it should be, m.
+    pub pos_world: Vec3,
+    /// Its last known velocity, m/s.
+    pub vel_world: Vec3,
+    /// For how long it has not been seen, s.
+    pub unseen: f64,
+    /// When it was seen last,
+    pub last_seen: Time,
+    /// and where, m.
+    pub seen_world: Vec3,
+    /// It may be nearer by so much, m.
+    pub pos_doubt: f64,
+}
+
+/// How far a target that is out of sight is carried on at its last velocity, s.
+pub const LONGEST_CARRY: f64 = 1.5;
+
+/// The filter. One target, or none.
+#[derive(Clone, Copy, Debug)]
+pub struct TargetFilter {
+    config: TargetConfig,
+    track: Option<Track>,
+    /// The last believed target, once it is lost: where and when it was believed last.
+    lost: Option<Track>,
+    /// Something else that is seen while a target is believed: it takes its place if there is more evidence for it.
+    rival: Option<Track>,
+}
+
+/// A rival must be so much stronger than the target that is held, as long as that is seen.
+const STRONGER: f64 = 0.2;
+/// A detection that is farther off than this, in standard deviations, counts as one of that much more variance: the range
+/// of a half hidden target may be wrong by metres for some frames, and its velocity must not follow.
+const OUTLIER: f64 = 2.0;
+
+impl TargetConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        for variance in self.acc_variance {
+            let astray = "the filter follows noise with more, and nobody who turns with less";
+            within("planner.acc_variance_mps2", variance, 0.01..=1000.0, astray)?;
+        }
+        let (sharp, blurred) = (1e-4, "a detection is worth something, and exact never");
+        within("planner.lateral_variance_m2", self.lateral_variance, sharp..=10.0, blurred)?;
+        within("planner.range_variance_m2", self.range_variance, sharp..=10.0, blurred)?;
+        within("planner.doubt", self.doubt, 0.0..=1000.0, "beyond, a doubtful detection says nothing")?;
+        within("planner.variance_distance_m", self.variance_distance, 0.5..=100.0, "depth is worse farther off")?;
+        within("planner.gate_sigmas", self.gate, 1.0..=20.0, "a wider gate takes all for the target")?;
+        within("planner.confirm_of", f64::from(self.confirm_of), 1.0..=32.0, "so many frames are remembered")?;
+        let hits = "more than confirm_of never come";
+        within("planner.confirm_hits", f64::from(self.confirm_hits), 1.0..=f64::from(self.confirm_of), hits)?;
+        within("planner.confirm_objectness", self.confirm_objectness, 0.0..=1.0, "objectness is a probability")?;
+        let sure = "at least confirm_objectness, and a probability";
+        within("planner.sure_objectness", self.sure_objectness, self.confirm_objectness..=1.0, sure)?;
+        within("planner.blind_time_s", self.blind_time, 0.05..=10.0, "by then it may be anywhere")?;
+        within("planner.target_max_speed_mps", self.max_speed, 0.5..=30.0, "nothing that is chased runs faster")?;
+        within("planner.target_max_acc_mps2", self.max_acc, 0.5..=50.0, "nobody turns harder")?;
+        within("planner.target_max_distance_m", self.max_distance, 1.0..=100.0, "the camera's depth ends before")?;
+        let wide = "a wider one takes all for the lost target";
+        within("planner.reacquire_margin_m", self.reacquire_margin, 0.0..=20.0, wide)
+    }
+
+    /// Covariance of a detection at the end of the line of sight `sight_world`, m².
+    #[must_use]
+    pub fn covariance(&self, sight_world: Vec3, objectness: f64) -> Matrix3<f64> {
+        let farther = 1.0 + sight_world.norm_squared() / self.variance_distance.powi(2);
+        let larger = farther * (1.0 + self.doubt * (1.0 - objectness.clamp(0.0, 1.0)).sqrt());
+        let (across, along) = (self.lateral_variance * larger, self.range_variance * larger);
+        let line = sight_world.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vec3::zeros);
+        Matrix3::from_diagonal_element(across) + line * line.transpose() * (along - across)
+    }
+}
+
+impl Track {
+    fn new(config: &TargetConfig, stamp: Time, detection: &Detection) -> Self {
+        Self {
+            motion: Motion {
+                pos: detection.pos_world,
+                vel: Vec3::zeros(),
+                pos_var: config.covariance(detection.sight_world, detection.objectness),
+                cross: Matrix3::zeros(),
+                // Half the largest speed as one standard deviation.
+                vel_var: Matrix3::from_diagonal_element((0.5 * config.max_speed).powi(2)),
+            },
+            stamp,
+            last_seen: stamp,
+            history: 1,
+            strength: detection.objectness,
+            confirmed: false,
+            beyond_reach: false,
+        }
+    }
+
+    fn predict(&mut self, config: &TargetConfig, now: Time) {
+        let dt = now.since(self.stamp);
+        if dt > 0.0 {
+            self.motion.predict(dt, config.acc_variance);
+            self.stamp = now;
+        }
+    }
+
+    /// |x_temp - x| of eq. 10, in standard deviations: a correction K ν measured in its own covariance K S Kᵀ has the
+    /// squared length νᵀ S⁻¹ ν, so positions and velocities need no common unit and the gate widens while blind.
+    fn inconsistency(&self, detection: &Detection, covariance: &Matrix3<f64>) -> f64 {
+        let innovation = detection.pos_world - self.motion.pos;
+        let precision = (self.motion.pos_var + covariance).try_inverse();
+        precision.map_or(f64::INFINITY, |precision| innovation.dot(&(precision * innovation)).sqrt())
+    }
+
+    /// The gate of eq. 10. It is no wider for a doubtful detection than for a sure one: before a target that is hidden, a
+    /// branch looks a little like it, and must not pass for it.
+    fn takes(&self, config: &TargetConfig, detection: &Detection) -> bool {
+        usable(config, detection)
+            && self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)) <= config.gate
+    }
+
+    fn update(&mut self, config: &TargetConfig, detection: &Detection) {
+        let covariance = config.covariance(detection.sight_world, detection.objectness);
+        let wrong = (self.inconsistency(detection, &covariance) / OUTLIER).max(1.0);
+        self.motion.update(detection.pos_world, &(covariance * (wrong * wrong)));
+        let speed = self.motion.vel.norm();
+        if speed > config.max_speed {
+            self.motion.vel *= config.max_speed / speed;
+        }
+        self.last_seen = self.stamp;
+    }
+
+    /// One frame: predicts, marks the detections that are its own, and takes the surest of them.
+    fn step<const N: usize>(
+        &mut self,
+        config: &TargetConfig,
+        now: Time,
+        detections: &[Option<Detection>; N],
+        consistent: &mut [bool; N],
+    ) {
+        self.predict(config, now);
+        let mut surest: Option<&Detection> = None;
+        for (detection, own) in detections.iter().zip(consistent.iter_mut()) {
+            let Some(detection) = detection else { continue };
+            if self.takes(config, detection) {
+                *own = true;
+                if surest.is_none_or(|best| detection.objectness > best.objectness) {
+                    surest = Some(detection);
+                }
+            }
+        }
+        if let Some(detection) = surest {
+            self.update(config, detection);
+            self.strength += (detection.objectness - self.strength) / f64::from(config.confirm_of);
+        }
+        self.history = self.history << 1 | u32::from(surest.is_some());
+    }
+
+    fn is_seen_often(&self, config: &TargetConfig) -> bool {
+        let window = u32::MAX >> (32 - config.confirm_of);
+        (self.history & window).count_ones() >= config.confirm_hits
+    }
+
+    /// What is seen often looks like the target often enough.
+    fn convinces(&self, config: &TargetConfig) -> bool {
+        let least = if self.beyond_reach { config.sure_objectness } else { config.confirm_objectness };
+        self.is_seen_often(config) && self.strength >= least
+    }
+
+    /// Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
+    fn is_forgotten(&self, config: &TargetConfig, now: Time) -> bool {
+        let blank = self.history.trailing_zeros();
+        blank > config.confirm_of - config.confirm_hits || now.since(self.last_seen) > config.blind_time
+    }
+
+    fn estimate(&self) -> TargetEstimate {
+        let m = &self.motion;
+        let mut covariance = Matrix6::zeros();
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&m.pos_var);
+        covariance.fixed_view_mut::<3, 3>(0, 3).copy_from(&m.cross);
+        covariance.fixed_view_mut::<3, 3>(3, 0).copy_from(&m.cross.transpose());
+        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&m.vel_var);
+        TargetEstimate {
+            stamp: self.stamp,
+            pos_world: m.pos,
+            vel_world: m.vel,
+            covariance,
+            confirmed: self.confirmed,
+            last_seen: self.last_seen,
+        }
+    }
+}
+
+impl TargetFilter {
+    /// A filter that has seen nothing.
+    #[must_use]
+    pub fn new(config: TargetConfig) -> Self {
+        Self { config, track: None, lost: None, rival: None }
+    }
+
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.config);
+    }
+
+    /// Moves all positions by `jump_world`: the odometry's origin jumped, the target did not.
+    pub fn shift(&mut self, jump_world: Vec3) {
+        for track in [&mut self.track, &mut self.lost, &mut self.rival].into_iter().flatten() {
+            track.motion.pos += jump_world;
+        }
+    }
+
+    /// One frame at `now` with the detections that passed the objectness filter (`None`: no detection there). Marks in
+    /// `consistent` which of them are of the target; all false while there is no believed target.
+    pub fn step<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
+        *consistent = [false; N];
+        if let Some(track) = &mut self.track {
+            track.step(&self.config, now, detections, consistent);
+            self.judge(now);
+            self.compete(now, detections, consistent);
+        }
+        if self.track.is_none() {
+            self.acquire(now, detections);
+        }
+        if !self.is_confirmed() {
+            *consistent = [false; N];
+        }
+    }
+
+    /// What is held by mistake, or not yet believed, must not hide the true target: whatever is seen beside it becomes a
+    /// rival.
+    fn compete<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
+        let Some(track) = self.track else {
+            self.rival = None;
+            return;
+        };
+        let others = std::array::from_fn(|k| detections[k].filter(|_| !consistent[k]));
+        let Some(rival) = &mut self.rival else {
+            self.rival = self.hypothesis(now, &others);
+            return;
+        };
+        let mut of_rival = [false; N];
+        rival.step(&self.config, now, &others, &mut of_rival);
+        let stronger = rival.strength > track.strength + STRONGER;
+        let instead = rival.strength >= self.config.sure_objectness && !track.is_seen_often(&self.config);
+        if rival.convinces(&self.config) && (!track.confirmed || stronger || instead) {
+            self.track = self.rival.take().map(|rival| Track { confirmed: true, ..rival });
+            self.lost = None;
+            *consistent = of_rival;
+        } else if rival.is_forgotten(&self.config, now) {
+            self.rival = None;
+        }
+    }
+
+    /// Confirms, or gives up, the track.
+    fn judge(&mut self, now: Time) {
+        let Some(track) = &mut self.track else { return };
+        if track.convinces(&self.config) {
+            track.confirmed = true;
+            self.lost = None;
+        }
+        let blind = now.since(track.last_seen);
+        if track.confirmed && blind > self.config.blind_time {
+            track.confirmed = false;
+            self.lost = Some(*track);
+            self.track = None;
+        } else if !track.confirmed && track.is_forgotten(&self.config, now) {
+            self.track = None;
+        }
+    }
+
+    fn acquire<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N]) {
+        self.track = self.hypothesis(now, detections);
+        if self.config.confirm_hits == 1 {
+            self.judge(now);
+        }
+    }
+
+    /// Begins at the likeliest detection that a lost target can have reached, or that looks sure by itself: what was
+    /// believed of the lost one may be wrong.
+    fn hypothesis<const N: usize>(&self, now: Time, detections: &[Option<Detection>; N]) -> Option<Track> {
+        let sure = |detection: &Detection| detection.objectness >= self.config.sure_objectness;
+        let worth = |d: &&Detection| usable(&self.config, d) && (self.is_reachable(now, d) || sure(d));
+        let likeliest =
+            detections.iter().flatten().filter(worth).max_by(|a, b| a.objectness.total_cmp(&b.objectness))?;
+        let beyond_reach = !self.is_reachable(now, likeliest);
+        Some(Track { beyond_reach, ..Track::new(&self.config, now, likeliest) })
+    }
+
+    /// The lost target, if there is one, can have run there.
+    fn is_reachable(&self, now: Time, detection: &Detection) -> bool {
+        self.lost.is_none_or(|lost| {
+            let (unseen, margin) = (now.since(lost.last_seen).max(0.0), self.config.reacquire_margin);
+            let moved = detection.pos_world - lost.motion.pos;
+            let turned = moved - lost.motion.vel * now.since(lost.stamp);
+            moved.norm() <= margin + self.config.max_speed * unseen
+                && turned.norm() <= margin + 0.5 * self.config.max_acc * unseen * unseen
+        })
+    }
+
+    /// Where the target, believed now or until it was lost, should be at `now`. It is carried on at its last velocity
+    /// for [`LONGEST_CARRY`].
+    #[must_use]
+    pub fn expected(&self, now: Time) -> Option<Expected> {
+        let track = self.track.filter(|track| track.confirmed).or(self.lost)?;
+        let carry = now.since(track.stamp).clamp(0.0, LONGEST_CARRY);
+        let (pos_world, vel_world) = (track.motion.pos + track.motion.vel * carry, track.motion.vel);
+        let (last_seen, unseen) = (track.last_seen, now.since(track.last_seen));
+        let seen_world = track.motion.pos - vel_world * track.stamp.since(last_seen);
+        let pos_doubt = pos_doubt(&track.motion.pos_var);
+        Some(Expected { pos_world, vel_world, unseen, last_seen, seen_world, pos_doubt })
+    }
+
+    /// The target is believed.
+    #[must_use]
+    pub fn is_confirmed(&self) -> bool {
+        self.track.is_some_and(|track| track.confirmed)
+    }
+
+    /// The estimate; once lost, the place and velocity at which it was believed last; none before the first detection.
+    #[must_use]
+    pub fn estimate(&self) -> Option<TargetEstimate> {
+        match (&self.track, &self.lost) {
+            (Some(track), _) if track.confirmed => Some(track.estimate()),
+            (_, Some(lost)) => Some(lost.estimate()),
+            (Some(track), None) => Some(track.estimate()),
+            (None, None) => None,
+        }
+    }
+}
+
+fn usable(config: &TargetConfig, detection: &Detection) -> bool {
+    detection.sight_world.norm() <= config.max_distance
+        && detection.pos_world.iter().all(|x| x.is_finite())
+        && (0.0..=1.0).contains(&detection.objectness)
+}

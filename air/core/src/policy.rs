@@ -1,0 +1,6 @@
+//! What the network says, in the world frame.
+
+mod activation;
+pub mod decode;
+pub mod lattice;
+pub mod model;

@@ -1,0 +1,157 @@
+//! The values that cross between the modules of the core, and between the core and whoever calls it.
+//!
+//! World is ENU, body and camera are FLU; SI and radians. Values here are finite: they were checked at the edge.
+
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+
+/// A world-, body- or camera-frame vector; the name of a value says which.
+pub type Vec3 = Vector3<f64>;
+
+/// A horizontal vector.
+pub type Flat = Vector2<f64>;
+
+/// A rotation; named `target_from_source`.
+pub type Rot = UnitQuaternion<f64>;
+
+/// Standard gravity, m/s².
+pub const GRAVITY: f64 = 9.80665;
+
+/// An instant of the vehicle's monotonic clock, integer nanoseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Time(pub u64);
+
+impl Time {
+    /// Seconds from `earlier` to `self`; negative if `self` is the earlier.
+    #[must_use]
+    pub fn since(self, earlier: Time) -> f64 {
+        if self.0 >= earlier.0 { (self.0 - earlier.0) as f64 * 1e-9 } else { -((earlier.0 - self.0) as f64 * 1e-9) }
+    }
+
+    /// `self` moved by `seconds` (may be negative), saturating at the clock's ends.
+    #[must_use]
+    pub fn plus(self, seconds: f64) -> Time {
+        let ns = (seconds.abs() * 1e9) as u64;
+        Time(if seconds < 0.0 { self.0.saturating_sub(ns) } else { self.0.saturating_add(ns) })
+    }
+
+    /// The instant `seconds` after the clock's zero.
+    #[must_use]
+    pub fn from_secs(seconds: f64) -> Time {
+        Time(0).plus(seconds)
+    }
+}
+
+/// A collective force along body z, newtons. Never a normalised thrust.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct Newtons(pub f64);
+
+/// Thrust as the autopilot takes it, 0..=1. Never newtons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct NormalisedThrust(pub f64);
+
+/// The vehicle's estimated motion at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Odometry {
+    /// When it was true.
+    pub stamp: Time,
+    /// Position, m.
+    pub pos_world: Vec3,
+    /// Velocity, m/s.
+    pub vel_world: Vec3,
+    /// Attitude.
+    pub world_from_body: Rot,
+    /// Angular velocity, rad/s.
+    pub ang_vel_body: Vec3,
+    /// Changes when the estimate jumps.
+    pub reset_counter: u32,
+}
+
+/// Number of anchors, row-major from the image's top left.
+pub const ANCHORS: usize = 15;
+
+/// Most output channels that any task has for an anchor.
+pub const MAX_CHANNELS: usize = 14;
+
+/// What the policy is asked to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Chase the detected target.
+    Track,
+    /// Fly to a goal.
+    Navigate,
+}
+
+/// The raw network output of one frame: `channels × rows × columns`, row-major, as the contract lays it out
+/// (θ, φ, r, v xyz, a xyz, cost, then for tracking objectness, Δu, Δv, distance).
+#[derive(Clone, Debug, PartialEq)]
+pub struct NetworkOutput {
+    /// Channel-major values; only the first `channels × ANCHORS` are meaningful.
+    pub values: [f32; MAX_CHANNELS * ANCHORS],
+}
+
+/// Position and its derivatives at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FlatState {
+    /// f, m.
+    pub pos: Vec3,
+    /// ḟ, m/s.
+    pub vel: Vec3,
+    /// f̈, m/s².
+    pub acc: Vec3,
+}
+
+/// Why a candidate was not chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rejection {
+    /// There is no target to chase, and it holds none.
+    Objectness,
+    /// There is no target to chase yet: its detection is not confirmed, or inconsistent with the target filter.
+    Gate,
+    /// Another was cheaper.
+    Cost,
+    /// It would have been the cheapest, but for what it meets, an obstacle or the target, or for its climb over the goal.
+    Blocked,
+    /// The network's values for it are not finite; `end` is the bare anchor, `objectness` 0.
+    Invalid,
+}
+
+/// One predicted trajectory, decoded to the world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// f(T), world frame.
+    pub end: FlatState,
+    /// Predicted cost; lower is better.
+    pub cost: f64,
+    /// Probability that the cell holds the target, 0..=1; 1 in navigation.
+    pub objectness: f64,
+    /// The detected target's centre, world frame; none in navigation.
+    pub target_world: Option<Vec3>,
+    /// None for the chosen one.
+    pub rejection: Option<Rejection>,
+}
+
+/// The target filter's state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TargetEstimate {
+    /// When it is true.
+    pub stamp: Time,
+    /// Position, m.
+    pub pos_world: Vec3,
+    /// Velocity, m/s.
+    pub vel_world: Vec3,
+    /// Covariance of (position, velocity).
+    pub covariance: nalgebra::Matrix6<f64>,
+    /// Seen often enough to be believed (M of N).
+    pub confirmed: bool,
+    /// When a detection last updated it.
+    pub last_seen: Time,
+}
+
+/// What the autopilot takes at the controller's rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AttitudeThrust {
+    /// Desired attitude.
+    pub world_from_body: Rot,
+    /// Collective thrust, as the autopilot takes it.
+    pub thrust: NormalisedThrust,
+}

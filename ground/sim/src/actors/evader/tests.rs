@@ -1,0 +1,104 @@
+//! Facts about the runner, over many forests.
+
+use super::*;
+use crate::world::forest::{ForestConfig, forest};
+
+const SEEDS: u64 = 50;
+
+fn woods(seed: u64, spacing_m: f64) -> World {
+    forest(&ForestConfig { spacing_m, ..ForestConfig::default() }, seed).unwrap()
+}
+
+fn plan(world: &World, speed_mps: f64, seed: u64) -> Evader {
+    Evader::plan(world, &EvaderConfig::at_speed(speed_mps), world.start_world(), 0.0, seed).unwrap()
+}
+
+#[test]
+fn it_never_comes_closer_to_an_obstacle_than_the_margin() {
+    for seed in 0..SEEDS {
+        let world = woods(seed, 4.0);
+        let evader = plan(&world, [3.0, 5.0, 7.0][seed as usize % 3], seed + 100);
+        for i in 0..=(evader.duration_s() / 0.05) as usize {
+            let foot = evader.at(&world, i as f64 * 0.05).pose.foot_world;
+            for height in 3..=17 {
+                let clearance = world.clearance(&(foot + Vec3::new(0.0, 0.0, f64::from(height) * 0.1)));
+                assert!(clearance >= 0.45, "seed {seed}: {clearance}");
+            }
+        }
+    }
+}
+
+#[test]
+fn its_acceleration_stays_below_the_limit_and_its_path_matches_its_velocity() {
+    for seed in 0..SEEDS {
+        let world = woods(seed, 4.0);
+        let evader = plan(&world, [3.0, 5.0, 7.0][seed as usize % 3], seed);
+        let dt = 0.01;
+        for i in 1..(evader.duration_s() / dt) as usize {
+            let t = i as f64 * dt;
+            let (before, after) = (evader.at(&world, t - dt), evader.at(&world, t));
+            let acc = (after.vel_world - before.vel_world).norm() / dt;
+            assert!(acc <= 5.0, "seed {seed} at {t}: {acc}");
+            let moved = (after.pose.foot_world - before.pose.foot_world).xy();
+            let mean = 0.5 * (after.vel_world + before.vel_world).xy() * dt;
+            assert!((moved - mean).norm() < 1e-3, "seed {seed} at {t}: {moved} {mean}");
+        }
+    }
+}
+
+#[test]
+fn it_reaches_the_asked_speed_and_its_goal() {
+    for seed in 0..20 {
+        let world = woods(seed, 5.0);
+        for speed in [3.0, 5.0, 7.0] {
+            let evader = plan(&world, speed, seed);
+            let fastest = (0..(evader.duration_s() / 0.05) as usize)
+                .map(|i| evader.at(&world, i as f64 * 0.05).vel_world.norm())
+                .fold(0.0, f64::max);
+            assert!((0.95 * speed..=speed + 1e-9).contains(&fastest), "seed {seed}: {fastest} of {speed}");
+            let (end, far) = (evader.at(&world, evader.duration_s()), evader.at(&world, 1e3));
+            assert!(end.arrived && end.vel_world == Vec3::zeros());
+            assert_eq!(end.pose.foot_world, far.pose.foot_world);
+            assert!((20.0..60.0).contains(&evader.length_m()), "{}", evader.length_m());
+            assert!((far.pose.foot_world - world.start_world()).norm() > 20.0);
+        }
+    }
+}
+
+#[test]
+fn before_its_start_it_stands_in_view_ahead_of_the_vehicle() {
+    for seed in 0..SEEDS {
+        let world = woods(seed, 4.0);
+        let evader = plan(&world, 5.0, seed);
+        let standing = evader.at(&world, -3.0);
+        assert_eq!((standing.vel_world, standing.path_m, standing.pose.stride), (Vec3::zeros(), 0.0, 0.0));
+        let from_vehicle = standing.pose.foot_world - world.start_world();
+        assert!((3.9..6.1).contains(&from_vehicle.xy().norm()));
+        assert!(from_vehicle.y.atan2(from_vehicle.x).abs() < 0.7);
+        let eye = world.start_world() + Vec3::new(0.0, 0.0, 1.2);
+        assert!(!world.occluded(&eye, &standing.centre_world()));
+    }
+}
+
+#[test]
+fn the_goal_change_turns_it_without_a_jump() {
+    for seed in 0..20 {
+        let world = woods(seed, 4.0);
+        let evader = plan(&world, 5.0, seed);
+        let (before, after) = (evader.at(&world, evader.switch_s() - 1e-6), evader.at(&world, evader.switch_s()));
+        assert!((before.pose.foot_world - after.pose.foot_world).norm() < 1e-3);
+        assert!((before.vel_world - after.vel_world).norm() < 1e-2);
+        let old_end = place(&evader.before.knots, 1e3);
+        let old_goal = evader.before.path.at(old_end.parameter).0;
+        let new_goal = evader.at(&world, 1e3).pose.foot_world.xy();
+        assert!((old_goal - new_goal).norm() > 2.0, "seed {seed}");
+    }
+}
+
+#[test]
+fn the_same_seed_runs_the_same_run() {
+    let world = woods(3, 4.0);
+    let (a, b) = (plan(&world, 5.0, 9), plan(&world, 5.0, 9));
+    assert_eq!(a.at(&world, 4.321), b.at(&world, 4.321));
+    assert_ne!(a.at(&world, 4.321), plan(&world, 5.0, 10).at(&world, 4.321));
+}

@@ -1,0 +1,93 @@
+//! From an ideal [`Frame`] to what an RGB-D camera delivers: [`depth`] and [`colour`].
+//!
+//! A [`Sensor`] is one unit of the product: exposure bias, white balance, lens and shutter are its own. What it makes of a
+//! frame is a pure function of the frame, the camera's motion and a seed.
+
+mod colour;
+mod depth;
+
+use crate::render::{Camera, Frame};
+use goshawk_core::Vec3;
+
+pub use colour::ColourConfig;
+pub use depth::DepthConfig;
+
+/// A sensor's image, row-major from the top left.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RgbdImage {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Red, green, blue; `height · width · 3`.
+    pub rgb: Vec<u8>,
+    /// Along the optical axis, mm; 0: no measurement.
+    pub depth_mm: Vec<u16>,
+}
+
+/// How the camera moves while the shutter is open, camera frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Velocity of the lens, m/s.
+    pub vel_cam: Vec3,
+    /// Angular velocity, rad/s.
+    pub ang_vel_cam: Vec3,
+}
+
+impl Motion {
+    /// A camera on a tripod.
+    #[must_use]
+    pub fn still() -> Self {
+        Self { vel_cam: Vec3::zeros(), ang_vel_cam: Vec3::zeros() }
+    }
+}
+
+/// One camera; owns its scratch memory.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    depth: depth::DepthSensor,
+    colour: colour::ColourSensor,
+}
+
+impl Sensor {
+    /// The unit that `seed` draws, for images of `camera`.
+    #[must_use]
+    pub fn new(depth: DepthConfig, colour: ColourConfig, camera: &Camera, seed: u64) -> Self {
+        Self {
+            depth: depth::DepthSensor::new(depth),
+            colour: colour::ColourSensor::new(colour, camera.focal_px() as f32, seed),
+        }
+    }
+
+    /// The image that the sensor makes of `frame`. Same frame, motion and seed, same image.
+    pub fn capture(&mut self, frame: &Frame, motion: &Motion, seed: u64, image: &mut RgbdImage) {
+        (image.width, image.height) = (frame.width, frame.height);
+        image.rgb.resize(frame.rgb.len(), 0);
+        image.depth_mm.resize(frame.depth_m.len(), 0);
+        self.depth.measure(frame, seed, &mut image.depth_mm);
+        self.colour.expose(frame, motion, seed ^ 0x5bd1_e995_7b93_1f27, &mut image.rgb);
+    }
+}
+
+/// 64 well mixed bits from a seed and a counter (the finaliser of SplitMix64).
+#[must_use]
+pub(crate) fn mix(seed: u64, counter: u64) -> u64 {
+    let mut z = seed.wrapping_add(counter.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// The low 16 bits as 0..1.
+#[inline(always)]
+fn unit(bits: u32) -> f32 {
+    (bits & 0xffff) as i32 as f32 * (1.0 / 65_536.0)
+}
+
+/// About normal, unit variance, within ±3.5: the sum of four uniform bytes.
+#[inline(always)]
+fn gaussian(bits: u32) -> f32 {
+    let pairs = (bits & 0x00ff_00ff) + ((bits >> 8) & 0x00ff_00ff);
+    let sum = (pairs & 0xffff) + (pairs >> 16);
+    (sum as i32 as f32 - 510.0) * (1.0 / 147.8)
+}
