@@ -107,7 +107,7 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
                     reply: Some(reply.clone()),
                 }));
                 if !settled {
-                    continue; // whoever asked asks again, and is answered when it is done
+                    continue; // the ground repeats an unanswered stop; the repeat gets the answer
                 }
                 desk.remember(&reply);
                 reply
