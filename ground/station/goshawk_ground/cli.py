@@ -14,7 +14,7 @@ from goshawk_dashboards.snapshot import FLYING, CommandView, Snapshot
 from rich.console import Console
 from rich.table import Table
 
-from goshawk_ground import doctor_command, log_commands
+from goshawk_ground import doctor_command, log_commands, trainer
 from goshawk_ground.dial import LinkError
 from goshawk_ground.keys import transfer_commands as keys_commands
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
@@ -39,7 +39,6 @@ from goshawk_ground.options import (
 from goshawk_ground.stop_file import state_folder
 from goshawk_ground.stop_latch import RESUME_S
 from goshawk_ground.stopping import stop_until_confirmed, wait_for_interrupt
-from goshawk_ground.trainer import run_trainer, trainer_installed
 
 app = typer.Typer(
     name="goshawk",
@@ -305,37 +304,12 @@ def review(
     dashboard.close()
 
 
-def _of_trainer(name: str, context: typer.Context) -> None:
-    if not trainer_installed():
-        fail(f"goshawk {name} needs the trainer (goshawk_train), which is not installed: make setup-train", NO_REPLY)
-    raise typer.Exit(run_trainer([name, *context.args]))
-
-
-@app.command(
-    add_help_option=False,
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-    epilog="Examples: goshawk dataset check data/train | goshawk dataset import SRC --out DIR",
-)
-def dataset(context: typer.Context) -> None:
-    """Data sets for training: check one, or import recordings. Says more with --help."""
-    _of_trainer("dataset", context)
-
-
-@app.command(
-    add_help_option=False,
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-    epilog="Example: goshawk train --config ground/train/configs/track.toml --data data/train --out runs/track",
-)
-def train(context: typer.Context) -> None:
-    """Train a policy; --resume goes on where it stopped. Says more with --help; `make train` does it all."""
-    _of_trainer("train", context)
-
-
 log_commands.register(app)
 doctor_command.register(app)
 keys_commands.register(app)
+trainer.register(app)
 
 
 def main() -> None:
     """Entry point."""
-    app()
+    app(prog_name="goshawk", obj=trainer.restart_with)
