@@ -49,7 +49,7 @@ $(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun
 
 setup: $(VENV)/.station build ## everything that the demo needs
 
-setup-train: $(VENV)/.train ## everything that training needs, `goshawk dataset` too
+setup-train: $(VENV)/.train ## everything that `goshawk train`, `dataset` and `campaign` need
 
 setup-rerun: $(VENV)/.rerun ## what `goshawk export --format rerun` needs (700 MB)
 
@@ -92,7 +92,7 @@ test: lint test-rust test-python ## exactly what CI runs
 
 bench: setup setup-train build ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
-	$(VENV)/bin/python -m goshawk_train.bench
+	$(VENV)/bin/goshawk train bench
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
 	$(VENV)/bin/python ground/station/benches/gate.py
@@ -104,7 +104,7 @@ train: $(VENV)/.train build ## data set, training and export of both policies (t
 	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1
 	target/release/goshawk-sim dataset --out data/val --scenes 12 --frames 128 --seed 900001
 	$(VENV)/bin/goshawk dataset check data/train --against data/val
-	$(VENV)/bin/python -m goshawk_train train --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/track --resume
-	$(VENV)/bin/python -m goshawk_train export --run runs/track --data data/val --out air/models/track.onnx
-	$(VENV)/bin/python -m goshawk_train train --config ground/train/configs/navigate.toml --data data/train --validation data/val --out runs/navigate --from runs/track --resume
-	$(VENV)/bin/python -m goshawk_train export --run runs/navigate --data data/val --out air/models/navigate.onnx
+	$(VENV)/bin/goshawk train run --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/track --resume
+	$(VENV)/bin/goshawk train export --run runs/track --data data/val --out air/models/track.onnx
+	$(VENV)/bin/goshawk train run --config ground/train/configs/navigate.toml --data data/train --validation data/val --out runs/navigate --from runs/track --resume
+	$(VENV)/bin/goshawk train export --run runs/navigate --data data/val --out air/models/navigate.onnx

@@ -72,7 +72,7 @@ pub enum PolicyError {
         source: ort::Error,
     },
     /// An ONNX model that was not exported as a policy.
-    #[error("policy {}: no contract in its metadata (key {METADATA_KEY}): export it with goshawk_train", path.display())]
+    #[error("policy {}: no contract in its metadata (key {METADATA_KEY}): export it with `goshawk train export`", path.display())]
     NoContract {
         /// The policy's file.
         path: PathBuf,

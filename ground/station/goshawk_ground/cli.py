@@ -15,7 +15,7 @@ from goshawk_dashboards.state.views import CommandView
 from rich.console import Console
 from rich.table import Table
 
-from goshawk_ground import doctor_command
+from goshawk_ground import doctor_command, trainer
 from goshawk_ground.commands import keys_transfer, logs
 from goshawk_ground.commands.options import (
     NO_REPLY,
@@ -40,7 +40,6 @@ from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
 from goshawk_ground.stop_file import state_folder
 from goshawk_ground.stop_latch import RESUME_S
 from goshawk_ground.stopping import stop_until_confirmed, wait_for_interrupt
-from goshawk_ground.trainer import run_trainer, trainer_installed
 
 app = typer.Typer(
     name="goshawk",
@@ -306,37 +305,12 @@ def review(
     dashboard.close()
 
 
-def _of_trainer(name: str, context: typer.Context) -> None:
-    if not trainer_installed():
-        fail(f"goshawk {name} needs the trainer (goshawk_train), which is not installed: make setup-train", NO_REPLY)
-    raise typer.Exit(run_trainer([name, *context.args]))
-
-
-@app.command(
-    add_help_option=False,
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-    epilog="Examples: goshawk dataset check data/train | goshawk dataset import SRC --out DIR",
-)
-def dataset(context: typer.Context) -> None:
-    """Data sets for training: check one, or import recordings. Says more with --help."""
-    _of_trainer("dataset", context)
-
-
-@app.command(
-    add_help_option=False,
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-    epilog="Example: goshawk train --config ground/train/configs/track.toml --data data/train --out runs/track",
-)
-def train(context: typer.Context) -> None:
-    """Train a policy; --resume goes on where it stopped. Says more with --help; `make train` does it all."""
-    _of_trainer("train", context)
-
-
 logs.register(app)
 doctor_command.register(app)
 keys_transfer.register(app)
+trainer.register(app)
 
 
 def main() -> None:
     """Entry point."""
-    app()
+    app(prog_name="goshawk", obj=trainer.restart_with)

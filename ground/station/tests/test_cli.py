@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -110,31 +111,74 @@ def test_an_unknown_option_is_wrong_usage() -> None:
     assert CliRunner().invoke(app, ["start", "--nosuch"]).exit_code == 2
 
 
-def test_dataset_is_the_trainers_command() -> None:
-    done = goshawk("dataset", "--help")
-    assert done.returncode == 0
-    assert "goshawk dataset check data/train --against data/val" in done.stdout
-    assert "goshawk dataset import" in done.stdout
+@pytest.mark.parametrize(
+    "command",
+    ["train run", "train validate", "train score", "train preview", "train export", "train bench", "dataset check",
+     "dataset import", "campaign flights", "campaign robustness", "campaign ablations"],
+)  # fmt: skip
+def test_the_trainers_commands_have_help_with_examples(command: str) -> None:
+    group, name = command.split()
+    assert name in CliRunner().invoke(app, [group, "--help"]).stdout
+    done = CliRunner().invoke(app, [group, name, "--help"])
+    assert done.exit_code == 0
+    assert f"goshawk {command}" in done.stdout.partition("Example")[2]
 
 
-def test_dataset_passes_words_and_status_through(tmp_path: Path) -> None:
+def test_the_trainers_words_and_status_come_through(tmp_path: Path) -> None:
     done = goshawk("dataset", "check", str(tmp_path))
     assert done.returncode == 2
     assert one_line(done.stderr).startswith(f"goshawk dataset check: {tmp_path} holds no dataset.json")
 
 
-def test_train_is_the_trainers_command(tmp_path: Path) -> None:
-    done = goshawk("train", "--help")
-    assert done.returncode == 0 and "--resume" in done.stdout
-    done = goshawk(
-        "train", "--config", str(tmp_path / "no.toml"), "--data", str(tmp_path), "--out", str(tmp_path / "run")
-    )
+def test_a_training_without_its_configuration_is_one_clear_line(tmp_path: Path) -> None:
+    missing = tmp_path / "no.toml"
+    done = goshawk("train", "run", "--config", str(missing), "--data", str(tmp_path), "--out", str(tmp_path / "run"))
     assert done.returncode == 2
-    assert "no.toml" in one_line(done.stderr)
+    assert one_line(done.stderr).startswith(f"goshawk train run: {missing}: ")
 
 
-def test_dataset_without_the_trainer_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("goshawk_ground.cli.trainer_installed", lambda: False)
-    done = CliRunner().invoke(app, ["dataset", "check", "data"])
+@pytest.mark.parametrize("arguments", [["--help"], ["status", "--help"], ["train", "--help"], ["campaign", "--help"]])
+def test_no_command_waits_for_torch_that_does_not_need_it(arguments: list[str]) -> None:
+    code = "import sys\nfrom goshawk_ground.cli import app\ntry: app(sys.argv[1:])\n"
+    code += "finally: print(*sorted({'torch', 'goshawk_train'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    loaded = done.stdout.splitlines()[-1].split()
+    assert "torch" not in loaded
+    assert ("goshawk_train" in loaded) == (arguments[0] in ("train", "campaign"))
+
+
+@pytest.mark.parametrize("group", ["train", "dataset", "campaign"])
+def test_without_the_trainer_its_help_and_its_commands_say_how_to_install_it(
+    group: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("goshawk_ground.trainer.PACKAGE", "goshawk_that_is_not_there")
+    helped = CliRunner().invoke(app, [group, "--help"])
+    assert helped.exit_code == 0
+    assert "make setup-train" in helped.stdout
+    done = CliRunner().invoke(app, [group, "any", "--option"])
     assert done.exit_code == 2
-    assert "make setup-train" in one_line(done.stderr)
+    assert one_line(done.stderr) == f"goshawk: no {group} any: the trainer is not installed: make setup-train"
+
+
+def test_a_library_that_the_trainer_lacks_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("goshawk_train")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    done = CliRunner().invoke(app, ["train", "validate", "--run", "run", "--data", "data"])
+    assert done.exit_code == 2
+    assert one_line(done.stderr) == "goshawk train validate: torch is not installed: make setup-train"
+
+
+def test_a_command_starts_again_once_with_the_settings_that_it_wants(tmp_path: Path) -> None:
+    script = tmp_path / "again.py"
+    script.write_text(
+        "import os, sys\n"
+        "from goshawk_ground.trainer import restart_with\n"
+        "print('here', flush=True)\n"
+        "restart_with({'GOSHAWK_A': '1', 'GOSHAWK_B': '2'})\n"
+        "print(os.environ['GOSHAWK_A'], os.environ['GOSHAWK_B'], *sys.argv[1:])\n"
+    )
+    command = [sys.executable, str(script), "x"]
+    environment = {**os.environ, "GOSHAWK_B": "own"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["here", "here", "1", "own", "x"]

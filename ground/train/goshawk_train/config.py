@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from goshawk_train.errors import TrainerError
 
-class ConfigError(ValueError):
+
+class ConfigError(TrainerError):
     """A configuration that cannot be used; the message names the field and what to do."""
 
 

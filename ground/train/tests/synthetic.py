@@ -9,9 +9,9 @@ import json
 from pathlib import Path
 
 import numpy as np
-from goshawk_train import geometry
 from goshawk_train.config import CameraConfig
-from goshawk_train.dataset.layout import View
+from goshawk_train.data.layout import View
+from goshawk_train.model import geometry
 from PIL import Image
 
 PERSON_RADIUS_M = 0.25

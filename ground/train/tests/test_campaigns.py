@@ -12,14 +12,16 @@ import time
 from pathlib import Path
 
 import pytest
-from goshawk_train import ablations, flights, robustness
-from goshawk_train.cli import main
+from command import goshawk
+from goshawk_train.campaigns import ablations, flights, robustness
 from goshawk_train.config import load_config
+from goshawk_train.model.card import FLIGHT_MARKS
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[3]
 SIMULATOR = ROOT / "target/release/goshawk-sim"
 MODELS = ROOT / "air/models"
+GOSHAWK = Path(sys.executable).with_name("goshawk")
 
 TABLE = """
 trials = 1
@@ -53,11 +55,11 @@ def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -
     table, markdown, out = tmp_path / "t.toml", tmp_path / "R.md", tmp_path / "out"
     models = shutil.copytree(MODELS, tmp_path / "models")
     table.write_text(TABLE)
-    begin, end = flights.MARKS
+    begin, end = FLIGHT_MARKS
     markdown.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
-    arguments = ["flights", "--table", str(table), "--models", str(models), "--out", str(out)]
+    arguments = ["campaign", "flights", "--table", str(table), "--models", str(models), "--out", str(out)]
     arguments += ["--markdown", str(markdown), "--simulator"]
-    assert main([*arguments, str(SIMULATOR)]) == 0
+    assert goshawk(*arguments, SIMULATOR).exit_code == 0
     text = markdown.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     report = json.loads((out / "navigation-slow-6-m-s.json").read_text())
@@ -66,7 +68,7 @@ def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -
     assert successes in (models / "navigate.md").read_text()
     assert (models / "track.md").read_text() == (MODELS / "track.md").read_text()
     # What was flown is not flown again: no simulator is needed.
-    assert main([*arguments, str(tmp_path / "none")]) == 0
+    assert goshawk(*arguments, tmp_path / "none").exit_code == 0
     assert markdown.read_text() == text
 
 
@@ -74,7 +76,7 @@ def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -
 def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp_path: Path) -> None:
     table = tmp_path / "t.toml"
     table.write_text(TABLE.replace("trials = 1", "trials = 1000"))
-    command = [sys.executable, "-m", "goshawk_train", "flights", "--table", str(table), "--simulator", str(SIMULATOR)]
+    command = [str(GOSHAWK), "campaign", "flights", "--table", str(table), "--simulator", str(SIMULATOR)]
     command += ["--models", str(MODELS), "--out", str(tmp_path / "out"), "--markdown", str(tmp_path / "R.md")]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would this
     flying = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -86,7 +88,7 @@ def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp
     flying.send_signal(number)
     message = flying.communicate(timeout=30)[1]
     assert flying.returncode == 130
-    assert message.splitlines()[-1] == "goshawk_train flights: interrupted; what is finished is kept"
+    assert message.splitlines()[-1] == "goshawk campaign flights: interrupted; what is finished is kept"
     end = time.monotonic() + 10
     while program(simulator) == SIMULATOR.name:
         assert time.monotonic() < end, "the simulator flies on"
@@ -135,7 +137,8 @@ def test_the_robustness_figure_shows_every_sweep(tmp_path: Path) -> None:
     sweeps, figure = tmp_path / "s.toml", tmp_path / "figure.png"
     sweeps.write_text(SWEEPS)
     arguments = ["--sweeps", str(sweeps), "--models", str(MODELS), "--out", str(tmp_path / "out")]
-    assert main(["robustness", *arguments, "--simulator", str(SIMULATOR), "--figure", str(figure)]) == 0
+    done = goshawk("campaign", "robustness", *arguments, "--simulator", SIMULATOR, "--figure", figure)
+    assert done.exit_code == 0
     with Image.open(figure) as picture:
         assert picture.width > 300
     kept = sorted(path.name for path in (tmp_path / "out").iterdir())
@@ -187,10 +190,10 @@ scenes = 1
 def test_ablations_are_trained_flown_once_and_written_between_the_marks(tmp_path: Path) -> None:
     plan, markdown, out = tmp_path / "p.toml", tmp_path / "R.md", tmp_path / "out"
     plan.write_text(PLAN.format(config=ROOT / "ground/train/configs/track.toml"))
-    arguments = ["ablations", "--plan", str(plan), "--out", str(out), "--markdown", str(markdown)]
+    arguments = ["campaign", "ablations", "--plan", str(plan), "--out", str(out), "--markdown", str(markdown)]
     arguments += ["--runs", str(tmp_path / "runs"), "--simulator"]
-    assert main([*arguments, str(SIMULATOR), "--only", "half-as-wide-one-scene"]) == 0
-    assert main([*arguments, str(SIMULATOR)]) == 0
+    assert goshawk(*arguments, SIMULATOR, "--only", "half-as-wide-one-scene").exit_code == 0
+    assert goshawk(*arguments, SIMULATOR).exit_code == 0
     text = markdown.read_text()
     none, half = (json.loads((out / f"{name}.json").read_text()) for name in ("none", "half-as-wide-one-scene"))
     assert text.index("| none | ") < text.index("| Half as wide, one scene | ")
@@ -198,7 +201,7 @@ def test_ablations_are_trained_flown_once_and_written_between_the_marks(tmp_path
     assert half["parameters"] < none["parameters"] / 3
     assert "2 x 16 frames" in none["data"] and "1 x 16 frames" in half["data"]
     # What was trained and flown is not trained again: no simulator is needed.
-    assert main([*arguments, str(tmp_path / "none")]) == 0
+    assert goshawk(*arguments, tmp_path / "none").exit_code == 0
     assert markdown.read_text() == text
 
 
@@ -223,9 +226,10 @@ def test_an_ablation_changes_a_field_that_there_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["flights", "robustness", "ablations"])
-def test_a_bad_table_is_one_clear_line(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_table_is_one_clear_line(command: str, tmp_path: Path) -> None:
     bad = tmp_path / "bad.toml"
     bad.write_text("trials = 'many'")
     option = {"flights": "--table", "robustness": "--sweeps", "ablations": "--plan"}[command]
-    assert main([command, option, str(bad), "--out", str(tmp_path / "out")]) != 0
-    assert str(bad) in capsys.readouterr().err
+    done = goshawk("campaign", command, option, bad, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"goshawk campaign {command}: {bad} ") and done.stderr.count("\n") == 1

@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goshawk_train import geometry
-from goshawk_train.dataset import check, cli, layout, ply
-from goshawk_train.dataset.findings import Finding
+from command import goshawk
+from goshawk_train.data import layout, ply
+from goshawk_train.data.check.findings import Finding
+from goshawk_train.data.check.report import check
+from goshawk_train.model import geometry
 
 SCENE = "scene_0001"
 
@@ -173,11 +175,11 @@ DAMAGES: list[tuple[Callable[[Path], None], str]] = [
 
 
 def errors(root: Path) -> list[Finding]:
-    return check.check(root).errors
+    return check(root).errors
 
 
 def test_good_data_pass(dataset: Path) -> None:
-    report = check.check(dataset)
+    report = check(dataset)
     assert report.findings == []
     figures = report.figures()
     assert (figures["scenes"], figures["frames"]) == (2, 24)
@@ -274,39 +276,41 @@ def test_a_mistake_of_convention_is_recognised(copy: Path, mistake: Callable[[Pa
 
 def test_a_scene_in_both_data_sets_is_a_leak(dataset: Path, copy: Path) -> None:
     shutil.rmtree(copy / "scene_0000")
-    found = check.check(dataset, against=copy).errors
+    found = check(dataset, against=copy).errors
     assert [(f.kind, f.where) for f in found] == [("leak", SCENE)]
     assert f"the same map and poses as {SCENE} of {copy}" in found[0].what
 
 
 def test_an_interrupted_data_set_is_noticed(copy: Path) -> None:
     shutil.rmtree(copy / "scene_0000")
-    assert [f.line() for f in check.check(copy).findings] == [
+    assert [f.line() for f in check(copy).findings] == [
         "warning: copy: 1 scenes, dataset.json says 2 → "
         "let the command that makes the data set finish: it goes on where it stopped"
     ]
 
 
-def test_command_prints_findings_a_table_and_a_picture(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_prints_findings_a_table_and_a_picture(copy: Path) -> None:
     black_image(copy / SCENE)
-    assert cli.main(["check", str(copy), "--json", str(copy / "report.json")]) == cli.UNFIT
-    out = capsys.readouterr().out
-    assert out.startswith(f"error: {SCENE}: frame 3: the image is black → ")
-    assert out.splitlines()[-2].split() == ["errors", "1"]
+    done = goshawk("dataset", "check", copy, "--json", copy / "report.json")
+    assert done.exit_code == 1
+    assert done.stdout.startswith(f"error: {SCENE}: frame 3: the image is black → ")
+    assert done.stdout.splitlines()[-2].split() == ["errors", "1"]
     assert (copy / "contact-sheet.png").read_bytes().startswith(b"\x89PNG")
     report = json.loads((copy / "report.json").read_text())
     assert report["findings"][0]["kind"] == "image-black" and report["findings"][0]["frames"] == [3]
     assert sum(map(sum, report["histograms"]["image"])) > 0
 
 
-def test_no_data_set_is_one_line_and_status_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["check", str(tmp_path)]) == cli.UNUSABLE
-    assert "holds no dataset.json" in capsys.readouterr().err
+def test_no_data_set_is_one_line_and_status_2(tmp_path: Path) -> None:
+    done = goshawk("dataset", "check", tmp_path)
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"goshawk dataset check: {tmp_path} holds no dataset.json")
+    assert done.stderr.count("\n") == 1
 
 
-def test_the_check_needs_no_torch() -> None:
-    code = "import sys; from goshawk_train.dataset import cli; from goshawk_train.cli import main\n"
-    code += "try: main(['dataset', '--help'])\nfinally: print('torch' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
-    assert done.stdout.splitlines()[-1] == "False"
-    assert "goshawk dataset import" in done.stdout
+def test_the_check_needs_no_torch(tmp_path: Path) -> None:
+    code = "import sys; from goshawk_ground.cli import app\n"
+    code += "try: app(sys.argv[1:])\nfinally: print('torch' in sys.modules)"
+    command = [sys.executable, "-c", code, "dataset", "check", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert (done.returncode, done.stdout) == (2, "False\n")

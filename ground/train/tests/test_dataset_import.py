@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goshawk_train import data, geometry
+from command import goshawk
 from goshawk_train.config import Config
-from goshawk_train.dataset import DataError, check, cli, foreign, importer, layout
-from goshawk_train.dataset.foreign import Format
-from goshawk_train.dataset.ground import estimate_ground
-from goshawk_train.dataset.layout import Bounds
-from goshawk_train.dataset.ply import read_ply, write_ply
-from goshawk_train.dataset.poses import target_in_camera
-from goshawk_train.dataset.resample import OURS, Intrinsics, Resampler
+from goshawk_train.data import DataError, batches, layout
+from goshawk_train.data.check.poses import target_in_camera
+from goshawk_train.data.check.report import check
+from goshawk_train.data.foreign import importer, yopo
+from goshawk_train.data.foreign.ground import estimate_ground
+from goshawk_train.data.foreign.resample import OURS, Intrinsics, Resampler
+from goshawk_train.data.foreign.yopo import Format
+from goshawk_train.data.layout import Bounds
+from goshawk_train.data.ply import read_ply, write_ply
+from goshawk_train.model import geometry
 from PIL import Image
 from synthetic import write_foreign
 
@@ -42,13 +45,13 @@ def copy(source: Path, tmp_path: Path) -> Path:
 
 
 def test_imported_scenes_pass_the_check(imported: Path) -> None:
-    report = check.check(imported)
+    report = check(imported)
     assert report.findings == []
     assert report.figures()["frames"] == 2 * FRAMES
 
 
 def test_imported_scenes_are_what_the_trainer_reads(imported: Path, config: Config) -> None:
-    frames, maps = data.load(imported, config)
+    frames, maps = batches.load(imported, config)
     assert frames.rgb_FHW3.shape == (2 * FRAMES, 96, 160, 3)
     assert len(maps.base_S) == 2
     assert layout.describe(imported) == "ours: 2 scenes imported from dataset"
@@ -88,7 +91,7 @@ def test_an_import_keeps_finished_scenes(source: Path, tmp_path: Path) -> None:
     second = importer.import_scenes(source, out, Format())
     assert (first.imported, first.kept, second.imported, second.kept) == (2, 0, 1, 1)
     assert (out / "scene_0000" / "rgb.npy").stat().st_mtime_ns == stamp
-    assert check.check(out).findings == []
+    assert check(out).findings == []
 
 
 def test_a_failed_scene_leaves_nothing_and_the_next_try_goes_on(copy: Path, tmp_path: Path) -> None:
@@ -116,7 +119,7 @@ def test_other_conventions_are_converted(copy: Path, tmp_path: Path) -> None:
     lines = (folder / "labels.csv").read_text().splitlines()[1:]
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
     flip = np.diag([1.0, -1, -1])
-    attitude = flip @ geometry.matrix_from_quaternion(table[:, 3:7]) @ foreign.CAMERAS["rdf"].T
+    attitude = flip @ geometry.matrix_from_quaternion(table[:, 3:7]) @ yopo.CAMERAS["rdf"].T
     table[:, 3:7] = np.roll(geometry.quaternion_from_matrix(attitude), -1, axis=1)
     table[:, 0:3], table[:, 7:10] = table[:, 0:3] @ flip, table[:, 7:10] @ flip
     np.savetxt(folder / "labels.csv", table, delimiter=",", header=",".join(form.columns), comments="")
@@ -131,7 +134,7 @@ def test_other_conventions_are_converted(copy: Path, tmp_path: Path) -> None:
             coarse = np.rint(np.asarray(image) / 10).astype(np.uint16)
         Image.fromarray(coarse).save(path)
     importer.import_scenes(copy, tmp_path / "out", form)
-    assert check.check(tmp_path / "out").findings == []
+    assert check(tmp_path / "out").findings == []
 
 
 def test_a_wrong_convention_is_refused_by_name(copy: Path, tmp_path: Path) -> None:
@@ -211,12 +214,29 @@ def test_a_cloud_without_ground_needs_one(copy: Path, tmp_path: Path) -> None:
         importer.import_scenes(copy, tmp_path / "out", Format())
     (copy / "scene-0" / "ground.json").write_text('{"cell_m": 10.0, "min_xy": [-15, -15]}')
     importer.import_scenes(copy, tmp_path / "out", Format())
-    assert check.check(tmp_path / "out").findings == []
+    assert check(tmp_path / "out").findings == []
 
 
-def test_too_narrow_a_camera_is_refused(source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["import", str(source), "--out", str(tmp_path / "out"), "--hfov-deg", "60"]) == cli.UNUSABLE
-    assert "see only 57 % of our width" in capsys.readouterr().err
+def test_too_narrow_a_camera_is_refused(source: Path, tmp_path: Path) -> None:
+    done = goshawk("dataset", "import", source, "--out", tmp_path / "out", "--hfov-deg", 60)
+    assert done.exit_code == 2
+    assert "see only 57 % of our width" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [("--hfov-deg", "175"), ("--depth-unit-mm", "0"), ("--fx", "nan"), ("--fx", "300"), ("--columns", "x,y"),
+     ("--world", "enu"), ("--camera", "flr")],
+)  # fmt: skip
+def test_an_option_that_cannot_be_is_wrong_usage(wrong: tuple[str, str], source: Path, tmp_path: Path) -> None:
+    done = goshawk("dataset", "import", source, "--out", tmp_path / "out", *wrong)
+    assert done.exit_code == 2 and "Error" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_columns_are_given_in_any_order(copy: Path, tmp_path: Path) -> None:
+    done = goshawk("dataset", "import", copy, "--out", tmp_path / "out", "--columns", ", ".join(yopo.COLUMNS))
+    assert done.exit_code == 0 and f"next: goshawk dataset check {tmp_path / 'out'}" in done.stdout
 
 
 def test_resampling_keeps_the_optical_axis_and_the_field_of_view() -> None:

@@ -7,11 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from goshawk_train import quintic
 from goshawk_train.config import Config
-from goshawk_train.costs import CostModel, Situation, boundary_vectors
-from goshawk_train.decode import Decoder
-from goshawk_train.esdf import VOXEL_M, SceneGrid, SceneMaps, signed_distance
+from goshawk_train.costs.batch import Situation
+from goshawk_train.costs.esdf import VOXEL_M, SceneGrid, SceneMaps, signed_distance
+from goshawk_train.costs.trajectory import CostModel, boundary_vectors
+from goshawk_train.model import quintic
+from goshawk_train.model.decode import Decoder
 
 F64 = torch.float64
 

@@ -7,9 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from goshawk_train import data
 from goshawk_train.config import Config
-from goshawk_train.esdf import DEEP_VOXELS, FAR_VOXELS, VOXEL_M, SceneGrid, SceneMaps, grid_from_points, signed_distance
+from goshawk_train.costs.esdf import (
+    DEEP_VOXELS,
+    FAR_VOXELS,
+    VOXEL_M,
+    SceneGrid,
+    SceneMaps,
+    grid_from_points,
+    signed_distance,
+)
+from goshawk_train.data import DataError, batches
 
 
 def brute_force(occupied: np.ndarray) -> np.ndarray:
@@ -90,5 +98,5 @@ def test_scene_without_obstacles_is_far_from_everything() -> None:
 
 
 def test_missing_dataset_says_how_to_make_one(config: Config, tmp_path: Path) -> None:
-    with pytest.raises(data.DataError, match="goshawk-sim dataset"):
-        data.load(tmp_path, config)
+    with pytest.raises(DataError, match="goshawk-sim dataset"):
+        batches.load(tmp_path, config)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goshawk_train.dataset import DataError
-from goshawk_train.dataset.ply import read_ply, write_ply
-from goshawk_train.dataset.raymap import voxel_centres
+from goshawk_train.data import DataError
+from goshawk_train.data.ply import read_ply, write_ply
+from goshawk_train.data.raymap import voxel_centres
 
 POINTS = np.array([[1.5, -2.0, 0.25], [0.0, 3.0, -1.0]], dtype=np.float32)
 HEAD = "element vertex 2\nproperty float x\nproperty float y\nproperty float z\n"

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from goshawk_train import augment, data, geometry, sampling
-from goshawk_train.assign import assign
 from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
-from goshawk_train.decode import Decoder
-from goshawk_train.network import Policy, cell_state_matrix
+from goshawk_train.costs.assign import assign
+from goshawk_train.data import augment, batches, sampling
+from goshawk_train.model import geometry
+from goshawk_train.model.decode import Decoder
+from goshawk_train.model.network import Policy, cell_state_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -192,10 +193,10 @@ def test_blanking_takes_rgb_or_depth_never_both(config: Config) -> None:
 
 def test_mirrored_sample_is_the_mirror_image_with_the_same_world(config: Config, dataset: Path) -> None:
     """The target, seen in the mirrored frame and mapped back, is where it was; pixels follow it."""
-    frames, _ = data.load(dataset, config)
-    plain = data.make_batch(frames, np.arange(8), np.random.default_rng(0), config, training=False)
+    frames, _ = batches.load(dataset, config)
+    plain = batches.make_batch(frames, np.arange(8), np.random.default_rng(0), config, training=False)
     for seed in range(20):
-        flipped = data.make_batch(frames, np.arange(8), np.random.default_rng(seed), config, training=True)
+        flipped = batches.make_batch(frames, np.arange(8), np.random.default_rng(seed), config, training=True)
         mirrored = torch.linalg.det(flipped.world_from_net_B33) < 0
         if mirrored.any() and not mirrored.all():
             break

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from goshawk_train import preprocess
 from goshawk_train.config import DepthConfig
+from goshawk_train.data import preprocess
 
 VECTORS = Path(__file__).parents[3] / "tests" / "vectors" / "preprocess.json"
 RULES = DepthConfig(min_m=0.2, max_m=20.0, fill_passes=2)

@@ -15,21 +15,27 @@ import onnxruntime
 import pytest
 import torch
 import torch.nn.functional as F
-from goshawk_train import checkpoint, cli, data, export, score, train, validate
-from goshawk_train.beginning import Beginning, normalise, of_policy, of_run
+from command import goshawk
 from goshawk_train.config import Config, config_to_dict, replace_training
-from goshawk_train.network import TRAJECTORY_CHANNELS, Policy
+from goshawk_train.costs.esdf import SceneMaps
+from goshawk_train.costs.trajectory import CostTerms
+from goshawk_train.data import batches
+from goshawk_train.model import checkpoint, export
+from goshawk_train.model.card import CONTRACT_KEY
+from goshawk_train.model.network import TRAJECTORY_CHANNELS, Policy
+from goshawk_train.run import score, train, validate
+from goshawk_train.run.beginning import Beginning, normalise, of_policy, of_run
 
 SIMULATOR = Path(__file__).parents[3] / "target" / "release" / "goshawk-sim"
 GOLDEN_LOSSES = [218.376, 256.404, 202.591, 190.028]
 
 
 @pytest.fixture(scope="module")
-def loaded(small: Config, dataset: Path) -> tuple[data.Frames, data.SceneMaps]:
-    return data.load(dataset, small)
+def loaded(small: Config, dataset: Path) -> tuple[batches.Frames, SceneMaps]:
+    return batches.load(dataset, small)
 
 
-def trainer(config: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> train.Trainer:
+def trainer(config: Config, loaded: tuple[batches.Frames, SceneMaps]) -> train.Trainer:
     return train.Trainer(config, *loaded, data_name="synthetic")
 
 
@@ -46,7 +52,7 @@ def write_config(config: Config, folder: Path) -> Path:
     return path
 
 
-def test_network_fits_a_few_frames(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
+def test_network_fits_a_few_frames(small: Config, loaded: tuple[batches.Frames, SceneMaps]) -> None:
     """Without augmentation; the states are new in each step, so it is no plain memory."""
     plain = dataclasses.replace(small.augment, hue_rad=0.0, saturation=0.0, value=0.0, noise=0.0)
     plain = dataclasses.replace(plain, blank_rgb=0.0, blank_depth=0.0, flip=0.0)
@@ -61,7 +67,7 @@ def test_network_fits_a_few_frames(small: Config, loaded: tuple[data.Frames, dat
 
 
 def test_resumed_run_repeats_the_uninterrupted_one(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     torch.use_deterministic_algorithms(True)
     try:
@@ -80,12 +86,12 @@ def test_resumed_run_repeats_the_uninterrupted_one(
 
 
 def beginning(run: train.Trainer, folder: Path) -> Beginning:
-    checkpoint.save(folder / train.CHECKPOINT, run.snapshot())
-    return of_run(folder / train.CHECKPOINT)
+    checkpoint.save(folder / checkpoint.FILE, run.snapshot())
+    return of_run(folder / checkpoint.FILE)
 
 
 def test_run_begins_with_another_runs_averaged_weights(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     first = train.Trainer(small, *loaded, data_name="a")
     for _ in range(3):
@@ -100,7 +106,7 @@ def test_run_begins_with_another_runs_averaged_weights(
 
 
 def test_a_navigation_begins_with_a_chases_trajectories_and_a_chase_with_a_navigations(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     chase = train.Trainer(small, *loaded, data_name="a")
     chase.advance()
@@ -118,7 +124,7 @@ def test_a_navigation_begins_with_a_chases_trajectories_and_a_chase_with_a_navig
 
 
 def test_a_network_of_other_widths_is_nothing_to_begin_from(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     first = train.Trainer(small, *loaded, data_name="a")
     network = dataclasses.replace(small.network, head_channels=small.network.head_channels + 1)
@@ -128,7 +134,7 @@ def test_a_network_of_other_widths_is_nothing_to_begin_from(
 
 
 def test_a_policys_file_is_gone_on_with_as_if_never_folded(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     first = trainer(small, loaded)
     for _ in range(12):
@@ -150,20 +156,20 @@ def test_a_policys_file_is_gone_on_with_as_if_never_folded(
 
 @pytest.mark.parametrize("content", [None, b"", b"no model", onnx.ModelProto().SerializeToString()])
 def test_a_file_that_is_no_policy_of_ours_is_one_line(
-    content: bytes | None, small: Config, dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    content: bytes | None, small: Config, dataset: Path, tmp_path: Path
 ) -> None:
     file = tmp_path / "policy.onnx"
     if content is not None:
         file.write_bytes(content)
     config = write_config(small, tmp_path)
-    command = ["train", "--config", str(config), "--data", str(dataset), "--out", str(tmp_path / "run")]
-    assert cli.main([*command, "--from", str(file)]) == 2
-    message = capsys.readouterr().err
-    assert message.count("\n") == 1 and str(file) in message
+    run = tmp_path / "run"
+    done = goshawk("train", "run", "--config", config, "--data", dataset, "--out", run, "--from", file)
+    assert done.exit_code == 2
+    assert done.stderr.count("\n") == 1 and str(file) in done.stderr
 
 
 def test_checkpoint_of_another_configuration_is_refused(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps]
+    small: Config, loaded: tuple[batches.Frames, SceneMaps]
 ) -> None:
     saved = trainer(small, loaded).snapshot()
     other = trainer(dataclasses.replace(small, seed=2), loaded)
@@ -188,12 +194,12 @@ def test_schedule_warms_up_and_ends_at_one_percent() -> None:
 
 def test_epochs_visit_every_frame_once() -> None:
     for epoch in range(3):
-        assert sorted(data.epoch_order(50, seed=1, epoch=epoch)) == list(range(50))
-    assert not np.array_equal(data.epoch_order(50, seed=1, epoch=0), data.epoch_order(50, seed=1, epoch=1))
+        assert sorted(batches.epoch_order(50, seed=1, epoch=epoch)) == list(range(50))
+    assert not np.array_equal(batches.epoch_order(50, seed=1, epoch=0), batches.epoch_order(50, seed=1, epoch=1))
 
 
 def test_exported_policy_carries_the_contract_and_agrees_with_torch(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     run = trainer(small, loaded)
     for _ in range(3):
@@ -201,7 +207,7 @@ def test_exported_policy_carries_the_contract_and_agrees_with_torch(
     path = tmp_path / "track.onnx"
     export.export(run.snapshot(), path, commit="abc")
     model = onnx.load(str(path))
-    assert [p.key for p in model.metadata_props] == [export.CONTRACT_KEY]
+    assert [p.key for p in model.metadata_props] == [CONTRACT_KEY]
     agreed = json.loads(model.metadata_props[0].value)
     assert agreed["version"] == 1 and agreed["task"] == "track"
     assert agreed["state"] == ["velocity", "acceleration", "up", "aim", "agility"]
@@ -218,7 +224,7 @@ def test_exported_policy_carries_the_contract_and_agrees_with_torch(
 
 
 def test_a_tracking_run_exports_its_trajectories_for_navigation(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     run = trainer(small, loaded)
     run.advance()
@@ -234,8 +240,17 @@ def test_a_tracking_run_exports_its_trajectories_for_navigation(
         np.testing.assert_allclose(np.asarray(got), whole(rgbd, state)[:, :10].numpy(), rtol=1e-4, atol=1e-5)
 
 
+def test_the_costs_logged_are_the_parts_of_the_trajectorys_and_all_of_them(
+    small: Config, loaded: tuple[batches.Frames, SceneMaps]
+) -> None:
+    parts = trainer(small, loaded).advance()
+    names = {name.removesuffix("_BN") for name in CostTerms.__dataclass_fields__} - {"min_distance", "pos_rel_BNK3"}
+    assert set(parts) >= names and len(names) == 8
+    torch.testing.assert_close(torch.stack([parts[name] for name in names]).sum(), parts["trajectory"])
+
+
 def test_validation_measures_detection_collisions_and_cost_ranking(
-    small: Config, dataset: Path, loaded: tuple[data.Frames, data.SceneMaps]
+    small: Config, dataset: Path, loaded: tuple[batches.Frames, SceneMaps]
 ) -> None:
     validator = validate.Validator(small, dataset)
     first = validator.evaluate_state(trainer(small, loaded).snapshot())
@@ -249,31 +264,37 @@ def test_validation_measures_detection_collisions_and_cost_ranking(
 def test_command_line_trains_stops_and_resumes(small: Config, dataset: Path, tmp_path: Path) -> None:
     config = write_config(small, tmp_path)
     out = tmp_path / "run"
-    common = ["train", "--config", str(config), "--data", str(dataset), "--out", str(out), "--samples", "24"]
-    assert cli.main(common) == 0
-    assert checkpoint.load(out / train.CHECKPOINT).step == 3
-    assert cli.main(common) == 2, "an existing run is not overwritten"
-    assert cli.main([*common, "--resume"]) == 0
+    common = ["train", "run", "--config", config, "--data", dataset, "--out", out, "--samples", 24]
+    assert goshawk(*common).exit_code == 0
+    assert checkpoint.load(out / checkpoint.FILE).step == 3
+    assert goshawk(*common).exit_code == 2, "an existing run is not overwritten"
+    assert goshawk(*common, "--resume").exit_code == 0
     policy = tmp_path / "models" / "track.onnx"
-    assert cli.main(["export", "--run", str(out), "--data", str(dataset), "--out", str(policy)]) == 0
+    assert goshawk("train", "export", "--run", out, "--data", dataset, "--out", policy).exit_code == 0
     card = policy.with_suffix(".md").read_text()
-    assert policy.is_file() and "recall" in card and checkpoint.load(out / train.CHECKPOINT).hardware in card
+    assert policy.is_file() and "recall" in card and checkpoint.load(out / checkpoint.FILE).hardware in card
     assert hashlib.sha256(policy.read_bytes()).hexdigest() in card
     assert train.ALONE.hardware().endswith(("thread", "threads"))
-    assert cli.main(["preview", "--run", str(out), "--data", str(dataset), "--out", str(tmp_path / "p.png")]) == 0
+    measured = goshawk("train", "validate", "--run", out, "--data", dataset, "--json", tmp_path / "m.json")
+    assert measured.exit_code == 0 and measured.stdout.startswith("step 3, 24 samples\n")
+    assert "recall" in json.loads((tmp_path / "m.json").read_text())
+    preview = ["train", "preview", "--run", out, "--data", dataset, "--out", tmp_path / "p.png"]
+    assert goshawk(*preview).exit_code == 0
     assert (tmp_path / "p.png").stat().st_size > 1000
+    many = goshawk(*preview, "--count", 1000)
+    assert (many.exit_code, many.stderr.count("\n")) == (2, 1) and "has 24 frames, not 1000" in many.stderr
 
 
 def test_navigation_trains_without_a_target(navigate: Config, small: Config, dataset: Path) -> None:
     config = dataclasses.replace(navigate, training=small.training, network=small.network)
-    run = trainer(config, data.load(dataset, config))
+    run = trainer(config, batches.load(dataset, config))
     losses = [run.advance() for _ in range(30)]
     assert np.mean([float(p["loss"]) for p in losses[-5:]]) < np.mean([float(p["loss"]) for p in losses[:5]])
     metrics = validate.Validator(config, dataset).evaluate_state(run.snapshot())
     assert "term_goal" in metrics and "recall" not in metrics
 
 
-def test_first_losses_are_those_written_down(small: Config, loaded: tuple[data.Frames, data.SceneMaps]) -> None:
+def test_first_losses_are_those_written_down(small: Config, loaded: tuple[batches.Frames, SceneMaps]) -> None:
     """A change of costs, sampling or network shows here. Where one is meant, the new ones are written down."""
     run = trainer(small, loaded)
     losses = [float(run.advance()["loss"]) for _ in range(4)]
@@ -284,18 +305,19 @@ def test_two_processes_train_as_one(small: Config, dataset: Path, tmp_path: Path
     config = write_config(small, tmp_path)
     out = tmp_path / "run"
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
-    command += ["-m", "goshawk_train", "train", "--config", str(config), "--data", str(dataset), "--out", str(out)]
+    command += ["--no-python", str(Path(sys.executable).with_name("goshawk")), "train", "run", "--config", str(config)]
+    command += ["--data", str(dataset), "--out", str(out)]
     done = subprocess.run([*command, "--samples", "32", "--threads", "1"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("steps 0..2 of 16") == 1, done.stdout
-    assert checkpoint.load(out / train.CHECKPOINT).step == 2
+    assert checkpoint.load(out / checkpoint.FILE).step == 2
 
 
 def test_gradients_are_averaged_over_processes(tmp_path: Path) -> None:
     script = tmp_path / "average.py"
     script.write_text(
         "import torch\n"
-        "from goshawk_train import workers\n"
+        "from goshawk_train.run import workers\n"
         "here = workers.join()\n"
         "p = torch.nn.Parameter(torch.zeros(3))\n"
         "p.grad = torch.full((3,), float(2 * here.rank))\n"
@@ -310,7 +332,7 @@ def test_gradients_are_averaged_over_processes(tmp_path: Path) -> None:
 
 
 def test_score_flies_campaigns_in_both_tasks(
-    small: Config, loaded: tuple[data.Frames, data.SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:
     run = trainer(small, loaded)
     run.advance()

@@ -1,0 +1,181 @@
+"""What matters: trainings from nothing that differ in one thing, each flown in the same small campaigns.
+
+`configs/ablations.toml` lists them. A change that was trained and flown is not trained again, a training that was
+stopped is gone on with, and several processes may share the work (`--only`).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from goshawk_train.campaigns.flights import FAILURES, FlightsError, Row, fly
+from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
+
+MARKS = ("<!-- ablations: begin -->", "<!-- ablations: end -->")
+METRICS = ("collide_cheapest", "aim_missed_p50", "cost_rank", "recall", "false_alarm_empty", "lateral_error_p50")
+"""Of the held-out scenes, what the table shows (`validate`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One training: what differs from the configuration."""
+
+    name: str
+    set: dict[str, Any] = field(default_factory=dict)
+    """Fields of the configuration, by their dotted names."""
+    scenes: int | None = None
+    """Of the data set, instead of the plan's."""
+
+    @property
+    def slug(self) -> str:
+        """The name, for files."""
+        return re.sub(r"[^a-z0-9.]+", "-", self.name.lower()).strip("-")
+
+    def apply(self, config: Config) -> Config:
+        """The configuration with this change; raises `ConfigError` for a field that there is not."""
+        table = config_to_dict(config)
+        for name, value in self.set.items():
+            *path, last = name.split(".")
+            part: Any = table
+            for key in path:
+                part = part.get(key) if isinstance(part, dict) else None
+            if not isinstance(part, dict) or last not in part:
+                raise ConfigError(f"{self.name}: there is no field {name}")
+            part[last] = value
+        return config_from_dict(table)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What all trainings share."""
+
+    config: Config
+    samples: int
+    scenes: int
+    frames: int
+    trials: int
+    seed: int
+    campaigns: list[Row]
+    changes: list[Change]
+
+    def only(self, names: list[str]) -> Plan:
+        """With the named changes alone; raises `FlightsError` for one that there is not."""
+        known = {change.slug: change for change in self.changes}
+        if unknown := [name for name in names if name not in known]:
+            raise FlightsError(f"no change is named {', '.join(unknown)}; there are {', '.join(known)}")
+        return Plan(**{**vars(self), "changes": [known[name] for name in names]}) if names else self
+
+    def trained(self, change: Change) -> Config:
+        """The configuration of a training; the number of threads is the machine's business."""
+        table = config_to_dict(change.apply(self.config))
+        table["training"] |= {"samples": self.samples, "threads": 1}
+        return config_from_dict(table)
+
+
+def load(path: Path) -> Plan:
+    """The plan in a TOML file; raises `FlightsError`."""
+    try:
+        table = tomllib.loads(path.read_text())
+        numbers = {name: int(table[name]) for name in ("samples", "scenes", "frames", "trials", "seed")}
+        campaigns = [Row(**row) for row in table["campaign"]]
+        changes = [Change(**change) for change in table["change"]]
+        shared = Change(name=path.name, set=table.get("set", {}))
+        config = shared.apply(load_config(path.parent / table["config"]))
+        plan = Plan(config=config, campaigns=campaigns, changes=changes, **numbers)
+        for change in changes:
+            plan.trained(change)
+    except (OSError, tomllib.TOMLDecodeError, ConfigError, KeyError, AttributeError, TypeError, ValueError) as error:
+        raise FlightsError(f"{path} lists no ablations: {error}") from error
+    return plan
+
+
+def data_set(simulator: Path, folder: Path, *, scenes: int, frames: int, seed: int) -> Path:
+    """A data set of the simulator, made or gone on with; finished scenes are kept."""
+    command = [str(simulator), "dataset", "--out", str(folder), "--scenes", str(scenes), "--frames", str(frames)]
+    try:
+        made = subprocess.run([*command, "--seed", str(seed)], check=False).returncode == 0
+    except OSError as error:
+        raise FlightsError(f"cannot run {simulator}: {error.strerror}; build it with `make build`") from error
+    if not made:
+        raise FlightsError(f"{folder}: the data set was not made; the message is above")
+    return folder
+
+
+def kept(plan: Plan, change: Change, folder: Path) -> dict[str, Any] | None:
+    """What this very training flew before, if it did."""
+    path = folder / f"{change.slug}.json"
+    if not path.exists():
+        return None
+    result = json.loads(path.read_text())
+    return result if result["identity"] == identity(plan, change) else None
+
+
+def identity(plan: Plan, change: Change) -> dict[str, Any]:
+    """What a result depends on, besides the simulator."""
+    campaigns = [row.arguments(plan.trials, plan.seed) for row in plan.campaigns]
+    config = json.loads(json.dumps(config_to_dict(plan.trained(change))))
+    return {"config": config, "scenes": change.scenes or plan.scenes, "frames": plan.frames, "campaigns": campaigns}
+
+
+def carry_out(plan: Plan, change: Change, folder: Path, runs: Path, simulator: Path) -> dict[str, Any] | None:
+    """Train and fly one change, and keep what came of it in `folder`; None if a signal stopped the training."""
+    from goshawk_train.model import checkpoint, export
+    from goshawk_train.model.network import Policy, parameter_count
+    from goshawk_train.run import train, validate
+
+    if known := kept(plan, change, folder):
+        return known
+    scenes = change.scenes or plan.scenes
+    data = data_set(simulator, runs / f"data-{scenes}", scenes=scenes, frames=plan.frames, seed=1)
+    held_out = data_set(simulator, runs / "data-validation", scenes=12, frames=plan.frames, seed=900_001)
+    config, out = plan.trained(change), runs / change.slug
+    print(f"{change.name}: {out}", flush=True)
+    if not train.run(config, data, out, train.RunOptions(resume=True)):
+        return None
+    saved = checkpoint.load(out / checkpoint.FILE)
+    network = Policy(saved.config)
+    checkpoint.load_weights(network, saved)
+    metrics = validate.Validator(saved.config, held_out).evaluate(network)
+    export.export(saved, out / "track.onnx", commit=export.current_commit())
+    export.export(export.for_navigation(saved), out / "navigate.onnx", commit=export.current_commit())
+    reports = [fly(row, out, simulator, out, trials=plan.trials, seed=plan.seed) for row in plan.campaigns]
+    result = {
+        "identity": identity(plan, change),
+        "data": saved.data,
+        "hours": round(saved.seconds / 3600, 3),
+        "parameters": parameter_count(network),
+        "metrics": metrics,
+        "cells": [cell for report in reports for cell in report["cells"]],
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{change.slug}.json").write_text(json.dumps(result, indent=1) + "\n")
+    return result
+
+
+def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
+    """The table of all changes that are flown: successes by cell, their sum, and figures of held-out scenes."""
+    if not results:
+        return "None is trained yet."
+    cells = results[0][1]["cells"]
+    head = [
+        *(f"{cell['task']} {cell['speed_mps']:g} m/s" for cell in cells),
+        "all",
+        "collision, lost, timeout, too close",
+        *METRICS,
+    ]
+    lines = [f"| change | {' | '.join(head)} |", "|---" * (len(head) + 1) + "|"]
+    for change, result in results:
+        flown = [f"{cell['successes']}" for cell in result["cells"]]
+        total = sum(cell["successes"] for cell in result["cells"])
+        trials = sum(cell["trials"] for cell in result["cells"])
+        failures = [sum(cell["failures"].get(reason, 0) for cell in result["cells"]) for reason in FAILURES]
+        metrics = [f"{result['metrics'][name]:.3g}" for name in METRICS]
+        row = [*flown, f"{total} of {trials}", ", ".join(map(str, failures)), *metrics]
+        lines.append(f"| {change.name} | {' | '.join(row)} |")
+    return "\n".join(lines)

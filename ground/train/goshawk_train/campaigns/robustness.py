@@ -1,0 +1,86 @@
+"""What the policies bear: campaigns with more and more of one trouble, and the figure of their successes."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from goshawk_train.campaigns.flights import FlightsError, Row
+
+TASKS = ("track", "navigate")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """One trouble, at several values."""
+
+    name: str
+    label: str
+    values: list[float]
+    option: str = ""
+    """Of `goshawk-sim fly`, to be followed by the value."""
+    scale: dict[str, float] = field(default_factory=dict)
+    """Numbers of the sensors' file, to be multiplied by the value."""
+
+    def options(self, value: float) -> list[str]:
+        """What `goshawk-sim fly` is called with for a value."""
+        out = [self.option, f"{value:g}"] if self.option else []
+        for key, unit in self.scale.items():
+            out += ["--set", f"{key}={value * unit:g}"]
+        return out
+
+    def row(self, task: str, speed_mps: float, value: float) -> Row:
+        """The campaign at one value; worlds are forests of a tree every 4 m."""
+        name = f"{self.name} {task} {value:g}"
+        return Row(name=name, task=task, speeds=[speed_mps], spacings=[4], options=self.options(value))
+
+
+def load(path: Path) -> tuple[int, int, dict[str, float], list[Sweep]]:
+    """Trials a campaign, seed, speed of each task, sweeps; raises `FlightsError`."""
+    try:
+        table = tomllib.loads(path.read_text())
+        speeds_mps = {task: float(table["speeds_mps"][task]) for task in TASKS}
+        return int(table["trials"]), int(table["seed"]), speeds_mps, [Sweep(**sweep) for sweep in table["sweep"]]
+    except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
+        raise FlightsError(f"{path} lists no sweeps: {error}") from error
+
+
+def draw(points: list[tuple[Sweep, str, float, dict[str, Any]]], out: Path) -> None:
+    """Over each trouble, one column a sweep: successes with their 95 % interval, and how near the vehicle came to an
+    obstacle where any flight succeeded. `points`: sweep, task, value, cell."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    sweeps = list({sweep.name: sweep for sweep, *_ in points}.values())
+    size = (3.4 * len(sweeps), 5.2)
+    figure, axes = plt.subplots(2, len(sweeps), figsize=size, sharex="col", sharey="row", squeeze=False)
+    for upper, lower, sweep in zip(*axes, sweeps, strict=True):
+        for task, color, marker in zip(TASKS, ("#e4572e", "#2e86ab"), ("o", "s"), strict=True):
+            own = [(value, cell) for s, t, value, cell in points if (s.name, t) == (sweep.name, task)]
+            if not own:
+                continue
+            values = [value for value, _ in own]
+            share = [100 * cell["successes"] / cell["trials"] for _, cell in own]
+            low, high = ([100 * cell["success_interval"][k] for _, cell in own] for k in (0, 1))
+            upper.fill_between(values, low, high, color=color, alpha=0.15, linewidth=0)
+            name = f"{task}, {own[0][1]['speed_mps']:g} m/s"
+            upper.plot(values, share, color=color, marker=marker, markersize=4, label=name)
+            flown = [(value, cell["clearance_m"]) for value, cell in own if cell["successes"]]
+            for percentile, line in (("p50", "-"), ("p5", ":")):
+                clearance = [clearance[percentile] for _, clearance in flown]
+                lower.plot([value for value, _ in flown], clearance, line, color=color, marker=marker, markersize=4)
+        upper.set_ylim(0, 102)
+        lower.set_xlabel(sweep.label)
+        for axis in (upper, lower):
+            axis.grid(alpha=0.3)
+    axes[1][0].set_ylim(bottom=0)
+    axes[1][0].set_ylabel("closest approach, m\n(median; dotted: 5 %)")
+    axes[0][0].set_ylabel("successes, % (band: 95 %)")
+    axes[0][0].legend(loc="lower left", fontsize=8)
+    figure.tight_layout()
+    figure.savefig(out, dpi=120)
+    plt.close(figure)

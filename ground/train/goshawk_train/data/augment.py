@@ -1,0 +1,60 @@
+"""Image augmentation in torch: colour, noise, blanked channels, mirror. Shape letters: B, H, W, 3 (R, G, B) or 4."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from goshawk_train.config import AugmentConfig
+
+# Luma and two chroma axes (YIQ): a turn in the chroma plane is a turn of hue, its length saturation, luma value.
+_YIQ = np.array([[0.299, 0.587, 0.114], [0.5959, -0.2746, -0.3213], [0.2115, -0.5227, 0.3112]])
+_RGB = np.linalg.inv(_YIQ)
+
+
+def colour_matrices(rng: np.random.Generator, count: int, config: AugmentConfig) -> NDArray[np.float64]:
+    """Random hue turn, saturation and value gain as linear maps of RGB, [count, 3, 3]."""
+    hue = rng.uniform(-config.hue_rad, config.hue_rad, count)
+    saturation = 1 + rng.uniform(-config.saturation, config.saturation, count)
+    value = np.exp(rng.uniform(-config.value, config.value, count))
+    turn = np.zeros((count, 3, 3))
+    turn[:, 0, 0] = 1
+    turn[:, 1, 1] = turn[:, 2, 2] = saturation * np.cos(hue)
+    turn[:, 2, 1] = saturation * np.sin(hue)
+    turn[:, 1, 2] = -turn[:, 2, 1]
+    return value[:, None, None] * (_RGB @ turn @ _YIQ)
+
+
+def augment(rgbd_BHW4: Tensor, rng: np.random.Generator, config: AugmentConfig) -> Tensor:
+    """Colour changes and noise on RGB, random blanking of RGB (to black) or depth (to the far end); values 0..1.
+
+    The mirror is not done here: it changes geometry as well (see `batches.make_batch`).
+    """
+    count = len(rgbd_BHW4)
+    matrix = torch.tensor(colour_matrices(rng, count, config), dtype=rgbd_BHW4.dtype)
+    out = torch.empty_like(rgbd_BHW4)
+    rgb = torch.einsum("bhwi,bji->bhwj", rgbd_BHW4[..., :3], matrix)
+    if config.noise > 0:
+        # A fresh field for each batch, scaled and rolled for each image: noise is cheap this way.
+        seed = int(rng.integers(2**31))
+        field = torch.randn((*rgbd_BHW4.shape[1:3], 3), generator=torch.Generator().manual_seed(seed))
+        gain = torch.tensor(rng.uniform(0, 2 * config.noise, count), dtype=rgb.dtype)
+        rgb.addcmul_(field[None], gain[:, None, None, None])
+    out[..., :3] = rgb.clamp_(0, 1)
+    out[..., 3] = rgbd_BHW4[..., 3]
+    draw = rng.uniform(size=count)
+    blank_rgb = torch.tensor(draw < config.blank_rgb)
+    blank_depth = torch.tensor(draw > 1 - config.blank_depth)
+    out[blank_rgb, ..., :3] = 0
+    out[blank_depth, ..., 3] = 1
+    return out
+
+
+def hue_of(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angle in the chroma plane of colours [..., 3], rad."""
+    yiq = rgb @ _YIQ.T
+    return np.arctan2(yiq[..., 2], yiq[..., 1]) % (2 * math.pi)

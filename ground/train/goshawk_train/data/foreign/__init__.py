@@ -1,0 +1,1 @@
+"""Data sets of another layout, converted. Needs no torch."""

@@ -1,0 +1,1 @@
+"""One training: its loop, what it begins with, and how good it is."""

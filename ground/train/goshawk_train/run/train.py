@@ -1,0 +1,339 @@
+"""The training loop (section III-E).
+
+Everything random is a pure function of (seed, step), and the schedule of the step, so a resumed run repeats exactly
+what an uninterrupted one would have done.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Self
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch.utils.tensorboard import SummaryWriter
+
+from goshawk_train.config import Config, replace_training
+from goshawk_train.costs.esdf import SceneMaps
+from goshawk_train.costs.losses import LossModel
+from goshawk_train.costs.trajectory import CostModel
+from goshawk_train.data import batches
+from goshawk_train.data.layout import describe
+from goshawk_train.errors import TrainerError
+from goshawk_train.model import checkpoint
+from goshawk_train.model.checkpoint import Checkpoint, Ema
+from goshawk_train.model.network import Policy, parameter_count
+from goshawk_train.run import score, validate
+from goshawk_train.run.beginning import Beginning, normalise, of_policy, of_run
+from goshawk_train.run.workers import Workers, join, leave
+
+NORMALISING_FRAMES = 512
+"""That a policy's file without batch norms gets new ones of."""
+ALONE = Workers(torch.device("cpu"))
+
+
+class TrainingError(TrainerError):
+    """Training cannot go on; the message says why and what to do."""
+
+
+def learning_rate(step: int, *, total: int, warm_up: int, peak: float, final_fraction: float) -> float:
+    """Linear warm-up over `warm_up` steps, then a cosine down to `final_fraction` of the peak."""
+    if step < warm_up:
+        return peak * (step + 1) / warm_up
+    progress = min(1.0, (step - warm_up) / max(1, total - warm_up))
+    return peak * (final_fraction + (1 - final_fraction) * 0.5 * (1 + math.cos(math.pi * progress)))
+
+
+class Trainer:
+    """A run: network, optimiser, average and data, advanced one step at a time."""
+
+    def __init__(
+        self, config: Config, frames: batches.Frames, maps: SceneMaps, *, data_name: str, workers: Workers = ALONE
+    ) -> None:
+        self.samples_a_step = config.training.batch * workers.count
+        """Images, however many states each is seen with."""
+        if len(frames) < self.samples_a_step:
+            raise TrainingError(f"{len(frames)} frames are fewer than one step of {self.samples_a_step}")
+        torch.manual_seed(config.seed)
+        self.config, self.frames, self.data_name, self.workers = config, frames, data_name, workers
+        network = Policy(config)  # on the CPU, so that a seed means the same everywhere
+        self.network = network.to(device=workers.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        with workers.device:
+            self.losses = LossModel(config, CostModel(config, maps.to(workers.device)))
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(),
+            lr=config.training.learning_rate,
+            weight_decay=config.training.weight_decay,
+            fused=True,
+        )
+        self.ema = Ema(self.network, config.training.ema)
+        self.steps_per_epoch = len(frames) // self.samples_a_step
+        self.total_steps = math.ceil(config.training.samples / self.samples_a_step)
+        self.step, self.seconds = 0, 0.0
+        self._order = (-1, np.zeros(0, dtype=np.int64))
+
+    def snapshot(self) -> Checkpoint:
+        """The run as it can be written to disk."""
+        return Checkpoint(
+            config=self.config,
+            step=self.step,
+            seconds=self.seconds,
+            data=self.data_name,
+            network={name: value.cpu() for name, value in self.network.state_dict().items()},
+            ema={name: value.cpu() for name, value in self.ema.state_dict().items()},
+            optimiser=self.optimiser.state_dict(),
+            hardware=self.workers.hardware(),
+        )
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Go on from a checkpoint; raises `TrainingError` if it belongs to another run.
+
+        The length of the run and the threads may differ: the schedule then continues towards the new end.
+        """
+        training = self.config.training
+        if replace_training(saved.config, samples=training.samples, threads=training.threads) != self.config:
+            raise TrainingError("the checkpoint was made with another configuration; use that one or another --out")
+        self.network.load_state_dict(saved.network)
+        self.ema.load(saved.ema)
+        self.optimiser.load_state_dict(saved.optimiser)
+        self.step, self.seconds, self.data_name = saved.step, saved.seconds, saved.data
+
+    def begin_from(self, other: Beginning) -> None:
+        """Start at step 0 with these weights, another task's too: a navigation begins with a chase's trajectories, and
+        a chase with a navigation's. Inputs of the head that the other did not have begin without weight. Raises
+        `TrainingError` if the networks have other widths.
+        """
+        own, theirs = self.network.state_dict(), dict(other.weights)
+        try:
+            missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
+            if missing > 0:
+                theirs["head1.weight"] = F.pad(theirs["head1.weight"], (0, 0, 0, 0, 0, missing))
+            for name in ("out.weight", "out.bias"):  # trajectories first, then what detects the target
+                theirs[name] = torch.cat([theirs[name], own[name][len(theirs[name]) :]])[: len(own[name])]
+            self.network.load_state_dict(theirs)
+        except (KeyError, RuntimeError) as error:
+            raise TrainingError("what it is to begin from is another network; use the same widths") from error
+        if other.folded:
+            rng = np.random.default_rng([self.config.seed, 3])
+            index = rng.choice(len(self.frames), min(NORMALISING_FRAMES, len(self.frames)), replace=False)
+            batch = batches.make_batch(self.frames, index, rng, self.config, training=True)
+            normalise(self.network, batch.rgbd_I4HW.to(self.workers.device))
+        self.ema = Ema(self.network, self.config.training.ema)
+        self.data_name += f", begun from {other.origin}"
+
+    def indices(self) -> np.ndarray:
+        """This process's frames of the current step."""
+        epoch, position = divmod(self.step, self.steps_per_epoch)
+        if self._order[0] != epoch:
+            self._order = (epoch, batches.epoch_order(len(self.frames), seed=self.config.seed, epoch=epoch))
+        batch = self.config.training.batch
+        start = position * self.samples_a_step + self.workers.rank * batch
+        return self._order[1][start : start + batch]
+
+    def advance(self) -> dict[str, torch.Tensor]:
+        """One optimiser step; returns the loss and its parts. Raises `TrainingError` on a non-finite loss."""
+        started, training = time.monotonic(), self.config.training
+        rng = np.random.default_rng([self.config.seed, 2, self.step * self.workers.count + self.workers.rank])
+        batch = batches.make_batch(
+            self.frames, self.indices(), rng, self.config, training=True, states=training.states
+        ).to(self.workers.device)
+        rate = learning_rate(
+            self.step,
+            total=self.total_steps,
+            warm_up=max(1, min(round(training.warm_up_epochs * self.steps_per_epoch), self.total_steps // 10)),
+            peak=training.learning_rate,
+            final_fraction=training.final_fraction,
+        )
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        self.network.train()
+        with torch.autocast(self.workers.device.type, dtype=torch.bfloat16, enabled=training.bf16):
+            features = self.network.features(batch.rgbd_I4HW)
+        # The backbone costs most and does not see the state: several states for an image are nearly free.
+        features = features.float().repeat_interleave(training.states, dim=0)
+        outcome = self.losses(self.network.head(features, batch.state_BS), batch)
+        self.optimiser.zero_grad(set_to_none=True)
+        outcome.loss.backward()
+        self.workers.average_gradients(self.network.parameters())
+        norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), training.gradient_norm_max)
+        if not torch.isfinite(norm):
+            raise TrainingError(f"step {self.step}: loss or gradient is not finite; resume from the last checkpoint")
+        self.optimiser.step()
+        self.ema.update(self.step)
+        self.step += 1
+        self.seconds += time.monotonic() - started
+        parts = {name: value.detach() for name, value in outcome.parts.items()}
+        return {**parts, "gradient_norm": norm, "learning_rate": torch.tensor(rate)}
+
+
+class _StopFlag:
+    """Set by Ctrl-C or a termination signal while it is entered; a second one is not caught."""
+
+    def __enter__(self) -> Self:
+        self.raised = False
+        self.before = {number: signal.signal(number, self._set) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        for number, handler in self.before.items():
+            signal.signal(number, handler)
+
+    def _set(self, number: int, _frame: FrameType | None) -> None:
+        self.raised = True
+        signal.signal(number, signal.SIG_DFL)
+
+
+def keep_freed_memory() -> None:
+    """Tell glibc to keep freed memory for the next step instead of giving it back to the system.
+
+    A step allocates and frees the same large tensors again and again; faulting their pages in anew costs about 40 % of
+    a step on a CPU. Elsewhere than on glibc this does nothing.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        trim_threshold, mmap_max = -1, -4  # M_TRIM_THRESHOLD, M_MMAP_MAX of malloc.h
+        mallopt(mmap_max, 0)
+        mallopt(trim_threshold, 2**31 - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """What a run does beside its steps."""
+
+    validation: Path | None = None
+    """Data set of other scenes."""
+    resume: bool = False
+    begin: Path | None = None
+    """A run's folder or a policy's file, whose weights are the first; a resumed run no longer needs it."""
+    simulator: Path | None = None
+    """The `goshawk-sim` that flies the score's campaigns."""
+    score_minutes: float = 30.0
+
+
+def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
+    """Train and leave `checkpoint.pt` and TensorBoard events in `out`; whether the end was reached before a signal.
+
+    Under `torchrun` every process takes `batch` samples of a step; the first one prints and writes.
+    """
+    keep_freed_memory()
+    torch.set_num_threads(config.training.threads)
+    path = out / checkpoint.FILE
+    resumes = options.resume and path.exists()
+    if path.exists() and not resumes:
+        raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
+    begun = _beginning(options.begin) if options.begin and not resumes else None
+    workers = join()
+    try:
+        if workers.first:
+            print(f"loading {root}", flush=True)
+        frames, maps = batches.load(root, config)
+        trainer = Trainer(config, frames, maps, data_name=describe(root), workers=workers)
+        if resumes:
+            trainer.restore(checkpoint.load(path))
+        elif begun:
+            trainer.begin_from(begun)
+        return _steps(trainer, out, options)
+    finally:
+        leave()
+
+
+def _beginning(path: Path) -> Beginning:
+    return of_policy(path) if path.suffix == ".onnx" else of_run(path / checkpoint.FILE)
+
+
+def _steps(trainer: Trainer, out: Path, options: RunOptions) -> bool:
+    with _StopFlag() as stop:
+        clerk = _Clerk(trainer, out, options) if trainer.workers.first else None
+        while trainer.step < trainer.total_steps and not trainer.workers.any(stop.raised):
+            parts = trainer.advance()
+            if clerk:
+                clerk.after_step(parts)
+        if clerk:
+            clerk.close()
+    if clerk and stop.raised:
+        print(f"stopped at step {trainer.step}; {clerk.path} is written, go on with --resume", file=sys.stderr)
+    return trainer.step == trainer.total_steps
+
+
+class _Clerk:
+    """Prints, writes and measures, each in its time."""
+
+    def __init__(self, trainer: Trainer, out: Path, options: RunOptions) -> None:
+        self.trainer, self.options, self.path = trainer, options, out / checkpoint.FILE
+        self.held_out = validate.Validator(trainer.config, options.validation) if options.validation else None
+        out.mkdir(parents=True, exist_ok=True)
+        self.log, self.report = SummaryWriter(str(out)), _Report(trainer)
+        self.saved = self.checked = self.scored = time.monotonic()
+        print(
+            f"{len(trainer.frames)} frames, {parameter_count(trainer.network):,} parameters, "
+            f"steps {trainer.step}..{trainer.total_steps} of {trainer.samples_a_step} on {trainer.workers.device}",
+            flush=True,
+        )
+
+    def after_step(self, parts: dict[str, torch.Tensor]) -> None:
+        """Whatever is due after a step."""
+        trainer, training, now = self.trainer, self.trainer.config.training, time.monotonic()
+        self.report.add(parts, self.log)
+        last = trainer.step == trainer.total_steps
+        if now - self.saved > training.checkpoint_minutes * 60:
+            checkpoint.save(self.path, trainer.snapshot())
+            self.saved = now
+        if self.held_out and (last or now - self.checked > training.validate_minutes * 60):
+            self._say("validation", self.held_out.evaluate_state(trainer.snapshot()))
+            self.checked = time.monotonic()
+        if self.options.simulator and (last or now - self.scored > self.options.score_minutes * 60):
+            flown = score.score(trainer.snapshot(), self.options.simulator, threads=training.threads)
+            self._say("score", flown)
+            self.scored = time.monotonic()
+
+    def _say(self, group: str, figures: dict[str, float]) -> None:
+        for name, value in figures.items():
+            self.log.add_scalar(f"{group}/{name}", value, self.trainer.step)
+        print(validate.table(figures), flush=True)
+
+    def close(self) -> None:
+        """The last state goes to disk."""
+        checkpoint.save(self.path, self.trainer.snapshot())
+        self.log.close()
+
+
+class _Report:
+    """Means over some steps, to the terminal and TensorBoard."""
+
+    EVERY = 100
+
+    def __init__(self, trainer: Trainer) -> None:
+        self.trainer = trainer
+        self._begin()
+
+    def _begin(self) -> None:
+        self.sums: dict[str, float] = {}
+        self.started, self.count = time.monotonic(), 0
+
+    def add(self, parts: dict[str, torch.Tensor], log: SummaryWriter) -> None:
+        """Count one step in."""
+        for name, value in parts.items():
+            self.sums[name] = self.sums.get(name, 0.0) + float(value)
+        self.count += 1
+        trainer = self.trainer
+        if trainer.step % self.EVERY and trainer.step != trainer.total_steps:
+            return
+        means = {name: value / self.count for name, value in self.sums.items()}
+        rate = self.count * trainer.samples_a_step / (time.monotonic() - self.started)
+        left_min = (trainer.total_steps - trainer.step) * trainer.samples_a_step / rate / 60
+        for name, value in {**means, "samples_per_s": rate}.items():
+            log.add_scalar(f"train/{name}", value, trainer.step)
+        detail = " ".join(f"{n} {v:.3g}" for n, v in means.items() if n != "learning_rate")
+        print(
+            f"step {trainer.step}/{trainer.total_steps} {rate:.0f} samples/s, {left_min:.0f} min left | {detail}",
+            flush=True,
+        )
+        self._begin()
