@@ -1,9 +1,9 @@
 //! The autopilot's edge: MAVLink 2 over UDP, TCP or a serial port, and the only crate that knows MAVLink, NED and FRD.
 //!
 //! Outside this crate everything is ENU and FLU. Inside, [`frames`] is the one place that converts, and
-//! [`dialogue::firmware`] the one that knows how PX4 and ArduPilot differ. The parts are pure ([`wire`] bytes to packets, [`state`] packets to
-//! what is known, [`dialogue`] what is asked and answered) and [`AutopilotLink`] is the line, the clock and the thread around
-//! them.
+//! [`dialogue::firmware`] the one that knows how PX4 and ArduPilot differ. Three rooms are pure: [`wire`] turns bytes
+//! into packets, [`state`] packets into what is known, [`dialogue`] holds what is asked and answered. [`session`] is
+//! the line, the clock and the thread around them; [`AutopilotLink`] is its door.
 
 pub mod dialogue;
 pub mod frames;
