@@ -24,9 +24,9 @@ STALE_S = 1.5
 SAMPLE_STALE_S = 1.0
 """What is older than this is not shown as if it were now: a plan, a controller step, an estimate, the truth.
 
-The vehicle itself calls a plan stale after 0.5 s, by its own clock (`PLAN_STALE_S` of its health check). Here an age
-counts from the arrival, so what the link lost or held back is in it too: it is twice as long, or a weak link would make
-the view flicker in a flight in which nothing is wrong. The review keeps to it, so that it shows what was to be seen.
+The vehicle itself calls a plan stale sooner, by its own clock (`PLAN_STALE_S` of its health check). Here an age counts
+from the arrival, so what the link lost or held back is in it too. With the vehicle's limit a weak link would make the
+view flicker in a flight in which nothing is wrong. The review keeps to it, so that it shows what was to be seen.
 """
 FLYING = frozenset({"takeoff", "track", "navigate", "search", "hold", "stopping"})
 """The modes in which the vehicle is in the air."""
