@@ -296,7 +296,9 @@ def load_config(path: Path) -> Config:
     """Read a TOML file; raises `ConfigError` naming the file and the field."""
     try:
         return config_from_dict(tomllib.loads(path.read_text()))
-    except (OSError, tomllib.TOMLDecodeError, ConfigError) as error:
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, ConfigError) as error:
         raise ConfigError(f"{path}: {error}") from error
 
 
