@@ -299,7 +299,11 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("SimTruth", sim_truth()),
         entry("SimTree", tree()),
         entry("SimBox", sim_box()),
-        entry("SimWorld", SimWorld { trees: vec![tree()], seed: 2000, spacing_m: 3.5, boxes: vec![sim_box()] }),
+        entry(
+            "SimWorld",
+            SimWorld { trees: vec![tree()], seed: 2000, spacing_m: 3.5, boxes: vec![sim_box()], items: 50 },
+        ),
+        entry("SimWorldRequest", SimWorldRequest { first: 10 }),
     ])
 }
 

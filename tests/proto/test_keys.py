@@ -48,3 +48,8 @@ def test_an_expression_parses_back(name: str, vehicle: str) -> None:
 @pytest.mark.parametrize("expression", ["goshawk/kite", "goshawk/kite/tel/nothing", "hawk/kite/tel/plan", ""])
 def test_an_unknown_expression_does_not_parse(expression: str) -> None:
     assert parse_key(expression) is None
+
+
+def test_nothing_waits_for_a_weak_link() -> None:
+    """What waits holds up all that the vehicle passes on, its images too."""
+    assert all(row.congestion == zenoh.CongestionControl.DROP for row in KEYS.values())

@@ -18,7 +18,7 @@ pub use cast::{Hit, Surface};
 pub use ground::Ground;
 pub use look::Look;
 pub use shape::{Cuboid, RoundCone, Shape, Spheroid};
-pub use wire::MOST_BOXES;
+pub use wire::{MOST_BOXES, page};
 
 use goshawk_core::Vec3;
 use grid::Grid;

@@ -34,8 +34,8 @@ EVENTS = 200
 RING = 32
 """Samples of one channel that may wait: half a second of the fastest."""
 DRAIN_PERIOD_S = 0.005
-WORLD_TIMEOUT_S = 30.0
-"""A simulator's world may be 100 kB, of which a weak link carries a tenth in a second. To ask anew would not help."""
+PAGE_TIMEOUT_S, PAGE_TRIES = 3.0, 5
+"""How long a page of the simulator's world is waited for, and how often it is asked for in vain."""
 HEARTBEAT_S = 3.0
 """A heartbeat as old as this no longer says who the vehicle is: it comes twice a second."""
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
@@ -234,14 +234,33 @@ class GroundLink:
             if truth is None or (asked_stamp_ns is not None and truth.stamp_ns >= asked_stamp_ns):
                 continue
             stamp_ns = truth.stamp_ns
-            for message in self.ask("sim_world", None, WORLD_TIMEOUT_S):
-                with contextlib.suppress(decode.MalformedError):
-                    if not isinstance(message, goshawk_pb2.SimWorld):
-                        continue
-                    world = decode.world(message)
-                    with self._lock:
-                        self._world = world
-                    asked_stamp_ns = stamp_ns
+            whole = self._ask_world()
+            if whole is None:
+                continue
+            with contextlib.suppress(decode.MalformedError):
+                world = decode.world(whole)
+                with self._lock:
+                    self._world = world
+                asked_stamp_ns = stamp_ns
+
+    def _ask_world(self) -> goshawk_pb2.SimWorld | None:
+        """All pages of the world; None: the simulator fell silent, or another one answers meanwhile."""
+        whole, tries = goshawk_pb2.SimWorld(), 0
+        while tries < PAGE_TRIES and not self._closing.is_set():
+            have = len(whole.trees) + len(whole.boxes)
+            request = goshawk_pb2.SimWorldRequest(first=have)
+            page = next(self.ask("sim_world", request, PAGE_TIMEOUT_S), None)
+            if not isinstance(page, goshawk_pb2.SimWorld):
+                tries += 1
+                continue
+            got = len(page.trees) + len(page.boxes)
+            if have and (page.seed, page.items) != (whole.seed, whole.items):
+                return None
+            whole.MergeFrom(page)
+            if have + got >= page.items:
+                return whole
+            tries = 0 if got else tries + 1
+        return None
 
     def _watch_round_trip(self) -> None:
         session = self._session

@@ -572,14 +572,22 @@ class SimBox(_message.Message):
     yaw_rad: float
     def __init__(self, centre_world: _Optional[_Union[Vec3f, _Mapping]] = ..., size_m: _Optional[_Union[Vec3f, _Mapping]] = ..., yaw_rad: _Optional[float] = ...) -> None: ...
 
+class SimWorldRequest(_message.Message):
+    __slots__ = ("first",)
+    FIRST_FIELD_NUMBER: _ClassVar[int]
+    first: int
+    def __init__(self, first: _Optional[int] = ...) -> None: ...
+
 class SimWorld(_message.Message):
-    __slots__ = ("trees", "seed", "spacing_m", "boxes")
+    __slots__ = ("trees", "seed", "spacing_m", "boxes", "items")
     TREES_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     SPACING_M_FIELD_NUMBER: _ClassVar[int]
     BOXES_FIELD_NUMBER: _ClassVar[int]
+    ITEMS_FIELD_NUMBER: _ClassVar[int]
     trees: _containers.RepeatedCompositeFieldContainer[SimTree]
     seed: int
     spacing_m: float
     boxes: _containers.RepeatedCompositeFieldContainer[SimBox]
-    def __init__(self, trees: _Optional[_Iterable[_Union[SimTree, _Mapping]]] = ..., seed: _Optional[int] = ..., spacing_m: _Optional[float] = ..., boxes: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ...) -> None: ...
+    items: int
+    def __init__(self, trees: _Optional[_Iterable[_Union[SimTree, _Mapping]]] = ..., seed: _Optional[int] = ..., spacing_m: _Optional[float] = ..., boxes: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ..., items: _Optional[int] = ...) -> None: ...

@@ -10,6 +10,7 @@ use prost::Message;
 use zenoh::Wait;
 
 use crate::trial::Scene;
+use crate::world::page;
 
 /// The session with its publishers.
 pub(super) struct Session {
@@ -22,9 +23,12 @@ impl Session {
     pub(super) fn dial(vehicle: &str, endpoint: &str, scene: &Arc<Scene>) -> Result<Self> {
         let bus = Bus::dial(vehicle.parse()?, endpoint)?;
         let truth = bus.publisher(Key::SimTruth)?;
-        let world = scene.world.to_proto().encode_to_vec();
+        let world = scene.world.to_proto();
         bus.queryable(Key::SimWorld, move |query| {
-            if let Err(e) = query.reply(query.key_expr().clone(), world.clone()).wait() {
+            let asked = query.payload().map(|payload| payload.to_bytes().into_owned()).unwrap_or_default();
+            let Ok(asked) = v1::SimWorldRequest::decode(asked.as_slice()) else { return };
+            let page = page(&world, asked.first as usize).encode_to_vec();
+            if let Err(e) = query.reply(query.key_expr().clone(), page).wait() {
                 tracing::warn!("the world could not be sent: {e}");
             }
         })?;
