@@ -12,7 +12,7 @@ INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-b
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint pins deny fuzz bench chaos train
+.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint docs pins deny fuzz bench chaos train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -64,9 +64,12 @@ demo: setup ## simulator, vehicle and ground station: a chase through a forest (
 lint: setup-test ## formatters and linters
 	cargo fmt --all --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
-	$(VENV)/bin/ruff check --config ground/ruff.toml ground dashboards proto tests
-	$(VENV)/bin/ruff format --config ground/ruff.toml --check ground dashboards proto tests
+	$(VENV)/bin/ruff check --config ground/ruff.toml ground dashboards proto tests docs examples
+	$(VENV)/bin/ruff format --config ground/ruff.toml --check ground dashboards proto tests docs examples
 	$(VENV)/bin/pyright -p ground/pyrightconfig.json
+
+docs: setup-test build ## docs/reference made anew from the programs, the wire and the log's channels
+	$(VENV)/bin/python docs/generate.py
 
 test-rust: setup-test
 	cargo test --release --locked --workspace

@@ -1,0 +1,132 @@
+"""What the documents name exists: links, headings, files, make targets, commands with their options, tests."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    [
+        *ROOT.glob("*.md"),
+        *(ROOT / "docs").rglob("*.md"),
+        *(ROOT / "ground/train").glob("*.md"),
+        *(ROOT / "examples").glob("*.md"),
+        *(ROOT / "air/models").glob("*.md"),
+    ]
+)
+HISTORY = {"CHANGELOG.md", "NOTEBOOK.md"}
+"""Pages that tell of what was: their links must lead somewhere, their files may be gone."""
+TODAY = [page for page in PAGES if page.name not in HISTORY]
+ROOMS = ("air", "ground", "dashboards", "proto", "tests", "docs", "examples")
+FENCE = re.compile(r"^\s*```.*?^\s*```", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+SPAN = re.compile(r"`([^`\n]+)`")
+
+
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def text(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+@cache
+def anchors(page: Path) -> frozenset[str]:
+    """The ids that a browser gives a page's headings."""
+    heads = re.findall(r"^#+ (.+)$", FENCE.sub("", text(page)), re.MULTILINE)
+    return frozenset(re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads)
+
+
+@cache
+def command_pages() -> str:
+    return "\n".join(text(page) for page in sorted((ROOT / "docs/reference").glob("goshawk*.md")))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
+    for target in LINK.findall(FENCE.sub("", text(page))):
+        if "://" in target:
+            continue
+        name, _, anchor = target.partition("#")
+        place = (page.parent / name).resolve() if name else page
+        assert place.exists(), f"{named(page)}: no {target}"
+        assert place.is_relative_to(ROOT), f"{named(page)}: {target} leads out of the repository"
+        if anchor:
+            assert anchor in anchors(place), f"{named(page)}: {target}: no such heading"
+
+
+def paths(page: Path) -> Iterator[str]:
+    """What looks like a file of this repository in a code span or a block."""
+    prose = text(page)
+    spans = [word for span in SPAN.findall(FENCE.sub("", prose)) for word in span.split()]
+    blocks = [word for block in FENCE.findall(prose) for word in block.split()]
+    for word in (*spans, *blocks):
+        bare = word.strip("()[],;:'\"").partition("::")[0].partition("#")[0].rstrip(".")
+        if bare.split("/")[0] in ROOMS and "/" in bare and not re.search(r"[*…{}<>=]|[A-Z]{4,}/", bare):
+            yield bare
+
+
+@pytest.mark.parametrize("page", TODAY, ids=named)
+def test_every_file_that_is_named_is_there(page: Path) -> None:
+    gone = sorted({path for path in paths(page) if not (ROOT / path).exists()})
+    assert not gone, f"{named(page)} names {gone}"
+
+
+@pytest.mark.parametrize("page", TODAY, ids=named)
+def test_every_make_target_that_is_named_is_there(page: Path) -> None:
+    targets = set(re.findall(r"^([a-z-]+):", text(ROOT / "Makefile"), re.MULTILINE))
+    asked = set(re.findall(r"`(?:[A-Z]+=\S+ )*make ([a-z-]+)", text(page)))
+    asked |= set(re.findall(r"^(?:[A-Z]+=\S+ )*make ([a-z-]+)", text(page), re.MULTILINE))
+    assert asked <= targets, f"{named(page)}: no {sorted(asked - targets)}"
+
+
+def commands(page: Path) -> Iterator[str]:
+    """Each line of a block that calls one of our programs, from its name on."""
+    for block in FENCE.findall(text(page)):
+        for line in block.splitlines():
+            for part in re.split(r" \| | && |; ", line.partition(" # ")[0]):
+                found = re.search(r"(?:^|[\s/])(goshawk(?:-air|-sim)?) (.*)$", part)
+                if found and part.lstrip().startswith(("goshawk", ".venv/", "target/", "sudo ")):
+                    yield f"{found[1]} {found[2]}"
+
+
+@pytest.mark.parametrize("page", [page for page in TODAY if page.parent.name != "reference"], ids=named)
+def test_every_command_and_option_that_is_shown_exists(page: Path) -> None:
+    sections = dict(re.findall(r"^## `(.+?)`\n```text\n(.*?)^```", command_pages(), re.MULTILINE | re.DOTALL))
+    for command in commands(page):
+        words = command.split()
+        path = words[0]
+        for word in words[1:]:
+            if f"{path} {word}" not in sections:
+                break
+            path = f"{path} {word}"
+        options = re.findall(r"(?<!\S)--[a-z][a-z-]*", command)
+        assert path != words[0] or options == ["--help"], f"{named(page)}: no such command: {command}"
+        for option in options:
+            assert re.search(rf"(?<!\S){option}\b", sections[path]), f"{named(page)}: {path} has no {option}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_every_test_that_is_named_is_there(page: Path) -> None:
+    files = {path.name: path for folder in ROOMS for path in (ROOT / folder).rglob("*.[pr][ys]")}
+    for name, test in re.findall(r"`[\w/]*?(\w+\.(?:py|rs))::(\w+)…?`", text(page)):
+        assert name in files, f"{named(page)}: no {name}"
+        assert test in files[name].read_text(encoding="utf-8"), f"{named(page)}: no {test} in {name}"
+
+
+def test_the_index_reaches_every_page() -> None:
+    seen, waiting = set[Path](), [ROOT / "README.md"]
+    while waiting:
+        page = waiting.pop()
+        if page in seen or page.suffix != ".md":
+            continue
+        seen.add(page)
+        targets = (target.partition("#")[0] for target in LINK.findall(text(page)) if "://" not in target)
+        waiting += [(page.parent / target).resolve() for target in targets if target]
+    assert not [named(page) for page in PAGES if page not in seen]
