@@ -30,7 +30,7 @@ impl Schedule {
     pub fn try_apply(&self) -> Vec<String> {
         let mut refused = Vec::new();
         if let Err(why) = fifo(self.priority) {
-            let way = "run as root, or allow it with LimitRTPRIO= in the unit (docs/field-guide.md)";
+            let way = "run as root, or allow it with LimitRTPRIO= in the unit (docs/how-to/wire-a-vehicle.md)";
             refused.push(format!("no real-time priority {} ({why}): {way}", self.priority));
         }
         if let Some(core) = self.core
