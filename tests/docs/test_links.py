@@ -114,10 +114,12 @@ def test_every_command_and_option_that_is_shown_exists(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_every_test_that_is_named_is_there(page: Path) -> None:
-    files = {path.name: path for folder in ROOMS for path in (ROOT / folder).rglob("*.[pr][ys]")}
+    files: dict[str, str] = {}
+    for path in (p for folder in ROOMS for p in (ROOT / folder).rglob("*.[pr][ys]")):
+        files[path.name] = files.get(path.name, "") + path.read_text(encoding="utf-8")
     for name, test in re.findall(r"`[\w/]*?(\w+\.(?:py|rs))::(\w+)…?`", text(page)):
         assert name in files, f"{named(page)}: no {name}"
-        assert test in files[name].read_text(encoding="utf-8"), f"{named(page)}: no {test} in {name}"
+        assert test in files[name], f"{named(page)}: no {test} in {name}"
 
 
 def test_the_index_reaches_every_page() -> None:
@@ -130,3 +132,24 @@ def test_the_index_reaches_every_page() -> None:
         targets = (target.partition("#")[0] for target in LINK.findall(text(page)) if "://" not in target)
         waiting += [(page.parent / target).resolve() for target in targets if target]
     assert not [named(page) for page in PAGES if page not in seen]
+
+
+def successes(page: Path, row: str) -> list[str]:
+    """The first numbers of the cells of a table's rows that begin with these words."""
+    lines = [line for line in text(page).splitlines() if line.startswith(f"| {row} |")]
+    assert lines, f"{named(page)}: no row {row}"
+    return [line.split("|")[4].split()[0] for line in lines] if page.name == "RESULTS.md" else lines[0].split("|")[2:-1]
+
+
+@pytest.mark.parametrize(
+    ("in_readme", "in_results", "speeds"),
+    [
+        ("chasing a target of this speed", "Tracking", range(3, 8)),
+        ("the same in gusts of 5 m/s", "Tracking in gusts of 5 m/s", range(3, 8)),
+        ("flying to a goal 40 m ahead at this speed", "Navigation", range(4, 11)),
+    ],
+)
+def test_the_first_pages_figures_are_the_results(in_readme: str, in_results: str, speeds: range) -> None:
+    shown = [cell.strip() for cell in successes(ROOT / "README.md", in_readme)]
+    flown = successes(ROOT / "ground/train/RESULTS.md", in_results)[-len(speeds) :]
+    assert [shown[speed - 3] for speed in speeds] == flown
