@@ -7,6 +7,7 @@ The command lines come from the programs' own help, the wire from `proto/goshawk
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -72,7 +73,9 @@ def _run(program: str, *arguments: str) -> str:
     path = BIN / program
     if not path.is_file():
         raise RuntimeError(f"{path} is missing: run make build")
-    return subprocess.run([path, *arguments], check=True, capture_output=True, text=True, timeout=30).stdout
+    plain = {name: value for name, value in os.environ.items() if name not in ("CLICOLOR_FORCE", "FORCE_COLOR")}
+    done = subprocess.run([path, *arguments], env=plain, check=True, capture_output=True, text=True, timeout=30)
+    return done.stdout
 
 
 def _help(name: str, text: str) -> str:
