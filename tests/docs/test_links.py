@@ -87,13 +87,14 @@ def test_every_make_target_that_is_named_is_there(page: Path) -> None:
 
 
 def commands(page: Path) -> Iterator[str]:
-    """Each line of a block that calls one of our programs, from its name on."""
-    for block in FENCE.findall(text(page)):
-        for line in block.splitlines():
-            for part in re.split(r" \| | && |; ", line.partition(" # ")[0]):
-                found = re.search(r"(?:^|[\s/])(goshawk(?:-air|-sim)?) (.*)$", part)
-                if found and part.lstrip().startswith(("goshawk", ".venv/", "target/", "sudo ")):
-                    yield f"{found[1]} {found[2]}"
+    """Each call of one of our programs in a block or a code span, from its name on."""
+    prose = text(page)
+    lines = [line for block in FENCE.findall(prose) for line in block.splitlines()]
+    for line in (*lines, *SPAN.findall(FENCE.sub("", prose))):
+        for part in re.split(r" \| | && |; ", line.partition(" # ")[0]):
+            found = re.search(r"(?:^|[\s/])(goshawk(?:-air|-sim)?) (.*)$", part)
+            if found and part.lstrip().startswith(("goshawk", ".venv/", "target/", "sudo ")):
+                yield f"{found[1]} {found[2]}"
 
 
 @pytest.mark.parametrize("page", [page for page in TODAY if page.parent.name != "reference"], ids=named)
@@ -107,7 +108,7 @@ def test_every_command_and_option_that_is_shown_exists(page: Path) -> None:
                 break
             path = f"{path} {word}"
         options = re.findall(r"(?<!\S)--[a-z][a-z-]*", command)
-        assert path != words[0] or options == ["--help"], f"{named(page)}: no such command: {command}"
+        assert path != words[0] or words[1].startswith("--"), f"{named(page)}: no such command: {command}"
         for option in options:
             assert re.search(rf"(?<!\S){option}\b", sections[path]), f"{named(page)}: {path} has no {option}"
 
