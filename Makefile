@@ -64,9 +64,9 @@ demo: setup ## simulator, vehicle and ground station: a chase through a forest (
 lint: setup-test ## formatters and linters
 	cargo fmt --all --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
-	$(VENV)/bin/ruff check --config ground/ruff.toml ground dashboards proto tests docs examples
-	$(VENV)/bin/ruff format --config ground/ruff.toml --check ground dashboards proto tests docs examples
-	$(VENV)/bin/pyright -p ground/pyrightconfig.json
+	$(VENV)/bin/ruff check ground dashboards proto tests
+	$(VENV)/bin/ruff format --check ground dashboards proto tests
+	$(VENV)/bin/pyright
 
 docs: setup-test build ## docs/reference made anew from the programs, the wire and the log's channels
 	$(VENV)/bin/python docs/generate.py
@@ -78,7 +78,7 @@ fuzz: ## damaged input for MINUTES=60 each, all targets or TARGET=mcap (tests/fu
 	BOLERO_RANDOM_TEST_TIME_MS=$$(($(or $(MINUTES),60) * 60000)) cargo test --release --locked -p goshawk-fuzz --test targets -- $(if $(TARGET),--exact $(TARGET))
 
 test-python: setup-test build
-	$(VENV)/bin/pytest -q --import-mode=importlib ground dashboards tests
+	$(VENV)/bin/pytest -q
 
 pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt

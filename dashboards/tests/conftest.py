@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +11,6 @@ import pytest
 from goshawk_dashboards.state import views as view
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import PROTOCOL
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from made_up import IDENTITY_4, make_plan
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import recordings as rec
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import marks_of
 from goshawk_dashboards.review.dashboard import ReviewDashboard, ReviewView
@@ -23,7 +23,6 @@ from playwright.sync_api import Page, expect
 
 ROOT = Path(__file__).resolve().parents[2]
 SIM = ROOT / "target/release/goshawk-sim"
-sys.path.insert(0, str(ROOT / "dashboards/tests"))
 
 Visit = Callable[[str], Any]
 Review = Callable[..., ReviewDashboard]
@@ -183,8 +182,6 @@ def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, visit: Visit, 
 
 
 def test_two_flights_and_a_replay_share_the_scene(review: Review, visit: Visit, tmp_path: Path) -> None:
-    import recordings as rec
-
     first = rec.write_flight(tmp_path / "first.mcap")
     other = rec.write_flight(tmp_path / "other.mcap", 10.0, chosen=2)
     replay = rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3)
@@ -204,8 +201,6 @@ def test_two_flights_and_a_replay_share_the_scene(review: Review, visit: Visit, 
 
 
 def test_each_browser_has_a_timeline_of_its_own(review: Review, visit: Visit, tmp_path: Path) -> None:
-    import recordings as rec
-
     r = review(rec.write_flight(tmp_path / "flight.mcap"))
     page = visit(r.url).page
     first_view(r)
@@ -221,8 +216,6 @@ def test_each_browser_has_a_timeline_of_its_own(review: Review, visit: Visit, tm
 
 
 def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, visit: Visit, tmp_path: Path) -> None:
-    import recordings as rec
-
     first = rec.write_flight(tmp_path / "first.mcap")
     r = review(first, rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3))
     visit(r.url)

@@ -7,13 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import recordings as rec
 from goshawk_ground.cli import app
 from typer.testing import CliRunner, Result
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "dashboards/tests"))
-
-import recordings as rec  # noqa: E402 - beside the dashboards' own tests
 
 
 @pytest.fixture(scope="module")

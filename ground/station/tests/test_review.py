@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import socket
-import sys
 from pathlib import Path
 
 import pytest
+import recordings as rec
 from goshawk_ground.cli import app
 from typer.testing import CliRunner
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "dashboards/tests"))
-
-import recordings as rec
 
 
 def refused(*arguments: object) -> tuple[int, str]:
