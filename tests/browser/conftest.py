@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_ground.link import GroundLink
-from goshawk_ground.serve import serve_dashboard
+from goshawk_ground.pages.serve import serve_dashboard
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 

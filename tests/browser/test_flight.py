@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from goshawk_ground.link import GroundLink
-from goshawk_ground.ports import free_port
+from goshawk_ground.pages.ports import free_port
 from playwright.sync_api import expect
 
 ROOT = Path(__file__).resolve().parents[2]

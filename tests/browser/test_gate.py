@@ -24,7 +24,7 @@ import msgspec
 import pytest
 import zstandard
 from goshawk_dashboards.gate.client import CAMERA, open_page, viser_protocol
-from goshawk_ground.ports import free_port
+from goshawk_ground.pages.ports import free_port
 from playwright.sync_api import Browser, BrowserContext, expect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage
 from websockets.sync.client import connect

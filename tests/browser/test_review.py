@@ -17,8 +17,8 @@ import recordings as rec
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import marks_of
 from goshawk_dashboards.review.dashboard import ReviewDashboard, ReviewView
-from goshawk_ground.ports import free_port
-from goshawk_ground.review import open_review
+from goshawk_ground.pages.ports import free_port
+from goshawk_ground.pages.review import open_review
 from playwright.sync_api import Page, expect
 
 ROOT = Path(__file__).resolve().parents[2]

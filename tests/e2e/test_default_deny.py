@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from goshawk_ground.dial import client_config
 from goshawk_ground.link import GroundLink
+from goshawk_ground.link.dial import client_config
 from people import everybody
 from rig import BIN, Rig
 from test_bad_input import air, edited
@@ -78,7 +78,7 @@ def guest() -> Iterator[list[str]]:
 INTRUDER = """
 import sys, time
 import zenoh
-from goshawk_ground.dial import client_config
+from goshawk_ground.link.dial import client_config
 from goshawk_proto import goshawk_pb2
 sys.path.insert(0, sys.argv[2])
 from test_strangers import image, key

@@ -18,8 +18,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_ground.dial import client_config
 from goshawk_ground.link import DEFAULT_VEHICLE, GroundLink
+from goshawk_ground.link.dial import client_config
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory

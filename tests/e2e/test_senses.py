@@ -13,8 +13,8 @@ import onnx
 import pytest
 import zenoh
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_ground.dial import client_config
 from goshawk_ground.link import DEFAULT_VEHICLE
+from goshawk_ground.link.dial import client_config
 from goshawk_proto import goshawk_pb2, key_expression
 from onnx import numpy_helper
 from rig import VEHICLE, Rig

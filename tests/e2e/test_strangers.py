@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import pytest
 import zenoh
-from goshawk_ground.dial import LinkError
 from goshawk_ground.keys.names import Role
 from goshawk_ground.link import DEFAULT_VEHICLE, GroundLink
+from goshawk_ground.link.dial import LinkError
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 from people import People, everybody
 from rig import Rig

@@ -101,7 +101,7 @@ def test_no_folder_imports_itself_by_way_of_others(package: str) -> None:
     assert (found := circle(between_folders(ROOT / package))) is None, " → ".join(found)
 
 
-@pytest.mark.parametrize("package", ["dashboards/goshawk_dashboards", "ground/train/goshawk_train"])
+@pytest.mark.parametrize("package", PACKAGES)
 def test_no_room_is_too_full(package: str) -> None:
     assert too_full(ROOT / package) == []
 

@@ -24,9 +24,9 @@ from pathlib import Path
 
 import zenoh
 from common import ROOT, core_seconds_of_threads, free_port, record, verdict
-from goshawk_ground.dial import Way
 from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.link import GroundLink
+from goshawk_ground.link.dial import Way
 from goshawk_proto import key_expression
 
 CHANNELS = ("plan", "control", "target", "health", "event")

@@ -15,8 +15,7 @@ from goshawk_dashboards.state.views import CommandView
 from rich.console import Console
 from rich.table import Table
 
-from goshawk_ground import doctor_command, trainer
-from goshawk_ground.commands import keys_transfer, logs
+from goshawk_ground.commands import doctor, keys_transfer, logs, trainer
 from goshawk_ground.commands.options import (
     NO_REPLY,
     REFUSED,
@@ -35,11 +34,10 @@ from goshawk_ground.commands.options import (
     Vehicle,
     fail,
 )
-from goshawk_ground.dial import LinkError
-from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
-from goshawk_ground.stop_file import state_folder
-from goshawk_ground.stop_latch import RESUME_S
-from goshawk_ground.stopping import stop_until_confirmed, wait_for_interrupt
+from goshawk_ground.commands.stopping import stop_until_confirmed, wait_for_interrupt
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
+from goshawk_ground.orders.stop_file import state_folder
+from goshawk_ground.orders.stop_latch import RESUME_S
 
 app = typer.Typer(
     name="goshawk",
@@ -188,8 +186,9 @@ def ground(
 
     The printed link lets a browser in to command, the observers' link to see. Other machines log in over HTTPS.
     """
-    from goshawk_ground import admission, fleet  # viser takes a second to import: only where it is used
-    from goshawk_ground.serve import serve_dashboard
+    from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
+    from goshawk_ground.link import fleet
+    from goshawk_ground.pages.serve import serve_dashboard
 
     with ExitStack() as stack:
         try:
@@ -248,7 +247,7 @@ def demo(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary to this file.")] = None,
 ) -> None:
     """Fly: simulator, vehicle and ground station chase a runner through a forest. Exit status 0 only on success."""
-    from goshawk_ground.demo import DemoError, DemoOptions, run_demo
+    from goshawk_ground.demo.run import DemoError, DemoOptions, run_demo
 
     options = DemoOptions(
         seed=seed,
@@ -286,8 +285,8 @@ def review(
     operator_password_file: OperatorPassword = None,
 ) -> None:
     """Serve recorded flights on a timeline until Ctrl-C: scrub, play, step, jump, compare."""
-    from goshawk_ground import admission  # viser takes a second to import: only where it is used
-    from goshawk_ground.review import LogError, open_review
+    from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
+    from goshawk_ground.pages.review import LogError, open_review
 
     files = admission.Secrets(
         certificate=certificate, key=key, token=token_file, operator_password=operator_password_file
@@ -306,7 +305,7 @@ def review(
 
 
 logs.register(app)
-doctor_command.register(app)
+doctor.register(app)
 keys_transfer.register(app)
 trainer.register(app)
 

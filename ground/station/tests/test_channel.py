@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from goshawk_ground.channel import CAPACITY, ChannelStats
+from goshawk_ground.link.channel import CAPACITY, ChannelStats
 from hypothesis import given
 from hypothesis import strategies as st
 

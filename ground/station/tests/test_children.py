@@ -8,8 +8,8 @@ import sys
 import time
 from pathlib import Path
 
-from goshawk_ground.children import Child, stop_all
-from goshawk_ground.ports import free_port, is_free
+from goshawk_ground.demo.children import Child, stop_all
+from goshawk_ground.pages.ports import free_port, is_free
 
 QUICK = ((signal.SIGINT, 1.0), (signal.SIGTERM, 1.0), (signal.SIGKILL, 2.0))
 

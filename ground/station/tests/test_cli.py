@@ -151,7 +151,7 @@ def test_no_command_waits_for_torch_that_does_not_need_it(arguments: list[str]) 
 def test_without_the_trainer_its_help_and_its_commands_say_how_to_install_it(
     group: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("goshawk_ground.trainer.PACKAGE", "goshawk_that_is_not_there")
+    monkeypatch.setattr("goshawk_ground.commands.trainer.PACKAGE", "goshawk_that_is_not_there")
     helped = CliRunner().invoke(app, [group, "--help"])
     assert helped.exit_code == 0
     assert "make setup-train" in helped.stdout
@@ -173,7 +173,7 @@ def test_a_command_starts_again_once_with_the_settings_that_it_wants(tmp_path: P
     script = tmp_path / "again.py"
     script.write_text(
         "import os, sys\n"
-        "from goshawk_ground.trainer import restart_with\n"
+        "from goshawk_ground.commands.trainer import restart_with\n"
         "print('here', flush=True)\n"
         "restart_with({'GOSHAWK_A': '1', 'GOSHAWK_B': '2'})\n"
         "print(os.environ['GOSHAWK_A'], os.environ['GOSHAWK_B'], *sys.argv[1:])\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from goshawk_ground.director import Action, Director, Limits, Phase
+from goshawk_ground.demo.director import Action, Director, Limits, Phase
 
 LIMITS = Limits(ready_s=60, takeoff_s=30, chase_s=70, landing_s=45)
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from goshawk_ground import doctor
 from goshawk_ground.cli import app
-from goshawk_ground.doctor import Finding, State, local_findings
-from goshawk_ground.doctor_link import LinkFacts, link_findings
+from goshawk_ground.doctor import findings as doctor
+from goshawk_ground.doctor.findings import Finding, State, local_findings
+from goshawk_ground.doctor.link import LinkFacts, link_findings
 from typer.testing import CliRunner
 
 Fakes = Callable[..., Any]

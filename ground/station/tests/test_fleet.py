@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from goshawk_ground.dial import LinkError
-from goshawk_ground.fleet import places, radio_sources
+from goshawk_ground.link import LinkError
+from goshawk_ground.link.fleet import places, radio_sources
 
 
 def test_a_name_alone_is_at_the_common_endpoint() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from goshawk_dashboards.state.views import BoxesView, TruthView
-from goshawk_ground.flight_record import FlightRecord, Summary
+from goshawk_ground.demo.flight_record import FlightRecord, Summary
 
 ZERO_3 = np.zeros(3)
 

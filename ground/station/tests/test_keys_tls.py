@@ -10,12 +10,13 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from goshawk_ground.dial import LinkError, Way
 from goshawk_ground.keys.authority import BEGINS, in_days
 from goshawk_ground.keys.identity import read_identity
 from goshawk_ground.keys.keyring import Keyring
 from goshawk_ground.keys.names import Holder, Role
 from goshawk_ground.keys.zenoh_config import zenoh_config
+from goshawk_ground.link import LinkError
+from goshawk_ground.link.dial import Way
 
 PEOPLE = {"vehicle": "hawk", "operator": "alice", "observer": "bob"}
 

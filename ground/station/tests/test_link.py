@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_ground.dial import LinkError
-from goshawk_ground.link import GroundLink
+from goshawk_ground.link import GroundLink, LinkError
 
 Fakes = Callable[..., Any]
 CHANNELS = {"control", "health", "preview", "sim_truth"}

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from goshawk_dashboards.state.views import AutopilotView
-from goshawk_ground.dial import LinkError
-from goshawk_ground.radio import AutopilotState, Radio
+from goshawk_ground.link import LinkError
+from goshawk_ground.link.radio import AutopilotState, Radio
 from pymavlink.dialects.v20 import common as mavlink
 
 RECORDED = Path(__file__).resolve().parents[4] / "shared/data/px4-sih-offboard.tlog"

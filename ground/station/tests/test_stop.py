@@ -16,9 +16,9 @@ from typing import Any
 
 import pytest
 from goshawk_ground.link import GroundLink
-from goshawk_ground.ports import free_port
-from goshawk_ground.stop_file import PendingStop, StopFile
-from goshawk_ground.stop_latch import RESUME_S
+from goshawk_ground.orders.stop_file import PendingStop, StopFile
+from goshawk_ground.orders.stop_latch import RESUME_S
+from goshawk_ground.pages.ports import free_port
 from relay import Relay
 
 Fakes = Callable[..., Any]

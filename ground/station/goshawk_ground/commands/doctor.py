@@ -24,10 +24,9 @@ from goshawk_ground.commands.options import (
     fail,
     print_json,
 )
-from goshawk_ground.dial import LinkError
-from goshawk_ground.doctor import Finding, State, local_findings
-from goshawk_ground.doctor_link import link_findings, measure
-from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE
+from goshawk_ground.doctor.findings import Finding, State, local_findings
+from goshawk_ground.doctor.link import link_findings, measure
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, LinkError
 
 _STYLES = {State.OK: "green", State.NOTE: "yellow", State.BAD: "red"}
 

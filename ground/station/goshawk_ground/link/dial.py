@@ -11,7 +11,7 @@ import zenoh
 
 from goshawk_ground.keys.chosen import default_identity
 from goshawk_ground.keys.names import KeysError
-from goshawk_ground.tunnel import IdentityError, Tunnel
+from goshawk_ground.link.tunnel import IdentityError, Tunnel
 
 LEASE_MS = 2000
 HANDSHAKE_MS = 10_000

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from goshawk_ground.dial import LinkError
-from goshawk_ground.link import GroundLink
-from goshawk_ground.radio import Radio
+from goshawk_ground.link.client import GroundLink
+from goshawk_ground.link.dial import LinkError
+from goshawk_ground.link.radio import Radio
 
 
 def places(vehicles: Sequence[str], connect: str) -> dict[str, str]:

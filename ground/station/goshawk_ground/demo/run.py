@@ -19,13 +19,13 @@ from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
 from rich.console import Console
 
-from goshawk_ground.children import Child, stop_all
-from goshawk_ground.director import Action, Director, Limits, Phase
-from goshawk_ground.flight_record import FlightRecord, Summary
+from goshawk_ground.demo.children import Child, stop_all
+from goshawk_ground.demo.director import Action, Director, Limits, Phase
+from goshawk_ground.demo.flight_record import FlightRecord, Summary
 from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.link import GroundLink
-from goshawk_ground.ports import free_port
-from goshawk_ground.serve import serve_dashboard
+from goshawk_ground.pages.ports import free_port
+from goshawk_ground.pages.serve import serve_dashboard
 
 VEHICLE_FILE = Path("air/vehicles/sim.toml")
 ZENOH_PORT = 7447

@@ -11,7 +11,7 @@ from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.state.snapshot import Snapshot
 
 from goshawk_ground.link import GroundLink
-from goshawk_ground.radio import Radio
+from goshawk_ground.link.radio import Radio
 
 
 def serve_dashboard(

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from goshawk_dashboards.state.views import AutopilotView
 
-from goshawk_ground.dial import LinkError
+from goshawk_ground.link.dial import LinkError
 
 TEXTS = 8
 WINDOW_S = 5.0

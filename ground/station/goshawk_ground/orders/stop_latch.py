@@ -16,8 +16,8 @@ from typing import Protocol
 from goshawk_dashboards.state.views import CommandView, StopView
 from goshawk_proto import goshawk_pb2
 
-from goshawk_ground.command_client import Asker, answered, ask_once, sent
-from goshawk_ground.stop_file import PendingStop, StopFile
+from goshawk_ground.orders.ask import Asker, answered, ask_once, sent
+from goshawk_ground.orders.stop_file import PendingStop, StopFile
 
 RESUME_S = 600.0
 """A Stop older than this is not taken up by a new ground: whoever pressed it has long found another way, and the flight

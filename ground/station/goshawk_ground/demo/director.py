@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from goshawk_ground.flight_record import TRACKING
+from goshawk_ground.demo.flight_record import TRACKING
 
 FLYING = ("takeoff", *TRACKING, "navigate")
 

@@ -1,4 +1,4 @@
-"""What `goshawk doctor` looks at, each thing as one finding that says what to do. The link is in `doctor_link`."""
+"""What `goshawk doctor` looks at, each thing as one finding that says what to do. The link is in `link.py`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from goshawk_ground.ports import is_free
+from goshawk_ground.pages.ports import is_free
 
 BINARIES = ("goshawk-air", "goshawk-sim")
 PACKAGES = (

@@ -23,12 +23,12 @@ from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import CommandView, EventView, WorldView
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
-from goshawk_ground import round_trip, silence
-from goshawk_ground.channel import ChannelStats
-from goshawk_ground.command_client import Starter
-from goshawk_ground.dial import LinkError, Way
-from goshawk_ground.stop_file import StopFile
-from goshawk_ground.stop_latch import StopLatch
+from goshawk_ground.link import round_trip, silence
+from goshawk_ground.link.channel import ChannelStats
+from goshawk_ground.link.dial import LinkError, Way
+from goshawk_ground.orders.ask import Starter
+from goshawk_ground.orders.stop_file import StopFile
+from goshawk_ground.orders.stop_latch import StopLatch
 
 EVENTS = 200
 RING = 32

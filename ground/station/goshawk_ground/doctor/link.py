@@ -16,9 +16,9 @@ from google.protobuf.message import DecodeError
 from goshawk_proto import goshawk_pb2 as pb
 from goshawk_proto import key_expression
 
-from goshawk_ground import round_trip
-from goshawk_ground.dial import Way
-from goshawk_ground.doctor import Finding, State, ok
+from goshawk_ground.doctor.findings import Finding, State, ok
+from goshawk_ground.link import round_trip
+from goshawk_ground.link.dial import Way
 
 ROUND_TRIPS = 10
 LISTEN_S = 1.5

@@ -1,0 +1,1 @@
+"""`goshawk demo`: three processes, one chase, one verdict."""

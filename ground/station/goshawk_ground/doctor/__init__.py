@@ -1,0 +1,1 @@
+"""`goshawk doctor`: what it looks at, and what it says of it."""

@@ -1,0 +1,1 @@
+"""Start and Stop, put to the vehicle until it answers."""

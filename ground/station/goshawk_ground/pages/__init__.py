@@ -1,0 +1,1 @@
+"""Puts the dashboards' pages up: the live one and the review."""
