@@ -11,6 +11,7 @@ import pytest
 from goshawk_dashboards.state import views as view
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import PROTOCOL
+from goshawk_proto import goshawk_pb2 as pb
 from made_up import IDENTITY_4, make_plan
 
 
@@ -20,13 +21,13 @@ def _channel(name: str, age_s: float) -> view.ChannelView:
     )
 
 
-def make_control(seq: int = 1, stamp_s: float = 1.0, mode: str = "track") -> view.ControlView:
+def make_control(seq: int = 1, stamp_s: float = 1.0, mode: pb.Mode = pb.MODE_TRACK) -> view.ControlView:
     """Flying at (10, 0, 2)."""
     return view.ControlView(
         seq=seq,
         stamp_ns=int(stamp_s * 1e9),
         mode=mode,
-        fallback="none",
+        fallback=pb.FALLBACK_NONE,
         pos_world_3=np.array([10.0, 0.0, 2.0]),
         vel_world_3=np.array([3.0, 0.0, 4.0]),
         world_from_body_4=IDENTITY_4,
@@ -56,7 +57,7 @@ def make_target() -> view.TargetView:
     )
 
 
-def make_health(mode: str = "track", ready: bool = True, reason: str = "fresh") -> view.HealthView:
+def make_health(mode: pb.Mode = pb.MODE_TRACK, ready: bool = True, reason: str = "fresh") -> view.HealthView:
     """A heartbeat with one check."""
     return view.HealthView(
         seq=1,

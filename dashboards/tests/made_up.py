@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from goshawk_dashboards.state import views as view
+from goshawk_proto import goshawk_pb2 as pb
 
 IDENTITY_4 = np.array([1.0, 0.0, 0.0, 0.0])
+REJECTIONS = {6: pb.REJECTION_COST, 7: pb.REJECTION_NONE, 8: pb.REJECTION_COST}
 
 
 def make_plan(seq: int = 1, chosen: int | None = 7) -> view.PlanView:
@@ -28,7 +30,7 @@ def make_plan(seq: int = 1, chosen: int | None = 7) -> view.PlanView:
         end_acc_world_N3=np.zeros((15, 3)),
         cost_N=np.linspace(1.0, 3.0, 15),
         objectness_N=np.ones(15),
-        rejections=tuple("none" if k == 7 else ("cost" if k in (6, 8) else "objectness") for k in range(15)),
+        rejections=tuple(REJECTIONS.get(k, pb.REJECTION_OBJECTNESS) for k in range(15)),
         target_pos_world_N3=None,
         chosen=chosen,
     )

@@ -10,6 +10,7 @@ from goshawk_dashboards.state.alerts import HOLD_S, AlertBoard, alerts
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import AutopilotView, CommandView, StopView
 from goshawk_proto import PROTOCOL
+from goshawk_proto import goshawk_pb2 as pb
 
 Make = Callable[..., Snapshot]
 
@@ -32,7 +33,7 @@ def test_silence_in_flight_is_severe_and_on_the_ground_is_not(snap: Make) -> Non
     base = snap(age_s=4.0)
     assert base.control is not None
     assert base.health is not None
-    landed = replace(base, control=None, health=replace(base.health, mode="ready"))
+    landed = replace(base, control=None, health=replace(base.health, mode=pb.MODE_READY))
     assert [(a.key, a.severe) for a in alerts(landed)] == [("silent", False)]
 
 
@@ -47,7 +48,7 @@ def test_a_late_view_is_told(snap: Make) -> None:
 def test_a_fallback_is_severe(snap: Make) -> None:
     base = snap()
     assert base.control is not None
-    (alert,) = alerts(replace(base, control=replace(base.control, fallback="plan_expired_brake")))
+    (alert,) = alerts(replace(base, control=replace(base.control, fallback=pb.FALLBACK_PLAN_EXPIRED_BRAKE)))
     assert alert.severe
     assert "plan expired brake" in alert.text
 
@@ -58,7 +59,7 @@ def test_faults_and_battery_count_in_flight_only(snap: Make) -> None:
     assert base.control is not None
     sick = replace(base, health=replace(base.health, faults=("odometry: stale",), battery_fraction=0.08))
     assert keys(sick) == ["fault 0", "battery"]
-    idle = replace(sick, control=replace(base.control, mode="idle"))
+    idle = replace(sick, control=replace(base.control, mode=pb.MODE_IDLE))
     assert keys(idle) == []
 
 
@@ -122,7 +123,7 @@ def test_a_blink_of_trouble_stays_long_enough_to_be_read(snap: Make) -> None:
     board = AlertBoard()
     base = snap()
     assert base.control is not None
-    sick = replace(base, control=replace(base.control, fallback="hold_position"))
+    sick = replace(base, control=replace(base.control, fallback=pb.FALLBACK_HOLD_POSITION))
     assert [a.over for a in board.update(sick)] == [False]
     assert [a.over for a in board.update(replace(base, now_s=base.now_s + 0.3))] == [True]
     assert board.update(replace(base, now_s=base.now_s + HOLD_S + 0.5)) == []

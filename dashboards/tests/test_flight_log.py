@@ -114,7 +114,7 @@ def test_phases_follow_mode_and_target_without_gaps(flight: Flight) -> None:
         atol=0.04,
     )
     (brake,) = flight.fallbacks
-    assert (brake.name, brake.start_s, brake.end_s) == ("plan_expired_brake", 6.0, pytest.approx(6.2))
+    assert (brake.name, brake.start_s, brake.end_s) == ("plan expired brake", 6.0, pytest.approx(6.2))
 
 
 def test_tracking_without_any_estimate_is_lost() -> None:

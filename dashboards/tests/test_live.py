@@ -15,6 +15,7 @@ from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import BoxesView, CommandView, PreviewView, TruthView, WorldView
+from goshawk_proto import goshawk_pb2 as pb
 from PIL import Image
 from viser import BatchedMeshHandle
 
@@ -22,7 +23,7 @@ Make = Callable[..., Snapshot]
 
 
 def _command(verb: str) -> CommandView:
-    return CommandView(verb=verb, command_id="1", answered=True, accepted=True, text="ok", mode="takeoff")
+    return CommandView(verb=verb, command_id="1", answered=True, accepted=True, text="ok", mode=pb.MODE_TAKEOFF)
 
 
 def gate(port: int = 0) -> Gate:

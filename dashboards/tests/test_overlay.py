@@ -10,6 +10,7 @@ from goshawk_dashboards.live import candidates, fleet, link, overlay
 from goshawk_dashboards.state.alerts import Alert
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import AutopilotView, CommandView, PreviewView
+from goshawk_proto import goshawk_pb2 as pb
 
 Make = Callable[..., Snapshot]
 
@@ -110,7 +111,7 @@ def test_the_radio_shows_mode_battery_and_link(snap: Make) -> None:
         loss_fraction=0.02,
         radio_rssi=(190, 180),
         rate_hz=30.0,
-        texts=(("error", "Battery <low>"),),
+        texts=((pb.SEVERITY_ERROR, "Battery <low>"),),
     )
     words = link.radio_html(snap(autopilot=radio))
     for fact in ("OFFBOARD, ARMED", "61 %, 15.12 V", "2.0 %", "190, 180", "30 Hz", "Battery &lt;low&gt;", "read only"):
@@ -125,11 +126,10 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
     assert base.plan is not None
     hostile = replace(
         base,
-        plan=replace(base.plan, rejections=(evil,) * 15),
         command=CommandView(
-            verb=evil, command_id="1", answered=True, accepted=False, text=evil, mode=evil, at_s=base.now_s
+            verb=evil, command_id="1", answered=True, accepted=False, text=evil, mode=None, at_s=base.now_s
         ),
-        autopilot=AutopilotView(source=evil, age_s=0.1, mode=evil, texts=((evil, evil),), trouble=evil),
+        autopilot=AutopilotView(source=evil, age_s=0.1, mode=evil, texts=((pb.SEVERITY_ERROR, evil),), trouble=evil),
     )
     words = (
         over(hostile, [(evil, Alert(key=evil, severe=True, text=evil))])

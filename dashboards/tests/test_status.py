@@ -10,6 +10,7 @@ from goshawk_dashboards.live import link
 from goshawk_dashboards.page import status
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import CommandView, EventView
+from goshawk_proto import goshawk_pb2 as pb
 
 Make = Callable[..., Snapshot]
 
@@ -37,7 +38,7 @@ def test_no_vehicle_says_what_is_being_dialled(snap: Make) -> None:
 def test_the_fallback_rung_is_shown(snap: Make) -> None:
     base = snap()
     assert base.control is not None
-    words = status.status_html(replace(base, control=replace(base.control, fallback="plan_expired_brake")))
+    words = status.status_html(replace(base, control=replace(base.control, fallback=pb.FALLBACK_PLAN_EXPIRED_BRAKE)))
     assert "fallback: plan expired brake" in words
 
 
@@ -75,8 +76,8 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
         vehicle=evil,
         endpoint=evil,
         health=health,
-        events=(EventView(stamp_ns=1, severity=evil, kind=evil, text=evil),),
-        command=CommandView(verb=evil, command_id="1", answered=True, accepted=False, text=evil, mode=evil),
+        events=(EventView(stamp_ns=1, severity=pb.SEVERITY_ERROR, kind=evil, text=evil),),
+        command=CommandView(verb=evil, command_id="1", answered=True, accepted=False, text=evil, mode=None),
     )
     render = (
         status.status_html,
@@ -121,7 +122,9 @@ def test_what_a_vehicle_does_not_say_of_itself_is_not_made_up(snap: Make) -> Non
 
 
 def test_a_refused_command_shows_why(snap: Make) -> None:
-    command = CommandView(verb="start", command_id="1", answered=True, accepted=False, text="no camera", mode="idle")
+    command = CommandView(
+        verb="start", command_id="1", answered=True, accepted=False, text="no camera", mode=pb.MODE_IDLE
+    )
     words = status.command_html(snap(command=command))
     assert "start refused" in words
     assert "no camera" in words

@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import urlparse
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Page, expect
 
 Start = Callable[..., Any]
@@ -32,9 +33,9 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     mode(page, "ready")
     assert look.flown_green(look.picture(page)) < 20
     press_start(page, "Start now")
-    assert g.link.wait_for(lambda s: s.mode == "takeoff", 10)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TAKEOFF, 10)
     mode(page, "track")
-    assert g.link.wait_for(lambda s: s.mode == "track" and s.plan is not None, 10)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 10)
 
     deadline = time.monotonic() + 60
     while look.flown_green(look.picture(page)) < 60:
@@ -52,7 +53,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
 
     page.get_by_role("button", name="Stop", exact=True).click()
     mode(page, "landed")
-    assert g.link.snapshot().mode == "landed"
+    assert g.link.snapshot().mode == pb.MODE_LANDED
     assert seen.errors == []
     assert {urlparse(u).hostname for u in seen.requests if u.startswith("http")} == {"127.0.0.1"}
 
@@ -79,7 +80,7 @@ def test_start_asks_first_and_shows_what_is_not_ready(ground: Start, visit: Visi
     assert g.link.snapshot().command is None
     press_start(page, "Start anyway")
     expect(page.locator('[data-goshawk="command"]')).to_contain_text("start refused")
-    assert g.link.snapshot().mode == "idle"
+    assert g.link.snapshot().mode == pb.MODE_IDLE
 
 
 def test_without_a_heartbeat_there_is_nothing_to_start(ground: Start, visit: Visit) -> None:
@@ -105,7 +106,7 @@ def test_a_vehicle_of_another_protocol_can_only_be_stopped(ground: Start, visit:
     expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("only Stop works: goshawk speaks protocol 0")
     expect(page.get_by_role("button", name="Start", exact=True)).to_be_hidden()
     assert "Update the vehicle" in g.link.start().text
-    assert g.link.snapshot().mode == "ready"
+    assert g.link.snapshot().mode == pb.MODE_READY
     page.keyboard.press("Space")
     expect(page.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
 
@@ -128,9 +129,9 @@ def test_a_silent_vehicle_is_marked_stale_and_stop_still_answers(ground: Start, 
 
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:
     g = ground()
-    assert g.link.wait_for(lambda s: s.mode == "ready", 10)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)
     assert g.link.start().accepted
-    assert g.link.wait_for(lambda s: s.mode == "track" and s.plan is not None, 10)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 10)
     page = visit(g.dashboard.url).page
     mode(page, "track")
     deadline = time.monotonic() + 60

@@ -17,11 +17,12 @@ import numpy as np
 import pytest
 from goshawk_ground.link import GroundLink
 from goshawk_ground.pages.ports import free_port
+from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import expect
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = ROOT / "target/release"
-UNDER_WAY = ("takeoff", "search", "track", "hold")
+UNDER_WAY = (pb.MODE_TAKEOFF, pb.MODE_SEARCH, pb.MODE_TRACK, pb.MODE_HOLD)
 
 
 @pytest.fixture
@@ -51,7 +52,7 @@ def flight(tmp_path: Path) -> Iterator[tuple[GroundLink, str]]:
             environment = os.environ | {"XDG_STATE_HOME": str(tmp_path)}
             processes[name] = subprocess.Popen(command, stdout=out, stderr=out, start_new_session=True, env=environment)
     link = GroundLink(connect=endpoint)
-    ready = link.wait_for(lambda s: s.mode == "ready" and s.health is not None and s.health.ready, 90)
+    ready = link.wait_for(lambda s: s.mode == pb.MODE_READY and s.health is not None and s.health.ready, 90)
     deadline = time.monotonic() + 30
     while b"observers:" not in (tmp_path / "ground.out").read_bytes() and time.monotonic() < deadline:
         time.sleep(0.1)
@@ -88,7 +89,7 @@ def test_start_in_the_browser_begins_the_flight_and_stop_ends_it(
         if link.wait_for(lambda s: s.mode in UNDER_WAY, 8):
             break
     assert link.snapshot().mode in UNDER_WAY
-    assert link.wait_for(lambda s: s.mode == "track" and s.plan is not None, 40)
+    assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 40)
     expect(status).to_have_attribute("data-mode", "track", timeout=30_000)
 
     deadline = time.monotonic() + 30
@@ -105,9 +106,9 @@ def test_start_in_the_browser_begins_the_flight_and_stop_ends_it(
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
 
     page.get_by_role("button", name="Stop", exact=True).click()
-    assert link.wait_for(lambda s: s.mode == "stopping", 10)
+    assert link.wait_for(lambda s: s.mode == pb.MODE_STOPPING, 10)
     # Landed lasts until the checks pass again, which may be at once.
-    assert link.wait_for(lambda s: s.mode in ("landed", "ready", "idle"), 60)
+    assert link.wait_for(lambda s: s.mode in (pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE), 60)
     assert any("Landed" in event.text for event in link.snapshot().events)
     expect(status).to_have_attribute("data-mode", re.compile("landed|ready|idle"))
     truth = link.snapshot().truth

@@ -25,6 +25,7 @@ import pytest
 import zstandard
 from goshawk_dashboards.gate.client import CAMERA, open_page, viser_protocol
 from goshawk_ground.pages.ports import free_port
+from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Browser, BrowserContext, expect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage
 from websockets.sync.client import connect
@@ -168,9 +169,9 @@ def triggers(connection: Connection) -> tuple[bytes, bytes]:
 
 def flying(g: Any) -> None:
     """Takes off, and waits until it tracks."""
-    assert g.link.wait_for(lambda s: s.mode == "ready", 20)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
     assert g.link.start().accepted
-    assert g.link.wait_for(lambda s: s.mode == "track", 20)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK, 20)
 
 
 def test_a_foreign_page_reads_nothing_opens_nothing_and_commands_nothing(
@@ -205,7 +206,7 @@ def test_a_foreign_page_reads_nothing_opens_nothing_and_commands_nothing(
             assert not frame.url.startswith(f"http://{gate.netloc}") or "Refused" in frame.content()
         stranger.close()
     assert g.link.snapshot().command is None
-    assert g.link.snapshot().mode == "ready"
+    assert g.link.snapshot().mode == pb.MODE_READY
 
 
 def test_the_one_port_of_a_ground_station_is_the_gates_and_wants_a_session(station: Any) -> None:
@@ -278,7 +279,7 @@ def test_an_observer_sees_the_flight_and_has_nothing_to_press(ground: Start, con
     expect(page.locator('[data-goshawk="fleet"] [data-vehicle="bravo"]')).to_have_attribute("data-shown", "true")
     page.keyboard.press("1")
     expect(page.locator('[data-goshawk="fleet"] [data-vehicle="alpha"]')).to_have_attribute("data-shown", "true")
-    assert g.link.snapshot().mode == "track"
+    assert g.link.snapshot().mode == pb.MODE_TRACK
 
 
 def test_a_command_that_an_observer_makes_by_hand_is_refused_and_the_operators_is_obeyed(ground: Start) -> None:
@@ -298,10 +299,10 @@ def test_a_command_that_an_observer_makes_by_hand_is_refused_and_the_operators_i
                     crafted.recv(timeout=30)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == 1008
-        assert g.link.snapshot().mode == "track"
+        assert g.link.snapshot().mode == pb.MODE_TRACK
 
         allowed.send(stop)
-        assert g.link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+        assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
 
 
 def test_another_machine_logs_in_over_https_and_wrong_passwords_are_slowed(
@@ -356,4 +357,4 @@ def test_another_machine_logs_in_over_https_and_wrong_passwords_are_slowed(
     (cookie,) = context.cookies()
     assert cookie.get("secure") is True
     page.get_by_role("button", name="Stop", exact=True).click()
-    assert g.link.wait_for(lambda s: s.mode in ("stopping", "landed"), 30)
+    assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 30)

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Page, expect
 
 Start = Callable[..., Any]
@@ -14,9 +15,9 @@ Visit = Callable[..., Any]
 
 def flying(g: Any) -> None:
     """Takes off, and waits until it tracks."""
-    assert g.link.wait_for(lambda s: s.mode == "ready", 20)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
     assert g.link.start().accepted
-    assert g.link.wait_for(lambda s: s.mode == "track", 20)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK, 20)
 
 
 def reachable(page: Page, name: str) -> None:
@@ -51,7 +52,7 @@ def test_the_stop_key_stops_even_while_an_input_has_the_focus(ground: Start, vis
     page.locator("input:visible").first.focus()
     assert page.evaluate("document.activeElement.tagName") == "INPUT"
     page.keyboard.press("Space")
-    assert g.link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+    assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
     expect(page.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
 
 
@@ -70,7 +71,7 @@ def test_stop_stays_within_reach_when_the_panel_is_scrolled_and_on_a_phone(groun
     expect(phone.locator('[data-goshawk="status"]')).to_be_hidden()
     reachable(phone, "Stop")
     phone.get_by_role("button", name="Stop", exact=True).click()
-    assert g.link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+    assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
 
 
 def test_a_vehicle_that_falls_silent_in_flight_is_an_alert_and_a_ghost(ground: Start, visit: Visit) -> None:
@@ -111,10 +112,10 @@ def test_several_vehicles_are_seen_at_once_and_each_and_all_can_be_stopped(groun
     g = ground(names=("alpha", "bravo", "charlie"))
     links = [g.link, *(link for _, link in g.others)]
     for link in links:
-        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
         assert link.start().accepted
     for link in links:
-        assert link.wait_for(lambda s: s.mode == "track", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK, 20)
     page = visit(g.dashboard.url, height=900).page
     rows = page.locator('[data-goshawk="fleet"] [data-vehicle]')
     expect(rows).to_have_count(3)
@@ -125,28 +126,28 @@ def test_several_vehicles_are_seen_at_once_and_each_and_all_can_be_stopped(groun
     reachable(page, "Stop bravo")
     expect(page.locator('[data-vehicle="bravo"]')).to_have_attribute("data-shown", "true")
     page.keyboard.press("Space")
-    assert links[1].wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
-    assert [links[0].snapshot().mode, links[2].snapshot().mode] == ["track", "track"]
+    assert links[1].wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
+    assert [links[0].snapshot().mode, links[2].snapshot().mode] == [pb.MODE_TRACK, pb.MODE_TRACK]
 
     reachable(page, "Stop all")
     page.get_by_role("button", name="Stop all", exact=True).click()
     expect(page.get_by_role("button", name="Press again: all stop")).to_be_visible()
-    assert [links[0].snapshot().mode, links[2].snapshot().mode] == ["track", "track"]
+    assert [links[0].snapshot().mode, links[2].snapshot().mode] == [pb.MODE_TRACK, pb.MODE_TRACK]
     # A busy machine may take longer to click once more than the first press counts.
     expect(page.get_by_role("button", name="Stop all", exact=True)).to_be_visible()
     page.evaluate("const all = document.querySelector('.goshawk-all'); all.click(); all.click()")
     for link in links:
-        assert link.wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+        assert link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
 
 
 def test_space_stops_only_what_this_browser_shows(ground: Start, visit: Visit) -> None:
     g = ground(names=("alpha", "bravo"))
     links = [g.link, g.others[0][1]]
     for link in links:
-        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
         assert link.start().accepted
     for link in links:
-        assert link.wait_for(lambda s: s.mode == "track", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK, 20)
     one, two = visit(g.dashboard.url).page, visit(g.dashboard.url).page
     reachable(one, "Stop alpha")
     reachable(two, "Stop alpha")
@@ -155,12 +156,12 @@ def test_space_stops_only_what_this_browser_shows(ground: Start, visit: Visit) -
     reachable(one, "Stop alpha")
 
     one.keyboard.press("Space")
-    assert links[0].wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+    assert links[0].wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
     expect(one.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
-    assert links[1].snapshot().mode == "track"
+    assert links[1].snapshot().mode == pb.MODE_TRACK
     assert links[1].snapshot().command is not None and links[1].snapshot().command.verb == "start"
     two.keyboard.press("Space")
-    assert links[1].wait_for(lambda s: s.mode in ("stopping", "landed"), 20)
+    assert links[1].wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
 
 
 def test_a_tab_that_is_loaded_again_shows_the_vehicle_that_it_showed(ground: Start, visit: Visit) -> None:

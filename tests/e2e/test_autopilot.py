@@ -15,9 +15,10 @@ from pathlib import Path
 import pytest
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import GroundLink
+from goshawk_proto import goshawk_pb2 as pb
 from rig import BIN, VEHICLE, Rig
 
-FLYING = {"track", "search", "hold"}
+FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
 
 
 @pytest.fixture(scope="module")
@@ -81,10 +82,12 @@ def test_a_position_lost_in_flight_is_told_and_comes_down_the_ladder(rig: Rig, f
     rig.sim("--seed", "5", "--spacing", "6", "--speed", "2", "--mishap", "no-position@6")
     with rig.link() as link:
         take_off(rig, link)
-        blind = link.wait_for(lambda s: s.control is not None and s.control.fallback == "odometry_stale_descend", 40.0)
+        blind = link.wait_for(
+            lambda s: s.control is not None and s.control.fallback == pb.FALLBACK_ODOMETRY_STALE_DESCEND, 40.0
+        )
         assert blind is not None, rig.output("air")
         assert "NoPosition" in rig.output("sim")
-        fault = link.wait_for(lambda s: s.mode == "fault", 10.0)
+        fault = link.wait_for(lambda s: s.mode == pb.MODE_FAULT, 10.0)
         assert fault is not None, rig.output("air")
         events = link.wait_for(lambda s: told(s, "the autopilot has lost its position") is not None, 5.0)
         assert events is not None, [e.text for e in link.snapshot().events]
@@ -112,7 +115,7 @@ def test_a_take_off_given_up_while_the_autopilot_arms_is_disarmed(rig: Rig, figu
         begun, ended = told(disarmed, "the motors are armed"), told(disarmed, "the motors are disarmed")
         assert begun is not None and ended is not None
         took = (ended - begun) * 1e-9
-        assert link.wait_for(lambda s: s.mode == "ready", 10.0) is not None
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 10.0) is not None
     assert took < 2.5, "without being asked it disarms after 10 s"
     figures.append(("late-arming, given up", f"armed on the ground for {took:.1f} s"))
 
@@ -134,7 +137,7 @@ def test_a_restart_in_flight_is_told_and_nothing_is_asked_of_the_new_one(
         orders = re.compile(r"^(set mode|arm|disarm)")
         since = [e.text for e in snap.events if e.stamp_ns > restarted and orders.match(e.text)]
         assert all("not answered" in text for text in since), since
-        assert snap.mode in {"fault", "idle", "ready"}
+        assert snap.mode in {pb.MODE_FAULT, pb.MODE_IDLE, pb.MODE_READY}
     figures.append(("restart, in flight", "told; it stays in AUTO.LOITER, disarmed, no order was sent"))
 
 
@@ -161,7 +164,7 @@ def test_a_slow_push_of_a_stick_flies_on_and_a_quick_one_ends_authority(
         assert link.wait_for(lambda _: "Sticks(0.5)" in rig.output("sim"), 40.0) is not None
         time.sleep(1.5)
         assert airborne(link.snapshot()), "a slow push takes nothing over: MAN_OVERRIDE_SPD is 1"
-        fault = link.wait_for(lambda s: s.mode == "fault", 10.0)
+        fault = link.wait_for(lambda s: s.mode == pb.MODE_FAULT, 10.0)
         assert fault is not None, rig.output("air")
         assert link.wait_for(lambda s: told(s, "taken away by the pilot") is not None, 5.0) is not None
     figures.append(("sticks at 0.5, then 1.5 travels/s", "flies on; ends authority"))
@@ -177,7 +180,7 @@ def test_an_attitude_that_lags_by_300_ms_is_flown(rig: Rig, figures: list[tuple[
         snap = link.snapshot()
         assert airborne(snap), (snap.mode, [e.text for e in snap.events])
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0) is not None
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}, 40.0) is not None
     figures.append(("attitude lag 0.3 s", "takes off, flies for 8 s, lands"))
 
 

@@ -21,14 +21,15 @@ from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import DEFAULT_VEHICLE, GroundLink
 from goshawk_ground.link.dial import client_config
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
+from goshawk_proto import goshawk_pb2 as pb
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from rig import BIN, Rig
 from weak_link import WeakLink
 
 GOSHAWK = Path(BIN).parents[1] / ".venv/bin/goshawk"
-FLYING = {"track", "search", "hold"}
-DOWN = {"landed", "ready", "idle"}
+FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
+DOWN = {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}
 
 
 def rate_hz(stamps_ns: list[int]) -> float:
@@ -104,7 +105,7 @@ def test_the_ground_sees_the_simulators_buildings_and_what_moves_between_them(ri
         assert (later.truth.moving.centre_world_B3 == snap.truth.moving.centre_world_B3).all()
 
 
-def airborne_and(modes: set[str]):
+def airborne_and(modes: set[pb.Mode]):
     def condition(snap: Snapshot) -> bool:
         return snap.mode in modes and snap.truth is not None and snap.truth.pos_world_3[2] > 0.8
 
@@ -160,10 +161,14 @@ def test_the_simulator_dies_in_flight_and_the_vehicle_says_why(flying: Rig) -> N
     os.killpg(sim.pid, signal.SIGKILL)
     with flying.link() as link:
         down = link.wait_for(
-            lambda s: s.control is not None and s.control.fallback in {"odometry_stale_descend", "hand_back"}, 10.0
+            lambda s: (
+                s.control is not None
+                and s.control.fallback in {pb.FALLBACK_ODOMETRY_STALE_DESCEND, pb.FALLBACK_HAND_BACK}
+            ),
+            10.0,
         )
         assert down is not None, flying.output("air")
-        fault = link.wait_for(lambda s: s.mode in {"fault", "idle"}, 10.0)
+        fault = link.wait_for(lambda s: s.mode in {pb.MODE_FAULT, pb.MODE_IDLE}, 10.0)
         assert fault is not None, flying.output("air")
     assert flying.processes["air"].poll() is None
     assert "panicked" not in flying.output("air")
@@ -205,7 +210,7 @@ def test_over_a_weak_link_the_flight_is_watched_and_stopped_and_flies_on_unhinde
         sent_s = time.monotonic()
         stopping = threading.Thread(target=far.stop, kwargs={"timeout_s": 30.0})
         stopping.start()
-        assert near.wait_for(lambda s: s.mode in {"stopping", *DOWN}, 15.0) is not None, flying.output("air")
+        assert near.wait_for(lambda s: s.mode in {pb.MODE_STOPPING, *DOWN}, 15.0) is not None, flying.output("air")
         print(f"the stop took {time.monotonic() - sent_s:.2f} s to the vehicle")
         stopping.join()
         command = far.snapshot().command
@@ -257,5 +262,5 @@ def test_a_stop_is_obeyed_at_once_while_answers_to_another_ground_cannot_be_sent
         sent_s = time.monotonic()
         threading.Thread(target=near.stop, daemon=True).start()
         # Were it to wait for those answers, it would take longer than Zenoh takes to give up that link (5 s).
-        assert near.wait_for(lambda s: s.mode in {"stopping", *DOWN}, 5.0) is not None, flying.output("air")
+        assert near.wait_for(lambda s: s.mode in {pb.MODE_STOPPING, *DOWN}, 5.0) is not None, flying.output("air")
         print(f"the stop took {time.monotonic() - sent_s:.2f} s to the vehicle")

@@ -17,11 +17,12 @@ from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recover import recover
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import goshawk_pb2
+from goshawk_proto import goshawk_pb2 as pb
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from rig import BIN, VEHICLE, Rig
 
-FLYING = {"track", "search", "hold"}
+FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
 #: What the file system lets the vehicle write into one file.
 DISK_BYTES = 12_000_000
 #: A file system of its own for the logs: its size, and what is left of it beside a file that is no log.
@@ -87,12 +88,12 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(rig: Rig) -> None:
             lambda s: s.health is not None and any("recorder" in fault for fault in s.health.faults), 40.0
         )
         assert told is not None and told.health is not None, rig.output("air")
-        assert told.mode in FLYING | {"takeoff"}
+        assert told.mode in FLYING | {pb.MODE_TAKEOFF}
         later = link.wait_for(lambda s: s.plan is not None and told.plan is not None
                               and s.plan.seq > told.plan.seq + 30 and s.mode in FLYING, 10.0)  # fmt: skip
         assert later is not None, "it flies on"
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}, 40.0), rig.output("air")
     (log,) = rig.logs.glob("*.mcap")
     assert DISK_BYTES - 2_000_000 < log.stat().st_size <= DISK_BYTES
     assert len(controls(log)) > 200
@@ -112,7 +113,7 @@ def test_once_a_full_disk_is_freed_the_next_flight_starts_and_is_recorded(rig: R
         assert link.wait_for(lambda s: told(s, False), 40.0), rig.output("air")
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (1_000_000, resource.RLIM_INFINITY))  # full to the last block
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}, 40.0), rig.output("air")
         time.sleep(4.0)  # the disk was tried again, and is full
         refused = link.start()
         assert not refused.accepted and "ready" in refused.text, refused
@@ -121,7 +122,7 @@ def test_once_a_full_disk_is_freed_the_next_flight_starts_and_is_recorded(rig: R
         assert link.start().accepted
         assert link.wait_for(lambda s: s.mode in FLYING, 30.0), rig.output("air")
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}, 40.0), rig.output("air")
     rig.close()
     _, second = sorted(rig.logs.glob("*.mcap"))
     assert "no difference" in replays(second)
@@ -162,7 +163,7 @@ def test_on_a_file_system_that_is_full_it_flies_on_and_records_again_once_there_
         seq = told.plan.seq
         assert link.wait_for(lambda s: s.plan is not None and s.plan.seq > seq + 60 and s.mode in FLYING, 10.0)
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}, 40.0), rig.output("air")
         time.sleep(4.0)  # the disk was tried again, and is full
         refused = link.start()
         assert not refused.accepted and "ready" in refused.text, refused
@@ -171,7 +172,7 @@ def test_on_a_file_system_that_is_full_it_flies_on_and_records_again_once_there_
         assert link.start().accepted
         assert link.wait_for(lambda s: s.mode in FLYING, 30.0), rig.output("air")
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in {"landed", "ready", "idle"}, 40.0), rig.output("air")
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}, 40.0), rig.output("air")
         assert not recorder_failed(link.snapshot())
     rig.close()
     _, second = sorted(rig.logs.glob("*.mcap"))

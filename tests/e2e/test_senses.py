@@ -16,6 +16,7 @@ from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import DEFAULT_VEHICLE
 from goshawk_ground.link.dial import client_config
 from goshawk_proto import goshawk_pb2, key_expression
+from goshawk_proto import goshawk_pb2 as pb
 from onnx import numpy_helper
 from rig import VEHICLE, Rig
 from test_bad_input import air
@@ -46,14 +47,16 @@ def flying(rig: Rig, link, *sim: str) -> None:
     ready = link.wait_for(lambda s: s.health is not None and s.health.ready, 30.0)
     assert ready is not None, rig.output("air")
     assert link.start().accepted
-    assert link.wait_for(lambda s: s.control is not None and s.mode in {"track", "search"}, 40.0) is not None
+    assert (
+        link.wait_for(lambda s: s.control is not None and s.mode in {pb.MODE_TRACK, pb.MODE_SEARCH}, 40.0) is not None
+    )
 
 
 def test_a_frozen_camera_is_named_in_flight_and_the_vehicle_comes_down_by_itself(rig: Rig) -> None:
     with rig.link() as link:
         flying(rig, link, "--fault", "camera-frozen")
         assert link.wait_for(names("camera", "frozen"), 20.0) is not None, rig.output("air")
-        assert link.wait_for(lambda s: s.mode in {"stopping", "landed", "idle"}, 40.0) is not None
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_STOPPING, pb.MODE_LANDED, pb.MODE_IDLE}, 40.0) is not None
     assert "readiness: camera: frozen" in rig.output("air")
 
 
@@ -84,7 +87,11 @@ def test_a_second_camera_on_the_key_is_named_in_flight_and_the_vehicle_stops(rig
         try:
             assert link.wait_for(names("camera", "two-cameras"), 10.0) is not None, rig.output("air")
             held = link.wait_for(
-                lambda s: s.control is not None and s.control.fallback in {"plan_expired_brake", "hold_position"}, 10.0
+                lambda s: (
+                    s.control is not None
+                    and s.control.fallback in {pb.FALLBACK_PLAN_EXPIRED_BRAKE, pb.FALLBACK_HOLD_POSITION}
+                ),
+                10.0,
             )
             assert held is not None
         finally:

@@ -21,7 +21,8 @@ import zenoh
 from goshawk_ground.keys.names import Role
 from goshawk_ground.link import DEFAULT_VEHICLE, GroundLink
 from goshawk_ground.link.dial import LinkError
-from goshawk_proto import KEYS, goshawk_pb2, key_expression
+from goshawk_proto import KEYS, key_expression
+from goshawk_proto import goshawk_pb2 as pb
 from people import People, everybody
 from rig import Rig
 
@@ -79,7 +80,7 @@ def key(name: str) -> str:
 
 def image() -> bytes:
     rng = np.random.default_rng(1)
-    return goshawk_pb2.Rgbd(
+    return pb.Rgbd(
         seq=1, stamp_ns=time.monotonic_ns(), width=160, height=96, hfov_rad=1.5708, vfov_rad=1.0808,
         rgb=rng.integers(0, 255, 46080).astype(np.uint8).tobytes(),
         depth_mm=rng.integers(500, 9000, 15360).astype("<u2").tobytes(),
@@ -114,8 +115,8 @@ class Attempts:
 
     def speak(self) -> None:
         """Commands, pictures, telemetry and deletions, on every key."""
-        start = goshawk_pb2.StartRequest(command_id=str(uuid.uuid4())).SerializeToString()
-        stop = goshawk_pb2.StopRequest(command_id=str(uuid.uuid4())).SerializeToString()
+        start = pb.StartRequest(command_id=str(uuid.uuid4())).SerializeToString()
+        stop = pb.StopRequest(command_id=str(uuid.uuid4())).SerializeToString()
         for name, payload in (("cmd_start", start), ("cmd_stop", stop), ("cmd_start", self.replayed)):
             for reply in self.session.get(key(name), payload=payload, timeout=1.0):
                 if reply.ok is not None:
@@ -129,7 +130,7 @@ class Attempts:
         self.session.delete(f"goshawk/{DEFAULT_VEHICLE}/**")
 
 
-def flown_by(link: GroundLink) -> tuple[str | None, dict[str, int]]:
+def flown_by(link: GroundLink) -> tuple[pb.Mode | None, dict[str, int]]:
     """The mode, and what the vehicle counted of its inputs."""
     snap = link.snapshot()
     assert snap.health is not None
@@ -156,7 +157,7 @@ def test_who_gets_in_without_the_right_changes_nothing_and_is_named(flown: tuple
         before = link.wait_for(lambda s: s.health is not None and s.health.ready, 20.0)
         assert before is not None, rig.output("air")
         refused_before = flown_by(link)[1]["frames_refused"]
-        replayed = goshawk_pb2.StartRequest(command_id="once-used").SerializeToString()
+        replayed = pb.StartRequest(command_id="once-used").SerializeToString()
         with zenoh.open(stranger_config(rig.endpoint, people.of(who))) as session:
             attempts = Attempts(session, replayed)
             attempts.listen()
@@ -164,7 +165,7 @@ def test_who_gets_in_without_the_right_changes_nothing_and_is_named(flown: tuple
             time.sleep(2.5)
             # What the sensors, the vehicle's telemetry and the operator say to each other goes on, and by it alone.
             mode, counts = flown_by(link)
-            assert mode == "ready"
+            assert mode == pb.MODE_READY
             assert counts["frames_refused"] == refused_before
             snap = link.snapshot()
             assert snap.health is not None and snap.health.ready and snap.alive
@@ -202,7 +203,7 @@ def test_an_observer_sees_what_an_operator_sees(flown: tuple[Rig, People]) -> No
         assert snap is not None and snap.alive
         assert link.wait_for(lambda s: s.world is not None, 20.0) is not None
         assert not link.start(timeout_s=2.0).answered
-        assert link.snapshot().mode == "ready"
+        assert link.snapshot().mode == pb.MODE_READY
 
 
 def test_a_ground_believes_no_vehicle_of_another_name(flown: tuple[Rig, People]) -> None:
@@ -234,7 +235,7 @@ def test_a_link_ends_when_its_certificate_does(flown: tuple[Rig, People]) -> Non
         assert not link.start(timeout_s=2.0).answered
         assert link.wait_for(lambda s: s.linked and s.fresh("health", 1.0), 2.0) is None
     with rig.link(people.of("operator.alice")) as link:
-        assert link.wait_for(lambda s: s.mode == "ready", 10.0) is not None
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 10.0) is not None
 
 
 def test_the_operator_starts_and_stops_it(flown: tuple[Rig, People]) -> None:
@@ -243,6 +244,8 @@ def test_the_operator_starts_and_stops_it(flown: tuple[Rig, People]) -> None:
     with rig.link(people.of("operator.alice")) as link:
         assert link.wait_for(lambda s: s.health is not None and s.health.ready, 20.0) is not None, rig.output("air")
         assert link.start().accepted, rig.output("air")
-        assert link.wait_for(lambda s: s.mode == "takeoff", 10.0) is not None
+        assert link.wait_for(lambda s: s.mode == pb.MODE_TAKEOFF, 10.0) is not None
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in {"landed", "idle", "ready"}, 60.0) is not None, rig.output("air")
+        assert link.wait_for(lambda s: s.mode in {pb.MODE_LANDED, pb.MODE_IDLE, pb.MODE_READY}, 60.0) is not None, (
+            rig.output("air")
+        )

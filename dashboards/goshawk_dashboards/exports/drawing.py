@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from goshawk_dashboards.page import theme
 from goshawk_dashboards.scene import curves
 from goshawk_dashboards.state.views import Array, PlanView
 
@@ -30,10 +29,8 @@ class PlanLines:
 
 def plan_lines(plan: PlanView, samples: int) -> PlanLines:
     """The lines of a plan, coloured as in the live view: one that was merely dearer keeps its colour."""
-    colored_N = np.array([r in ("none", "cost") or k == plan.chosen for k, r in enumerate(plan.rejections)], dtype=bool)
-    rgb_N3 = np.tile(np.array(theme.REJECTED, dtype=np.uint8), (len(plan.rejections), 1))
-    rgb_N3[colored_N] = theme.cost_colors_N3(plan.cost_N[colored_N])
-    return PlanLines(points_NS3=curves.plan_curves_NS3(plan, samples), rgb_N3=rgb_N3, chosen=plan.chosen)
+    points_NS3 = curves.plan_curves_NS3(plan, samples)
+    return PlanLines(points_NS3=points_NS3, rgb_N3=curves.colors_N3(plan), chosen=plan.chosen)
 
 
 def speed_colors_P3(speed_P: Array, top_mps: float) -> NDArray[np.uint8]:

@@ -185,7 +185,7 @@ class _Scene:
             )
 
     def _event(self, m: pb.Event) -> Iterator[Out]:
-        levels = {"warning": Log.WARNING, "error": Log.ERROR}
+        levels = {pb.SEVERITY_WARNING: Log.WARNING, pb.SEVERITY_ERROR: Log.ERROR}
         event = decode.event(m)
         level = levels.get(event.severity, Log.INFO)
         yield "/log", Log(timestamp=_time(m.stamp_ns), level=level, message=event.text, name=event.kind)

@@ -162,7 +162,7 @@ class _Log:
 
     def _event(self, m: pb.Event, log_ns: int) -> None:
         event = decode.event(m)
-        levels = {"warning": rr.TextLogLevel.WARN, "error": rr.TextLogLevel.ERROR}
+        levels = {pb.SEVERITY_WARNING: rr.TextLogLevel.WARN, pb.SEVERITY_ERROR: rr.TextLogLevel.ERROR}
         level = levels.get(event.severity, rr.TextLogLevel.INFO)
         self._row("events", log_ns, rr.TextLog(f"{event.kind}: {event.text}", level=level))
 

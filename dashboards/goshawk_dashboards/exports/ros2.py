@@ -19,7 +19,7 @@ from goshawk_dashboards.exports import frames
 from goshawk_dashboards.exports.drawing import LIFETIME_S, plan_lines
 from goshawk_dashboards.exports.source import Record
 from goshawk_dashboards.log.frame import FrameView
-from goshawk_dashboards.state import decode
+from goshawk_dashboards.state import decode, words
 from goshawk_dashboards.state.views import Array
 
 SAMPLES = 12
@@ -181,7 +181,7 @@ class _Messages:
     def _event(self, m: pb.Event) -> Iterator[Out]:
         log = _type("rcl_interfaces/msg/Log")
         event = decode.event(m)
-        level = {"warning": log.WARN, "error": log.ERROR}.get(event.severity, log.INFO)
+        level = {pb.SEVERITY_WARNING: log.WARN, pb.SEVERITY_ERROR: log.ERROR}.get(event.severity, log.INFO)
         yield (
             "/rosout",
             log(stamp=_stamp(m.stamp_ns), level=level, name=event.kind, msg=event.text, file="", function="", line=0),
@@ -194,7 +194,7 @@ class _Messages:
         state = kind(
             level=kind.OK if m.ready else kind.WARN,
             name="goshawk",
-            message=decode.mode_name(m.mode),
+            message=words.mode(m.mode),
             hardware_id=m.vehicle,
             values=figures,
         )

@@ -10,23 +10,25 @@ from html import escape
 
 import numpy as np
 import viser.transforms as tf
+from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.scene import curves
+from goshawk_dashboards.state import words
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import Array, PlanView, PreviewView
 
 HFOV_RAD = float(np.pi / 2.0)
 """Of the camera whose picture is shown: the lattice's."""
 MAX_PREVIEW_BYTES = 200_000
-REASONS = {
-    "none": ("", "flown"),
-    "cost": ("$", "dearer than the one flown"),
-    "objectness": ("o", "no target to chase, and it holds none"),
-    "gate": ("g", "its detection is not confirmed or not consistent"),
-    "blocked": ("x", "would meet something that was seen, or the target, or climb over the goal"),
-    "invalid": ("!", "its network values are not finite"),
+REASONS: dict[pb.Rejection, tuple[str, str]] = {
+    pb.REJECTION_NONE: ("", "flown"),
+    pb.REJECTION_COST: ("$", "dearer than the one flown"),
+    pb.REJECTION_OBJECTNESS: ("o", "no target to chase, and it holds none"),
+    pb.REJECTION_GATE: ("g", "its detection is not confirmed or not consistent"),
+    pb.REJECTION_BLOCKED: ("x", "would meet something that was seen, or the target, or climb over the goal"),
+    pb.REJECTION_INVALID: ("!", "its network values are not finite"),
 }
 """A letter for the strip, and the words, for each rejection."""
 
@@ -37,8 +39,12 @@ def words_of(plan: PlanView, k: int) -> str:
     """All about one candidate, in a line."""
     return (
         f"candidate {k}: cost {plan.cost_N[k]:.2f}, objectness {plan.objectness_N[k]:.2f}, "
-        f"{REASONS.get(plan.rejections[k], ('?', plan.rejections[k]))[1]}"
+        f"{_reason(plan.rejections[k])[1]}"
     )
+
+
+def _reason(why: pb.Rejection) -> tuple[str, str]:
+    return REASONS.get(why, ("?", words.rejection(why)))
 
 
 def strip_html(snap: Snapshot, *, fresh: bool) -> str:
@@ -62,10 +68,10 @@ def strip_html(snap: Snapshot, *, fresh: bool) -> str:
 
 
 def _column(plan: PlanView, k: int, height_px: float, color: theme.Rgb) -> str:
-    letter = REASONS.get(plan.rejections[k], ("?", ""))[0]
+    letter = _reason(plan.rejections[k])[0]
     flown = k == plan.chosen
     return (
-        f'<div class="goshawk-hover" data-candidate="{k}" data-rejection="{escape(plan.rejections[k])}" '
+        f'<div class="goshawk-hover" data-candidate="{k}" data-rejection="{words.rejection(plan.rejections[k])}" '
         f'style="flex:1;min-width:0;text-align:center;cursor:help">'
         f'<div style="height:{height_px:.0f}px;border-radius:2px;background:{theme.css(color)};'
         f'{"outline:1px solid #fff" if flown else ""}"></div>'

@@ -10,6 +10,7 @@ import numpy as np
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.html import DIM, NUM, pill, table
 from goshawk_dashboards.page.status import MODE_COLORS
+from goshawk_dashboards.state import words
 from goshawk_dashboards.state.alerts import alerts
 from goshawk_dashboards.state.snapshot import Snapshot
 
@@ -25,7 +26,8 @@ def fleet_html(snaps: Sequence[Snapshot], shown: str) -> str:
 def _rows(snap: Snapshot, shown: bool) -> str:
     stale, mode = snap.stale, snap.mode
     color = theme.BAD if mode is None else (theme.STALE if stale else MODE_COLORS.get(mode, theme.WARN))
-    words = "no vehicle" if mode is None else (f"{mode} (silent)" if stale else mode)
+    word = "" if mode is None else words.mode(mode)
+    label = "no vehicle" if mode is None else (f"{word} (silent)" if stale else word)
     mark = f"border-left:3px solid {theme.css(theme.VEHICLE) if shown else 'transparent'};padding-left:6px"
     cells = "".join(f'<td style="{NUM};{"opacity:.4" if stale else ""}">{value}</td>' for value in _figures(snap))
     trouble = alerts(snap)
@@ -37,9 +39,9 @@ def _rows(snap: Snapshot, shown: bool) -> str:
             f"{f' (+{len(trouble) - 1})' if len(trouble) > 1 else ''}</td></tr>"
         )
     return (
-        f'<tr data-vehicle="{escape(snap.vehicle)}" data-mode="{escape(mode or "")}" data-stale="{str(stale).lower()}" '
+        f'<tr data-vehicle="{escape(snap.vehicle)}" data-mode="{word}" data-stale="{str(stale).lower()}" '
         f'data-shown="{str(shown).lower()}"><td style="{mark}"><b style="color:#fff">{escape(snap.vehicle)}</b></td>'
-        f"<td>{pill(words, color, 11)}</td>{cells}</tr>{below}"
+        f"<td>{pill(label, color, 11)}</td>{cells}</tr>{below}"
     )
 
 

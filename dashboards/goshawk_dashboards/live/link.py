@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from html import escape
 
+from goshawk_proto import goshawk_pb2 as pb
+
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.html import DIM, NUM, faded, pill, table
 from goshawk_dashboards.state.alerts import RADIO_STALE_S
@@ -95,7 +97,7 @@ def radio_html(snap: Snapshot) -> str:
     )
     body = "".join(f'<tr><td>{name}</td><td style="{NUM}">{value}</td></tr>' for name, value in rows)
     texts = "".join(
-        f'<tr style="{DIM if severity == "info" else f"color:{theme.css(theme.WARN)}"}"><td colspan="2">'
+        f'<tr style="{DIM if severity == pb.SEVERITY_INFO else f"color:{theme.css(theme.WARN)}"}"><td colspan="2">'
         f"{escape(text)}</td></tr>"
         for severity, text in reversed(radio.texts[-4:])
     )

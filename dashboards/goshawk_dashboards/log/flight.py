@@ -26,7 +26,7 @@ from goshawk_dashboards.log.columns import Columns, read_columns
 from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.log.mcap_file import Damage, LogError, McapLog
 from goshawk_dashboards.log.phases import Phase, phases_of
-from goshawk_dashboards.state import decode
+from goshawk_dashboards.state import decode, words
 from goshawk_dashboards.state import views as view
 
 __all__ = ["CHANNELS", "Columns", "Flight", "LogError"]
@@ -195,8 +195,8 @@ class Flight:
     def fallbacks(self) -> tuple[Phase, ...]:
         """The intervals in which the controller was below the top of its ladder, named by the rung."""
         runs = Phase.runs(self._modes.times_s, self._modes["fallback"])
-        named = (replace(p, name=decode.fallback_name(int(p.name))) for p in runs)
-        return tuple(p for p in named if p.name != "none")
+        below = [p for p in runs if int(p.name) != pb.FALLBACK_NONE]
+        return tuple(replace(p, name=words.fallback(int(p.name))) for p in below)
 
     @cached_property
     def _modes(self) -> Columns:

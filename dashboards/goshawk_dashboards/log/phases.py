@@ -7,18 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
 
-from goshawk_dashboards.state import decode
+from goshawk_dashboards.state import words
 from goshawk_dashboards.state.views import UNSEEN_S, Array
 
-NAMES: Mapping[str, str] = {
-    "idle": "on the ground",
-    "ready": "on the ground",
-    "takeoff": "take-off",
-    "track": "tracking",
-    "navigate": "navigation",
-    "stopping": "landing",
+NAMES: Mapping[int, str] = {
+    pb.MODE_IDLE: "on the ground",
+    pb.MODE_READY: "on the ground",
+    pb.MODE_TAKEOFF: "take-off",
+    pb.MODE_TRACK: "tracking",
+    pb.MODE_NAVIGATE: "navigation",
+    pb.MODE_STOPPING: "landing",
 }
 """A mode's phase where it is not the mode's own name. Tracking has a second one, "lost"."""
 
@@ -59,11 +60,11 @@ def phases_of(
     estimate), "search", "navigation", "hold", "landing", "landed", "fault".
     """
     codes, which = np.unique(modes, return_inverse=True)
-    modes_met = [decode.mode_name(int(code)) for code in codes]
+    met = [int(code) for code in codes]
     if len(codes) == 0:
         return ()
-    names = np.array([NAMES.get(mode, mode) for mode in modes_met], dtype=object)[which]
-    tracking = names == NAMES["track"]
+    names = np.array([NAMES.get(mode) or words.mode(mode) for mode in met], dtype=object)[which]
+    tracking = names == NAMES[pb.MODE_TRACK]
     if tracking.any():
         newest = np.searchsorted(target_times_s, times_s, side="right") - 1
         seen = np.zeros(len(times_s), dtype=bool)

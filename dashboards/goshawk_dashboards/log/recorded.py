@@ -9,6 +9,7 @@ import json
 from dataclasses import dataclass, replace
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.frame import FrameView
@@ -28,8 +29,7 @@ class Mark:
     """A moment worth jumping to."""
 
     time_s: float
-    severity: str
-    """ "info", "warning" or "error"."""
+    severity: pb.Severity
     text: str
 
 
@@ -135,21 +135,25 @@ def marks_of(flight: Flight) -> tuple[Mark, ...]:
     for phase in flight.phases:
         told = any(abs(phase.start_s - t) < 0.02 for t in told_s)
         if not told and phase.duration_s >= SHORT_S:
-            bad = phase.name in ("lost", "fault")
-            marks.append(Mark(time_s=phase.start_s, severity="warning" if bad else "info", text=phase.name))
+            severity = pb.SEVERITY_WARNING if phase.name in ("lost", "fault") else pb.SEVERITY_INFO
+            marks.append(Mark(time_s=phase.start_s, severity=severity, text=phase.name))
     marks += [
-        Mark(time_s=p.start_s, severity="warning", text=f"fallback: {p.name.replace('_', ' ')}, {p.duration_s:.2f} s")
+        Mark(time_s=p.start_s, severity=pb.SEVERITY_WARNING, text=f"fallback: {p.name}, {p.duration_s:.2f} s")
         for p in flight.fallbacks
     ]
-    marks += [Mark(time_s=t, severity="error", text="collision") for t in _collisions_s(flight) if not _told(marks, t)]
+    marks += [
+        Mark(time_s=t, severity=pb.SEVERITY_ERROR, text="collision")
+        for t in _collisions_s(flight)
+        if not _told(marks, t)
+    ]
     closest = _closest(flight)
     if closest is not None:
         marks.append(closest)
     for damage, missing in zip(flight.log.damage, flight.missing, strict=True):
         at_s = 0.0 if damage.after_ns is None else (damage.after_ns - flight.start_ns) * 1e-9
-        marks.append(Mark(time_s=at_s, severity="error", text=f"the log is damaged: {missing} missing"))
+        marks.append(Mark(time_s=at_s, severity=pb.SEVERITY_ERROR, text=f"the log is damaged: {missing} missing"))
     if not flight.closed and not flight.missing:
-        marks.append(Mark(time_s=flight.duration_s, severity="error", text="the log was cut off here"))
+        marks.append(Mark(time_s=flight.duration_s, severity=pb.SEVERITY_ERROR, text="the log was cut off here"))
     return tuple(sorted(marks, key=lambda m: m.time_s))
 
 
@@ -168,7 +172,7 @@ def _closest(flight: Flight) -> Mark | None:
     clearance_M[~in_air_M] = np.inf
     nearest = int(np.argmin(clearance_M))
     text = f"closest to an obstacle: {max(clearance_M[nearest], 0.0):.2f} m"
-    return Mark(time_s=float(truth.times_s[nearest]), severity="info", text=text)
+    return Mark(time_s=float(truth.times_s[nearest]), severity=pb.SEVERITY_INFO, text=text)
 
 
 def _collisions_s(flight: Flight) -> Array:

@@ -5,22 +5,24 @@ from __future__ import annotations
 from html import escape
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.html import DIM, NUM, TEXT, faded, pill, table
+from goshawk_dashboards.state import words
 from goshawk_dashboards.state.snapshot import Snapshot
 
-MODE_COLORS: dict[str, theme.Rgb] = {
-    "idle": theme.STALE,
-    "ready": theme.GOOD,
-    "takeoff": theme.VEHICLE,
-    "track": theme.GOOD,
-    "navigate": theme.GOOD,
-    "search": theme.WARN,
-    "hold": theme.VEHICLE,
-    "stopping": theme.WARN,
-    "landed": theme.VEHICLE,
-    "fault": theme.BAD,
+MODE_COLORS: dict[pb.Mode, theme.Rgb] = {
+    pb.MODE_IDLE: theme.STALE,
+    pb.MODE_READY: theme.GOOD,
+    pb.MODE_TAKEOFF: theme.VEHICLE,
+    pb.MODE_TRACK: theme.GOOD,
+    pb.MODE_NAVIGATE: theme.GOOD,
+    pb.MODE_SEARCH: theme.WARN,
+    pb.MODE_HOLD: theme.VEHICLE,
+    pb.MODE_STOPPING: theme.WARN,
+    pb.MODE_LANDED: theme.VEHICLE,
+    pb.MODE_FAULT: theme.BAD,
 }
 
 _MARKS = {True: "&#10003;", False: "&#10007;"}
@@ -38,23 +40,22 @@ def status_html(snap: Snapshot) -> str:
             f'<div style="{DIM};margin-top:6px">{escape(snap.vehicle)}: {escape(link)}</div></div>'
         )
     color = theme.STALE if stale else MODE_COLORS.get(mode, theme.WARN)
-    head = pill(mode.upper(), color, 16)
+    head = pill(words.mode(mode).upper(), color, 16)
     if stale and age_s is not None:
         head += " " + pill(f"STALE {age_s:.1f} s", theme.BAD, 13)
     elif not snap.alive:
         head += " " + pill("not alive", theme.WARN)
     control = snap.control
-    if control is not None and control.fallback != "none":
-        head += (
-            f'<div style="margin-top:6px">{pill("fallback: " + control.fallback.replace("_", " "), theme.BAD)}</div>'
-        )
+    if control is not None and control.fallback != pb.FALLBACK_NONE:
+        below = pill("fallback: " + words.fallback(control.fallback), theme.BAD)
+        head += f'<div style="margin-top:6px">{below}</div>'
     health = snap.health
     faults = "".join(
         f'<div style="color:{theme.css(theme.BAD)};margin-top:4px">&#9888; {escape(f)}</div>'
         for f in (health.faults if health is not None else ())
     )
     return (
-        f'<div data-goshawk="status" data-mode="{escape(mode)}" data-stale="{str(stale).lower()}" '
+        f'<div data-goshawk="status" data-mode="{words.mode(mode)}" data-stale="{str(stale).lower()}" '
         f'style="{TEXT};padding:10px 12px 4px">'
         f'<div style="display:flex;justify-content:space-between;align-items:center"><div>{head}</div>'
         f'<div style="text-align:right;{DIM}"><b style="color:#fff">{escape(snap.vehicle)}</b><br>'
@@ -189,7 +190,7 @@ def vehicle_html(snap: Snapshot) -> str:
 
 def events_html(snap: Snapshot, newest: int = 12) -> str:
     """The newest events, newest first, by the vehicle's clock."""
-    colors = {"warning": theme.css(theme.WARN), "error": theme.css(theme.BAD)}
+    colors = {pb.SEVERITY_WARNING: theme.css(theme.WARN), pb.SEVERITY_ERROR: theme.css(theme.BAD)}
     rows = "".join(
         f'<tr><td style="{NUM};{DIM};padding-right:8px">{e.stamp_ns * 1e-9:.1f} s</td>'
         f'<td style="color:{colors.get(e.severity, "inherit")}">{escape(e.text)}</td></tr>'

@@ -6,10 +6,13 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.resources import files
 
+from goshawk_proto import goshawk_pb2 as pb
+
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import DARK, LIGHT, Figure, css_variables, svg
 from goshawk_dashboards.report.latency import Latencies
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, Figures, Spread
+from goshawk_dashboards.state import words
 
 PHASE_COLORS = {
     "on the ground": "#b3bac1", "landed": "#b3bac1", "take-off": "#8fc1ea", "tracking": "#74cf9f",
@@ -141,7 +144,7 @@ def _events(flight: Flight) -> str:
         return ""
     rows = "".join(
         f"<tr><td class='number'>{(e.stamp_ns - flight.start_ns) * 1e-9:.2f}</td>"
-        f"<td{'' if e.severity == 'info' else ' class=bad'}>{escape(e.severity)}</td>"
+        f"<td{'' if e.severity == pb.SEVERITY_INFO else ' class=bad'}>{words.severity(e.severity)}</td>"
         f"<td>{escape(e.kind)}</td><td>{escape(e.text)}</td></tr>"
         for e in flight.events
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.clearance import Clearance
@@ -151,14 +152,14 @@ def _faults(flight: Flight) -> tuple[str, ...]:
     """Warnings and errors that it told, faults of its health, and rungs of the ladder, most frequent first."""
     found: Counter[str] = Counter()
     for event in flight.events:
-        if event.severity in ("warning", "error"):
+        if event.severity in (pb.SEVERITY_WARNING, pb.SEVERITY_ERROR):
             found[event.text] += 1
     active: set[str] = set()
     for health in healths(flight):
         found.update(set(health.faults) - active)
         active = set(health.faults)
     for fallback in flight.fallbacks:
-        found[f"fallback: {fallback.name.replace('_', ' ')}"] += 1
+        found[f"fallback: {fallback.name}"] += 1
     return tuple(text if n == 1 else f"{text} ({n} times)" for text, n in found.most_common())
 
 

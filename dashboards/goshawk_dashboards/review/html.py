@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.phases import Phase
 from goshawk_dashboards.log.recorded import Mark
@@ -39,7 +40,11 @@ _PHASES: dict[str, theme.Rgb] = {
     "landed": theme.STALE,
     "fault": theme.BAD,
 }
-MARK_COLORS: dict[str, theme.Rgb] = {"info": theme.TRUTH, "warning": theme.WARN, "error": theme.BAD}
+MARK_COLORS: dict[pb.Severity, theme.Rgb] = {
+    pb.SEVERITY_INFO: theme.TRUTH,
+    pb.SEVERITY_WARNING: theme.WARN,
+    pb.SEVERITY_ERROR: theme.BAD,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +83,8 @@ def band_html(phases: Sequence[Phase], fallbacks: Sequence[Phase], marks: Sequen
         _rect(p, window, BAND_PX - 4, 4, theme.css(theme.BAD)) for p in fallbacks
     )
     ticks = "".join(
-        f'<rect x="{window.x(m.time_s) - 1:.1f}" y="0" width="2.4" height="{8 if m.severity == "info" else 14}" '
+        f'<rect x="{window.x(m.time_s) - 1:.1f}" y="0" width="2.4" '
+        f'height="{8 if m.severity == pb.SEVERITY_INFO else 14}" '
         f'fill="{theme.css(MARK_COLORS.get(m.severity, theme.TRUTH))}"/>'
         for m in marks
         if window.from_s <= m.time_s <= window.to_s

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from html import escape
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.review.html import DIM, FONT, MARK_COLORS
-from goshawk_dashboards.state.views import ELIGIBLE, PlanView
+from goshawk_dashboards.scene import curves
+from goshawk_dashboards.state import words
+from goshawk_dashboards.state.views import PlanView
 
 
 def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | None) -> str:
@@ -21,9 +24,7 @@ def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | No
     """
     if plan is None or len(plan.cost_N) == 0:
         return f'<div data-goshawk="candidates" style="{FONT};color:{DIM};padding:2px 12px">no plan at this time</div>'
-    colored_N = np.array([r in (ELIGIBLE, "cost") for r in plan.rejections])
-    colors_N3 = np.tile(np.array(theme.REJECTED, dtype=np.uint8), (len(plan.cost_N), 1))
-    colors_N3[colored_N] = theme.cost_colors_N3(plan.cost_N[colored_N])
+    colors_N3 = curves.colors_N3(plan)
     other = replayed.chosen if replayed is not None else None
     cells = "".join(_cell(plan, k, colors_N3[k], k == plan.chosen, k == other) for k in range(len(plan.cost_N)))
     chosen = "nothing was eligible" if plan.chosen is None else f"candidate {plan.chosen + 1} flown"
@@ -41,8 +42,8 @@ def _cell(plan: PlanView, k: int, rgb: np.ndarray, flown: bool, other: bool) -> 
     color: theme.Rgb = (int(rgb[0]), int(rgb[1]), int(rgb[2]))
     frame = theme.css(theme.REPLAY) if other and not flown else ("#fff" if flown else "transparent")
     return (
-        f'<div title="{escape(plan.rejections[k])}" style="background:{theme.css(color, 0.28)};text-align:center;'
-        f'border:2px solid {frame};border-radius:4px;line-height:13px;padding:1px 0">'
+        f'<div title="{words.rejection(plan.rejections[k])}" style="background:{theme.css(color, 0.28)};'
+        f'text-align:center;border:2px solid {frame};border-radius:4px;line-height:13px;padding:1px 0">'
         f'<b style="color:#fff">{plan.cost_N[k]:.2f}</b>'
         f'<div style="font-size:10px">{100 * plan.objectness_N[k]:.0f} %</div></div>'
     )
@@ -57,6 +58,13 @@ def _replay_words(plan: PlanView, replayed: PlanView) -> str:
     return f"the other policy chose {replayed.chosen + 1}, {apart_m:.2f} m apart at the end"
 
 
+def _ink(mark: Mark) -> str:
+    """What is only told has the text's own colour."""
+    if mark.severity == pb.SEVERITY_INFO:
+        return ""
+    return f"color:{theme.css(MARK_COLORS.get(mark.severity, theme.TRUTH))}"
+
+
 def marks_html(marks: Sequence[Mark], time_s: float, shown: int = 9) -> str:
     """The marks around a time, the last one that has passed in bold."""
     current = int(np.searchsorted([m.time_s for m in marks], time_s + 5e-3, side="right")) - 1
@@ -64,8 +72,7 @@ def marks_html(marks: Sequence[Mark], time_s: float, shown: int = 9) -> str:
     rows = "".join(
         f'<tr style="{"font-weight:600;color:#fff" if first + k == current else ""}">'
         f'<td style="text-align:right;padding-right:8px;color:{DIM};white-space:nowrap">{m.time_s:.2f} s</td>'
-        f'<td style="{"" if m.severity == "info" else "color:" + theme.css(MARK_COLORS.get(m.severity, theme.TRUTH))}">'
-        f"{escape(m.text)}</td></tr>"
+        f'<td style="{_ink(m)}">{escape(m.text)}</td></tr>'
         for k, m in enumerate(marks[first : first + shown])
     )
     return (

@@ -6,10 +6,11 @@ Shape suffixes: N trajectories, S samples, 3 axes; coefficients are ascending po
 from __future__ import annotations
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
 
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.state.views import ELIGIBLE, Array, PlanView
+from goshawk_dashboards.state.views import Array, PlanView
 
 
 def coefficients_N63(
@@ -59,7 +60,8 @@ def plan_curves_NS3(plan: PlanView, samples: int = 24) -> Array:
 
 def choices_N(plan: PlanView) -> NDArray[np.bool_]:
     """Which candidates were real choices: the one flown, and those that were merely dearer."""
-    return np.array([r in (ELIGIBLE, "cost") or k == plan.chosen for k, r in enumerate(plan.rejections)], dtype=bool)
+    choice = (pb.REJECTION_NONE, pb.REJECTION_COST)
+    return np.array([r in choice or k == plan.chosen for k, r in enumerate(plan.rejections)], dtype=bool)
 
 
 def colors_N3(plan: PlanView) -> NDArray[np.uint8]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from goshawk_dashboards.state import protocol
+from goshawk_proto import goshawk_pb2 as pb
+
+from goshawk_dashboards.state import protocol, words
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import UNSEEN_S
 
@@ -86,7 +88,8 @@ def _of_link(snap: Snapshot) -> list[Alert]:
     if age_s is None:
         return []
     if snap.stale:
-        doing = f"last heard flying ({snap.mode})" if snap.flying else f"last heard {snap.mode}"
+        mode = "unknown" if snap.mode is None else words.mode(snap.mode)
+        doing = f"last heard flying ({mode})" if snap.flying else f"last heard {mode}"
         return [Alert(key="silent", severe=snap.flying, text=f"VEHICLE SILENT for {age_s:.0f} s, {doing}")]
     found = []
     if not snap.alive:
@@ -105,18 +108,18 @@ def _of_link(snap: Snapshot) -> list[Alert]:
 def _of_flight(snap: Snapshot) -> list[Alert]:
     found = []
     control, health, target = snap.control, snap.health, snap.target
-    if snap.mode == "fault":
+    if snap.mode == pb.MODE_FAULT:
         found.append(Alert(key="fault", severe=True, text="FAULT: authority is handed back to the autopilot"))
     if not snap.flying or snap.stale:
         return found
-    if control is not None and control.fallback != "none":
-        found.append(Alert(key="fallback", severe=True, text=f"FALLBACK: {control.fallback.replace('_', ' ')}"))
+    if control is not None and control.fallback != pb.FALLBACK_NONE:
+        found.append(Alert(key="fallback", severe=True, text=f"FALLBACK: {words.fallback(control.fallback)}"))
     if health is not None:
         found += [Alert(key=f"fault {k}", severe=True, text=fault) for k, fault in enumerate(health.faults)]
         battery = health.battery_fraction
         if battery is not None and battery < LOW_BATTERY:
             found.append(Alert(key="battery", severe=battery < LOW_BATTERY / 2, text=f"battery {100 * battery:.0f} %"))
-    if snap.mode == "search":
+    if snap.mode == pb.MODE_SEARCH:
         unseen = (
             f", unseen for {target.since_seen_s:.0f} s" if target is not None and target.since_seen_s > UNSEEN_S else ""
         )

@@ -1,7 +1,7 @@
 """From messages of the wire to the views of a snapshot, validated once, here.
 
 Each function raises ``MalformedError`` (one line: the message and what is wrong with it) if a value is not finite or
-a length is not what it must be. An enum value that this version does not know is shown by its number.
+a length is not what it must be. An enum value that this version does not know passes; `words` shows its number.
 """
 
 from __future__ import annotations
@@ -55,24 +55,6 @@ def _number(what: str, value: float) -> float:
     return value
 
 
-def _name(enum: Any, value: int) -> str:
-    """An enum value without its prefix, lower case: MODE_TRACK -> "track"; its number if unknown here."""
-    if value not in enum.values():
-        return str(value)
-    prefix = enum.DESCRIPTOR.name.upper() + "_"
-    return enum.Name(value).removeprefix(prefix).lower()
-
-
-def mode_name(value: int) -> str:
-    """A ``Mode`` as shown: "idle", "track" …"""
-    return _name(pb.Mode, value)
-
-
-def fallback_name(value: int) -> str:
-    """A ``Fallback`` as shown: "none", "hold_position" …"""
-    return _name(pb.Fallback, value)
-
-
 def plan(m: pb.Plan) -> view.PlanView:
     """A plan; every candidate complete, ``chosen`` one of them, duration positive."""
     cands = m.candidates
@@ -99,7 +81,7 @@ def plan(m: pb.Plan) -> view.PlanView:
         end_acc_world_N3=_vecs("candidate acceleration", (c.end_acc_world for c in cands)),
         cost_N=_array("candidate cost", [c.cost for c in cands], (-1,)),
         objectness_N=_array("candidate objectness", [c.objectness for c in cands], (-1,)),
-        rejections=tuple(_name(pb.Rejection, c.rejection) for c in cands),
+        rejections=tuple(c.rejection for c in cands),
         target_pos_world_N3=_vecs("candidate detection", (c.target_pos_world for c in cands)) if detections else None,
         chosen=chosen,
     )
@@ -110,8 +92,8 @@ def control(m: pb.Control) -> view.ControlView:
     return view.ControlView(
         seq=m.seq,
         stamp_ns=m.stamp_ns,
-        mode=mode_name(m.mode),
-        fallback=fallback_name(m.fallback),
+        mode=m.mode,
+        fallback=m.fallback,
         pos_world_3=_vec("control position", m.pos_world),
         vel_world_3=_vec("control velocity", m.vel_world),
         world_from_body_4=_quat("control attitude", m.world_from_body),
@@ -149,7 +131,7 @@ def health(m: pb.Health) -> view.HealthView:
     return view.HealthView(
         seq=m.seq,
         stamp_ns=m.stamp_ns,
-        mode=mode_name(m.mode),
+        mode=m.mode,
         ready=m.ready,
         checks=tuple(view.CheckView(name=c.name, ok=c.ok, reason=c.reason) for c in m.checks),
         rates_hz=tuple((r.name, _number(f"rate {r.name}", r.hz)) for r in m.rates),
@@ -185,7 +167,7 @@ def preview(m: pb.Preview) -> view.PreviewView:
 
 def event(m: pb.Event) -> view.EventView:
     """A state change."""
-    return view.EventView(stamp_ns=m.stamp_ns, severity=_name(pb.Severity, m.severity), kind=m.kind, text=m.text)
+    return view.EventView(stamp_ns=m.stamp_ns, severity=m.severity, kind=m.kind, text=m.text)
 
 
 def _boxes(what: str, boxes: Sequence[pb.SimBox]) -> view.BoxesView:

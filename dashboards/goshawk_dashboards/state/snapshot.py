@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from goshawk_proto import goshawk_pb2 as pb
+
 from goshawk_dashboards.state.views import (
     AutopilotView,
     ChannelView,
@@ -28,7 +30,7 @@ The vehicle itself calls a plan stale sooner, by its own clock (`PLAN_STALE_S` o
 from the arrival, so what the link lost or held back is in it too. With the vehicle's limit a weak link would make the
 view flicker in a flight in which nothing is wrong. The review keeps to it, so that it shows what was to be seen.
 """
-FLYING = frozenset({"takeoff", "track", "navigate", "search", "hold", "stopping"})
+FLYING = frozenset({pb.MODE_TAKEOFF, pb.MODE_TRACK, pb.MODE_NAVIGATE, pb.MODE_SEARCH, pb.MODE_HOLD, pb.MODE_STOPPING})
 """The modes in which the vehicle is in the air."""
 
 
@@ -75,7 +77,7 @@ class Snapshot:
         return age_s is not None and age_s <= limit_s
 
     @property
-    def mode(self) -> str | None:
+    def mode(self) -> pb.Mode | None:
         """The vehicle's mode from whichever of control and health arrived last; None: not heard."""
         control_age, health_age = self.age_s("control"), self.age_s("health")
         if self.control is not None and (health_age is None or (control_age or 0.0) <= health_age):

@@ -10,14 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 UNSEEN_S = 0.5
 """A target out of sight for longer is lost to who looks, though the vehicle still pursues it."""
-ELIGIBLE = "none"
-"""The rejection of the candidate that is flown."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,8 +38,8 @@ class PlanView:
     end_acc_world_N3: Array
     cost_N: Array
     objectness_N: Array
-    rejections: tuple[str, ...]
-    """For each candidate "none" (flown), "objectness", "gate", "cost", "blocked" or "invalid"."""
+    rejections: tuple[pb.Rejection, ...]
+    """Why each candidate is not flown."""
     target_pos_world_N3: Array | None
     """Each candidate's detection; None in navigation."""
     chosen: int | None
@@ -53,10 +52,9 @@ class ControlView:
 
     seq: int
     stamp_ns: int
-    mode: str
-    """Lower case, as in the wire's enum: "idle", "ready", "takeoff", "track" …"""
-    fallback: str
-    """Rung of the controller's ladder, lower case; "none" is the top."""
+    mode: pb.Mode
+    fallback: pb.Fallback
+    """Rung of the controller's ladder; FALLBACK_NONE is the top."""
     pos_world_3: Array
     vel_world_3: Array
     world_from_body_4: Array
@@ -113,7 +111,7 @@ class HealthView:
 
     seq: int
     stamp_ns: int
-    mode: str
+    mode: pb.Mode
     ready: bool
     checks: tuple[CheckView, ...]
     rates_hz: tuple[tuple[str, float], ...]
@@ -150,8 +148,7 @@ class EventView:
     """A state change worth reading."""
 
     stamp_ns: int
-    severity: str
-    """"info", "warning" or "error"."""
+    severity: pb.Severity
     kind: str
     text: str
 
@@ -231,7 +228,7 @@ class CommandView:
     """False: no reply came in time; ``text`` says what to check."""
     accepted: bool
     text: str
-    mode: str | None
+    mode: pb.Mode | None
     """The vehicle's mode when it replied; None without a reply."""
     refused_here: bool = False
     """The ground did not send it; ``text`` says why."""
@@ -281,7 +278,7 @@ class AutopilotView:
     """Messages a second."""
     failsafe: bool = False
     """Its heartbeat says critical or emergency."""
-    texts: tuple[tuple[str, str], ...] = ()
+    texts: tuple[tuple[pb.Severity, str], ...] = ()
     """The newest status texts, newest last, as (severity, text); bounded."""
     trouble: str = ""
     """Why nothing can be heard, one line; empty: all is well."""

@@ -27,6 +27,7 @@ from common import ROOT, core_seconds_of_threads, free_port, record, verdict
 from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.link import GroundLink
 from goshawk_ground.link.dial import Way
+from goshawk_proto import goshawk_pb2 as pb
 from goshawk_proto import key_expression
 
 CHANNELS = ("plan", "control", "target", "health", "event")
@@ -111,9 +112,9 @@ def fly(protocol: str, seconds: float) -> None:
         flown, flier = demo_identities(folder) if protocol == "tls" else (None, None)
         pid = start(stack, folder, f"{protocol}/127.0.0.1:{port}", flown)
         pilot = stack.enter_context(GroundLink(connect=f"{protocol}/127.0.0.1:{port}", identity=flier))
-        if pilot.wait_for(lambda s: s.mode == "ready", 60) is None or not pilot.start(timeout_s=10).accepted:
+        if pilot.wait_for(lambda s: s.mode == pb.MODE_READY, 60) is None or not pilot.start(timeout_s=10).accepted:
             raise SystemExit("the vehicle did not start: " + pilot.why_silent(60))
-        if pilot.wait_for(lambda s: s.mode == "track" and s.plan is not None, 40) is None:
+        if pilot.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 40) is None:
             raise SystemExit("the vehicle never tracked its target")
         vehicle = pilot.vehicle
         pilot.close()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from goshawk_dashboards.state import protocol
+from goshawk_dashboards.state import protocol, words
 from goshawk_dashboards.state.snapshot import FLYING, Snapshot
 from goshawk_dashboards.state.views import CommandView
 from rich.console import Console
@@ -58,17 +58,18 @@ def open_link(vehicle: str, connect: str, identity: Path | None) -> GroundLink:
 
 
 def _report(view: CommandView, as_json: bool) -> None:
+    mode = None if view.mode is None else words.mode(view.mode)
     if as_json:
-        typer.echo(json.dumps(dataclasses.asdict(view)))
+        typer.echo(json.dumps({**dataclasses.asdict(view), "mode": mode}))
     if view.refused_here:
         fail(f"{view.verb} not sent: {view.text}", REFUSED)
     if not view.answered:
         fail(view.text, NO_REPLY)
     if not view.accepted:
         advice = ". Pilot: take over." if view.verb == "stop" else ""
-        fail(f"{view.verb} refused ({view.mode}): {view.text}{advice}", REFUSED)
+        fail(f"{view.verb} refused ({mode}): {view.text}{advice}", REFUSED)
     if not as_json:
-        typer.echo(f"{view.verb} accepted ({view.mode}): {view.text}")
+        typer.echo(f"{view.verb} accepted ({mode}): {view.text}")
 
 
 @app.command(epilog="Examples: goshawk start | goshawk start --profile fast --connect tcp/192.168.1.7:7447")
@@ -116,7 +117,7 @@ def status(
             fail(link.why_silent(timeout), NO_REPLY)
     health = snap.health
     if as_json:
-        typer.echo(json.dumps(dataclasses.asdict(health)))
+        typer.echo(json.dumps({**dataclasses.asdict(health), "mode": words.mode(health.mode)}))
     else:
         _print_status(snap)
     if protocol.mismatch(health) or not (health.ready or health.mode in FLYING):
@@ -130,8 +131,9 @@ def _print_status(snap: Snapshot) -> None:
     console = Console(highlight=False)
     if other := protocol.mismatch(health):
         console.print(f"[red]{_literal(other)}[/red]", soft_wrap=True)
+    autopilot = health.autopilot or "unknown"
     ready = "ready" if health.ready else "not ready"
-    console.print(f"[bold]{health.vehicle}[/bold]  {health.mode}, {ready}; autopilot {health.autopilot or 'unknown'}")
+    console.print(f"[bold]{health.vehicle}[/bold]  {words.mode(health.mode)}, {ready}; autopilot {autopilot}")
     checks = Table("", "check", "reason", box=None, pad_edge=False, show_header=False)
     for check in sorted(health.checks, key=lambda c: c.ok):
         mark = "[green]ok[/green]" if check.ok else "[red]no[/red]"

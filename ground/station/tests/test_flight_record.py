@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from goshawk_dashboards.state.views import BoxesView, TruthView
 from goshawk_ground.demo.flight_record import FlightRecord, Summary
+from goshawk_proto import goshawk_pb2 as pb
 
 ZERO_3 = np.zeros(3)
 
@@ -41,10 +42,10 @@ def truth(
 def flown(**last: float | bool) -> FlightRecord:
     """A clean chase of 40 m in 13.4 s; the last sample may differ."""
     record = FlightRecord(40.0)
-    record.saw_mode("ready")
-    record.saw_mode("takeoff")
+    record.saw_mode(pb.MODE_READY)
+    record.saw_mode(pb.MODE_TAKEOFF)
     record.saw_truth(truth(0.0, clearance_m=0.3))
-    record.saw_mode("track")
+    record.saw_mode(pb.MODE_TRACK)
     for k in range(1, 134):
         record.saw_truth(truth(0.1 * k, path_m=0.3 * (k - 1), x_m=0.3 * k))
     settings: dict[str, float | bool] = {"path_m": 40.0, "x_m": 40.2, **last}
@@ -53,8 +54,8 @@ def flown(**last: float | bool) -> FlightRecord:
 
 
 def landed(record: FlightRecord) -> Summary:
-    record.saw_mode("stopping")
-    record.saw_mode("landed")
+    record.saw_mode(pb.MODE_STOPPING)
+    record.saw_mode(pb.MODE_LANDED)
     return record.summary()
 
 
@@ -83,7 +84,7 @@ def test_a_runner_too_far_away_at_the_end_is_a_failure() -> None:
 
 def test_a_runner_unseen_for_over_a_second_at_the_end_is_a_failure() -> None:
     record = FlightRecord(40.0)
-    record.saw_mode("track")
+    record.saw_mode(pb.MODE_TRACK)
     record.saw_truth(truth(0.0))
     record.saw_truth(truth(0.9, visible=False))
     record.saw_truth(truth(1.2, visible=False, path_m=40.0))
@@ -104,16 +105,16 @@ def test_a_collision_is_a_failure_even_if_all_else_is_well() -> None:
 
 def test_contacts_before_takeoff_do_not_count() -> None:
     record = FlightRecord(1.0)
-    record.saw_mode("ready")
+    record.saw_mode(pb.MODE_READY)
     record.saw_truth(truth(0.0, collisions=2))
-    record.saw_mode("track")
+    record.saw_mode(pb.MODE_TRACK)
     record.saw_truth(truth(1.0, collisions=2, path_m=1.0))
     assert landed(record).succeeded
 
 
 def test_a_collision_while_landing_still_counts() -> None:
     record = flown()
-    record.saw_mode("stopping")
+    record.saw_mode(pb.MODE_STOPPING)
     record.saw_truth(truth(15.0, collisions=1))
     assert record.collided
     assert not landed(record).succeeded
@@ -121,7 +122,7 @@ def test_a_collision_while_landing_still_counts() -> None:
 
 def test_not_landing_is_a_failure() -> None:
     record = flown()
-    record.saw_mode("stopping")
+    record.saw_mode(pb.MODE_STOPPING)
     summary = record.summary()
     assert not summary.succeeded
     assert "did not land" in summary.problems[-1]
@@ -129,7 +130,7 @@ def test_not_landing_is_a_failure() -> None:
 
 def test_never_taking_off_is_a_failure_with_no_figures() -> None:
     record = FlightRecord(40.0)
-    record.saw_mode("idle")
+    record.saw_mode(pb.MODE_IDLE)
     summary = record.summary()
     assert summary.problems == ("it never took off",)
     assert summary.mean_speed_mps is None
@@ -138,7 +139,7 @@ def test_never_taking_off_is_a_failure_with_no_figures() -> None:
 
 def test_a_chase_cut_short_says_how_far_the_runner_got() -> None:
     record = FlightRecord(40.0)
-    record.saw_mode("track")
+    record.saw_mode(pb.MODE_TRACK)
     record.saw_truth(truth(0.0))
     record.saw_truth(truth(5.0, path_m=15.0))
     assert "15 of 40 m" in landed(record).problems[0]
@@ -146,7 +147,7 @@ def test_a_chase_cut_short_says_how_far_the_runner_got() -> None:
 
 def test_trouble_outside_the_flight_is_a_failure() -> None:
     record = flown()
-    record.saw_mode("landed")
+    record.saw_mode(pb.MODE_LANDED)
     summary = record.summary(("sim ended by itself",))
     assert not summary.succeeded
     assert summary.problems == ("sim ended by itself",)
@@ -154,8 +155,8 @@ def test_trouble_outside_the_flight_is_a_failure() -> None:
 
 def test_a_fault_is_a_failure() -> None:
     record = flown()
-    record.saw_mode("fault")
-    record.saw_mode("landed")
+    record.saw_mode(pb.MODE_FAULT)
+    record.saw_mode(pb.MODE_LANDED)
     assert not record.summary().succeeded
 
 

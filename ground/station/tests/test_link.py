@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import GroundLink, LinkError
+from goshawk_proto import goshawk_pb2 as pb
 
 Fakes = Callable[..., Any]
 CHANNELS = {"control", "health", "preview", "sim_truth"}
@@ -21,22 +22,22 @@ def channel(snap: Snapshot, name: str) -> Any:
 
 
 def ready(snap: Snapshot) -> bool:
-    return snap.health is not None and snap.health.ready and snap.mode == "ready"
+    return snap.health is not None and snap.health.ready and snap.mode == pb.MODE_READY
 
 
 def test_a_flight_begins_and_ends_by_command(fake_vehicle: Fakes) -> None:
     with GroundLink(connect=fake_vehicle().endpoint) as link:
         assert link.wait_for(ready, 10)
         started = link.start("fast")
-        assert (started.answered, started.accepted, started.mode) == (True, True, "takeoff")
-        tracking = link.wait_for(lambda s: s.mode == "track" and s.plan is not None and s.target is not None, 10)
+        assert (started.answered, started.accepted, started.mode) == (True, True, pb.MODE_TAKEOFF)
+        tracking = link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None and s.target is not None, 10)
         assert tracking is not None
         assert tracking.plan is not None
         assert len(tracking.plan.cost_N) == 15
         assert tracking.alive
         stopped = link.stop()
         assert stopped.accepted
-        assert link.wait_for(lambda s: s.mode == "landed", 10)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_LANDED, 10)
         assert link.snapshot().command == stopped
         assert any("landed" in e.text for e in link.snapshot().events)
 
@@ -98,11 +99,11 @@ def test_two_grounds_see_the_same_and_either_may_command(fake_vehicle: Fakes) ->
         assert one.wait_for(ready, 10)
         assert two.wait_for(ready, 10)
         assert one.start().accepted
-        assert two.wait_for(lambda s: s.mode == "track", 10)
+        assert two.wait_for(lambda s: s.mode == pb.MODE_TRACK, 10)
         second = two.start()
         assert (second.accepted, second.text) == (False, "already flying")
         assert two.stop().accepted
-        assert one.wait_for(lambda s: s.mode in ("stopping", "landed"), 10)
+        assert one.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 10)
 
 
 def test_one_ground_leaving_does_not_disturb_the_other(fake_vehicle: Fakes) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from goshawk_ground.link import GroundLink
 from goshawk_proto import PROTOCOL, goshawk_pb2
+from goshawk_proto import goshawk_pb2 as pb
 
 Fakes = Callable[..., Any]
 
@@ -23,11 +24,11 @@ def goshawk(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_a_vehicle_of_another_protocol_is_only_stopped(fake_vehicle: Fakes, number: int, update: str) -> None:
     endpoint = fake_vehicle("--protocol", str(number)).endpoint
     with GroundLink(connect=endpoint) as link:
-        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
         refused = link.start()
         assert (refused.refused_here, refused.answered, refused.accepted) == (True, False, False)
         assert f"speaks protocol {number}, this ground station {PROTOCOL}. Update the {update}." in refused.text
-        assert link.snapshot().mode == "ready"
+        assert link.snapshot().mode == pb.MODE_READY
         assert link.stop().accepted
 
 
@@ -50,9 +51,9 @@ def test_a_heartbeat_from_before_the_count_has_protocol_0() -> None:
 
 def test_fields_that_nobody_knows_yet_hurt_nothing(fake_vehicle: Fakes) -> None:
     with GroundLink(connect=fake_vehicle("--tomorrow").endpoint) as link:
-        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
         assert link.start().accepted
-        tracking = link.wait_for(lambda s: s.mode == "track" and s.plan is not None and s.target is not None, 20)
+        tracking = link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None and s.target is not None, 20)
         assert tracking is not None
         assert [c.name for c in tracking.channels if c.malformed] == []
         assert link.stop().accepted

@@ -12,6 +12,7 @@ import pytest
 from goshawk_dashboards.state.views import AutopilotView
 from goshawk_ground.link import LinkError
 from goshawk_ground.link.radio import AutopilotState, Radio
+from goshawk_proto import goshawk_pb2 as pb
 from pymavlink.dialects.v20 import common as mavlink
 
 RECORDED = Path(__file__).resolve().parents[4] / "shared/data/px4-sih-offboard.tlog"
@@ -79,7 +80,7 @@ def test_mode_battery_and_texts_are_heard_and_nothing_is_ever_sent() -> None:
         assert (view.mode, view.armed, view.failsafe) == ("OFFBOARD", True, False)
         assert view.battery_fraction == pytest.approx(0.61)
         assert view.battery_v == pytest.approx(15.12)
-        assert view.texts[0] == ("error", "Low battery")
+        assert view.texts[0] == (pb.SEVERITY_ERROR, "Low battery")
         wait_for(radio, lambda v: v.rate_hz > 5.0, speak)
     assert autopilot.heard() == []
 

@@ -19,6 +19,7 @@ from goshawk_ground.link import GroundLink
 from goshawk_ground.orders.stop_file import PendingStop, StopFile
 from goshawk_ground.orders.stop_latch import RESUME_S
 from goshawk_ground.pages.ports import free_port
+from goshawk_proto import goshawk_pb2 as pb
 from relay import Relay
 
 Fakes = Callable[..., Any]
@@ -32,9 +33,9 @@ def stops_of(acted: Path) -> list[str]:
 
 
 def flying(link: GroundLink) -> None:
-    assert link.wait_for(lambda s: s.mode == "ready", 20)
+    assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
     assert link.start().accepted
-    assert link.wait_for(lambda s: s.mode == "track", 20)
+    assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK, 20)
 
 
 @pytest.fixture
@@ -74,7 +75,7 @@ def test_a_stop_pressed_while_the_link_is_down_is_delivered_after_it(
         assert command is not None
         assert (command.verb, command.accepted) == ("stop", True)
         assert stops_of(acted) == [command.command_id]
-        assert link.wait_for(lambda s: s.mode in ("stopping", "landed"), 10)
+        assert link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 10)
     assert list(tmp_path.glob("stop-*")) == []
 
 
@@ -115,7 +116,7 @@ def test_a_stop_that_is_cancelled_is_never_delivered(
         relay.mend()
         assert link.wait_for(lambda s: s.linked and s.fresh("control", 0.5), 20)
         time.sleep(1.0)
-        assert link.snapshot().mode == "track"
+        assert link.snapshot().mode == pb.MODE_TRACK
         assert stops_of(acted) == []
 
 
@@ -126,7 +127,7 @@ def test_a_vehicle_that_restarts_meanwhile_gets_the_same_stop(
     vehicle = fake_vehicle()
     relay = relay_to(vehicle.endpoint)
     with GroundLink(connect=relay.endpoint) as link:
-        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
         relay.cut()
         assert link.wait_for(lambda s: not s.linked, 10)
         command_id = link.press_stop().command_id
@@ -215,7 +216,7 @@ def test_a_stop_that_is_too_old_is_shown_and_not_sent(fake_vehicle: Fakes, tmp_p
     file = StopFile(tmp_path, "goshawk")
     file.save(PendingStop(command_id="old", pressed_unix_s=time.time() - age_s))
     with GroundLink(connect=fake_vehicle("--acted", str(acted)).endpoint, state=tmp_path) as link:
-        assert link.wait_for(lambda s: s.mode == "ready", 20)
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
         stop = link.snapshot().stop
         assert stop is not None and stop.lapsed
         assert link.start().accepted

@@ -5,9 +5,12 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from goshawk_ground.demo.flight_record import TRACKING
+from goshawk_dashboards.state import words
+from goshawk_proto import goshawk_pb2 as pb
 
-FLYING = ("takeoff", *TRACKING, "navigate")
+from goshawk_ground.demo.flight_record import DOWN, TRACKING
+
+FLYING = (pb.MODE_TAKEOFF, *TRACKING, pb.MODE_NAVIGATE)
 
 
 class Action(enum.Enum):
@@ -50,12 +53,13 @@ class Director:
         """Why the flight was cut short; None while all is well."""
 
     def step(
-        self, now_s: float, *, mode: str | None, ready: bool, arrived: bool, collided: bool, why_not_ready: str = ""
+        self, now_s: float, *, mode: pb.Mode | None, ready: bool, arrived: bool, collided: bool, why_not_ready: str = ""
     ) -> Action:
         """The next action. ``mode`` None: the vehicle is not heard (yet)."""
         late_s = now_s - self._since_s
+        word = "unknown" if mode is None else words.mode(mode)
         if self.phase is Phase.WAITING_READY:
-            if ready and mode == "ready":
+            if ready and mode == pb.MODE_READY:
                 return self._enter(Phase.TAKING_OFF, now_s, Action.START)
             if late_s > self._limits.ready_s:
                 self.failure = f"not ready after {self._limits.ready_s:.0f} s: {why_not_ready or 'no heartbeat'}"
@@ -63,24 +67,24 @@ class Director:
         elif self.phase is Phase.TAKING_OFF:
             if mode in TRACKING:
                 self._enter(Phase.CHASING, now_s, Action.WAIT)
-            elif mode == "fault":
+            elif mode == pb.MODE_FAULT:
                 return self._abort(now_s, "the vehicle reported a fault at takeoff")
             elif late_s > self._limits.takeoff_s:
-                return self._abort(now_s, f"not tracking {self._limits.takeoff_s:.0f} s after start (mode {mode})")
+                return self._abort(now_s, f"not tracking {self._limits.takeoff_s:.0f} s after start (mode {word})")
         elif self.phase is Phase.CHASING:
             if arrived:
                 return self._enter(Phase.LANDING, now_s, Action.STOP)
             if collided:
                 return self._abort(now_s, "collision")
             if mode not in FLYING:
-                return self._abort(now_s, f"the chase ended by itself (mode {mode})")
+                return self._abort(now_s, f"the chase ended by itself (mode {word})")
             if late_s > self._limits.chase_s:
                 return self._abort(now_s, f"the runner did not arrive within {self._limits.chase_s:.0f} s")
         elif self.phase is Phase.LANDING:
-            if mode in ("landed", "ready", "idle"):
+            if mode in DOWN:
                 return self._enter(Phase.ENDED, now_s, Action.END)
             if late_s > self._limits.landing_s:
-                self.failure = self.failure or f"not landed {self._limits.landing_s:.0f} s after stop (mode {mode})"
+                self.failure = self.failure or f"not landed {self._limits.landing_s:.0f} s after stop (mode {word})"
                 return self._enter(Phase.ENDED, now_s, Action.END)
         return Action.WAIT if self.phase is not Phase.ENDED else Action.END
 

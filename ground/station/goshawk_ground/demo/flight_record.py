@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from goshawk_dashboards.state import words
 from goshawk_dashboards.state.views import HealthView, TruthView
+from goshawk_proto import goshawk_pb2 as pb
 
 MAX_TARGET_DISTANCE_M = 12.0
 """When the runner arrives the vehicle must be within this of it …"""
 MAX_UNSEEN_S = 1.0
 """… and must have had it in view within this."""
-TRACKING = ("track", "search", "hold")
-AIRBORNE = ("takeoff", *TRACKING, "stopping")
+TRACKING = (pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD)
+AIRBORNE = (pb.MODE_TAKEOFF, *TRACKING, pb.MODE_STOPPING)
+DOWN = (pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +47,7 @@ class FlightRecord:
 
     def __init__(self, distance_m: float) -> None:
         self.distance_m = distance_m
-        self.modes: list[str] = []
+        self.modes: list[pb.Mode] = []
         """Each mode in the order seen, without repeats in a row."""
         self.tracking: list[tuple[int, float, float, bool, float]] = []
         self.arrived_ns: int | None = None
@@ -58,7 +61,7 @@ class FlightRecord:
         self._health: HealthView | None = None
         self.log_path = ""
 
-    def saw_mode(self, mode: str) -> None:
+    def saw_mode(self, mode: pb.Mode) -> None:
         """The vehicle's mode, as often as it is heard."""
         if not self.modes or self.modes[-1] != mode:
             self.modes.append(mode)
@@ -72,7 +75,7 @@ class FlightRecord:
 
     def saw_truth(self, truth: TruthView) -> None:
         """A sample of the simulator's truth."""
-        mode = self.modes[-1] if self.modes else ""
+        mode = self.modes[-1] if self.modes else pb.MODE_UNSPECIFIED
         if mode not in AIRBORNE:
             return
         if self._collisions_before is None:
@@ -113,9 +116,9 @@ class FlightRecord:
     def problems(self) -> tuple[str, ...]:
         """Why the flight is not a success, or nothing."""
         found: list[str] = []
-        if "takeoff" not in self.modes and not any(m in TRACKING for m in self.modes):
+        if pb.MODE_TAKEOFF not in self.modes and not any(m in TRACKING for m in self.modes):
             return ("it never took off",)
-        if "fault" in self.modes:
+        if pb.MODE_FAULT in self.modes:
             found.append("the vehicle reported a fault and handed back")
         if self.collided:
             found.append(f"it collided {self._collisions} time{'s' if self._collisions != 1 else ''}")
@@ -131,8 +134,9 @@ class FlightRecord:
                 found.append("the runner was never in view")
             elif self._unseen_at_end_s > MAX_UNSEEN_S:
                 found.append(f"the runner had not been in view for {self._unseen_at_end_s:.1f} s when it arrived")
-        if not self.modes or self.modes[-1] not in ("landed", "ready", "idle"):
-            found.append(f"it did not land: its last mode was {self.modes[-1] if self.modes else 'unknown'}")
+        if not self.modes or self.modes[-1] not in DOWN:
+            last = words.mode(self.modes[-1]) if self.modes else "unknown"
+            found.append(f"it did not land: its last mode was {last}")
         return tuple(found)
 
     def summary(self, extra_problems: tuple[str, ...] = ()) -> Summary:

@@ -13,6 +13,7 @@ from collections import deque
 from typing import Any, Self
 
 from goshawk_dashboards.state.views import AutopilotView
+from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_ground.link.dial import LinkError
 
@@ -37,7 +38,7 @@ class AutopilotState:
         self._battery_fraction: float | None = None
         self._battery_v: float | None = None
         self._rssi: tuple[int, int] | None = None
-        self._texts: deque[tuple[str, str]] = deque(maxlen=TEXTS)
+        self._texts: deque[tuple[pb.Severity, str]] = deque(maxlen=TEXTS)
         self._arrivals: deque[tuple[float, int]] = deque(maxlen=2048)
         self._seq = 0
 
@@ -57,8 +58,7 @@ class AutopilotState:
             self._battery_fraction = 0.01 * message.battery_remaining if message.battery_remaining >= 0 else None
             self._battery_v = 1e-3 * message.voltage_battery if message.voltage_battery < 0xFFFF else None
         elif kind == "STATUSTEXT":
-            severity = "error" if message.severity <= _ERROR else "warning" if message.severity == _WARNING else "info"
-            self._texts.append((severity, str(message.text).strip("\0 ")))
+            self._texts.append((_severity(message.severity), str(message.text).strip("\0 ")))
 
     def _count(self, seq: int, now_s: float) -> None:
         """Notes an arrival with how many messages it ends: itself, and those lost before it."""
@@ -159,6 +159,12 @@ class Radio:
             self._connection.close()
             self._connection = None
         self._closing.wait(RETRY_S)
+
+
+def _severity(mavlink: int) -> pb.Severity:
+    if mavlink <= _ERROR:
+        return pb.SEVERITY_ERROR
+    return pb.SEVERITY_WARNING if mavlink == _WARNING else pb.SEVERITY_INFO
 
 
 def _refuse(*_: object) -> None:

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from google.protobuf.message import Message
-from goshawk_dashboards.state import decode
 from goshawk_dashboards.state.views import CommandView
 from goshawk_proto import goshawk_pb2
 
@@ -107,7 +106,7 @@ def answered(view: CommandView, reply: goshawk_pb2.CommandReply) -> CommandView:
         answered=True,
         accepted=reply.accepted,
         text=_one_line(reply.reason) or ("accepted" if reply.accepted else "refused without a reason"),
-        mode=decode.mode_name(reply.mode),
+        mode=reply.mode,
         took_s=time.monotonic() - (view.at_s or 0.0),
     )
 
