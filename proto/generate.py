@@ -3,11 +3,14 @@
 import argparse
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
 from grpc_tools import protoc
 
 PROTO_DIR = Path(__file__).resolve().parent
+protoc_main = cast("Callable[[list[str]], int]", protoc.main)
 SOURCE = "goshawk/v1/goshawk.proto"
 PACKAGE_DIR = PROTO_DIR / "python" / "goshawk_proto"
 
@@ -15,7 +18,7 @@ PACKAGE_DIR = PROTO_DIR / "python" / "goshawk_proto"
 def generate() -> dict[str, bytes]:
     """File name → content of what the package must hold. Raises RuntimeError when the .proto does not compile."""
     with tempfile.TemporaryDirectory() as out:
-        status = protoc.main(["protoc", f"-I{PROTO_DIR}", f"--python_out={out}", f"--pyi_out={out}", SOURCE])
+        status = protoc_main(["protoc", f"-I{PROTO_DIR}", f"--python_out={out}", f"--pyi_out={out}", SOURCE])
         if status != 0:
             raise RuntimeError(f"{SOURCE} does not compile (protoc exit status {status})")
         return {path.name: path.read_bytes() for path in sorted(Path(out, SOURCE).parent.iterdir())}

@@ -42,7 +42,8 @@ def main() -> None:
         view.show()
         wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
         print(f"open to the first picture   {wall_s:6.2f} s  ({cpu_s:.2f} s of processor)   limit {OPEN_LIMIT_S:.0f} s")
-        seeks_s, cpu_s = [], time.process_time()
+        seeks_s: list[float] = []
+        cpu_s = time.process_time()
         for time_s in np.random.default_rng(1).uniform(0.0, DURATION_S, SEEKS):
             view.player.seek(float(time_s))
             begun_s = time.perf_counter()

@@ -70,7 +70,7 @@ def survives(data: bytes, folder: Path) -> None:
 
 def records(data: bytes) -> list[int]:
     """Where each record of a file begins, up to its footer."""
-    places, at = [], len(MAGIC)
+    places, at = list[int](), len(MAGIC)
     while at + RECORD.size <= len(data) - len(MAGIC):
         places.append(at)
         at += RECORD.size + RECORD.unpack_from(data, at)[1]

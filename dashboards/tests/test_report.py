@@ -158,8 +158,9 @@ def wall_flight(path: Path, target: pb.Target | None = None) -> Flight:
     for k in range(20):
         stamp_ns = rec.START_NS + k * 50_000_000
         height_m = 0.1 if k < 2 else 2.0
-        pose = {"pos_world": pb.Vec3(z=height_m), "world_from_body": pb.Quat(w=1.0)}
-        log.write("control", stamp_ns, pb.Control(seq=k, stamp_ns=stamp_ns, mode=pb.MODE_TRACK, **pose))
+        control = pb.Control(seq=k, stamp_ns=stamp_ns, mode=pb.MODE_TRACK)
+        control.pos_world.z, control.world_from_body.w = height_m, 1.0
+        log.write("control", stamp_ns, control)
         log.write("rgbd", stamp_ns, picture)
         if target is not None:
             log.write("target", stamp_ns, target)

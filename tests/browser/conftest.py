@@ -8,16 +8,15 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
-from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_ground.link import GroundLink
 from goshawk_ground.pages.serve import serve_dashboard
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
+from stage import Ground, Seen
 
 FAKE = Path(__file__).with_name("fake_vehicle.py")
 FLAGS = [
@@ -81,25 +80,16 @@ def look() -> type[Look]:
     return Look
 
 
-@dataclass(kw_only=True)
-class Visit:
-    """A page and what it did behind the scenes."""
-
-    page: Page
-    requests: list[str] = field(default_factory=list)
-    errors: list[str] = field(default_factory=list)
-
-
 @pytest.fixture
-def visit(browser: Browser) -> Iterator[Callable[..., Visit]]:
+def visit(browser: Browser) -> Iterator[Callable[..., Seen]]:
     """Opens an address in a fresh page, small, for the software renderer's sake."""
     pages: list[Page] = []
 
-    def open_page(url: str, width: int = 1100, height: int = 640) -> Visit:
+    def open_page(url: str, width: int = 1100, height: int = 640) -> Seen:
         page = browser.new_page(viewport={"width": width, "height": height})
         pages.append(page)
         page.set_default_timeout(60_000)
-        seen = Visit(page=page)
+        seen = Seen(page=page)
         page.on("request", lambda request: seen.requests.append(request.url))
         page.on("pageerror", lambda error: seen.errors.append(str(error)))
         page.goto(url)
@@ -108,17 +98,6 @@ def visit(browser: Browser) -> Iterator[Callable[..., Visit]]:
     yield open_page
     for page in pages:
         page.close()
-
-
-@dataclass(kw_only=True)
-class Ground:
-    """A stand-in vehicle, and a ground station in this process so that its scene can be read."""
-
-    vehicle: subprocess.Popen[str]
-    link: GroundLink
-    dashboard: LiveDashboard
-    others: list[tuple[subprocess.Popen[str], GroundLink]] = field(default_factory=list)
-    """Further vehicles of the same dashboard, and their links."""
 
 
 def start_vehicle(name: str, *flags: str) -> tuple[subprocess.Popen[str], GroundLink]:

@@ -384,8 +384,12 @@ def main() -> None:
     parser.add_argument("--mute", action="store_true", help="answer no command")
     args = parser.parse_args()
     stop = threading.Event()
+
+    def end(*_: object) -> None:
+        stop.set()
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+        signal.signal(number, end)
     config = zenoh.Config()
     if args.identity is not None:
         tls = {
@@ -421,17 +425,16 @@ def main() -> None:
             answer = fake.command("stop", request.command_id, "", time.monotonic() - born)
             query.reply(query.key_expr, answer.SerializeToString() + (UNKNOWN if args.tomorrow else b""))
 
+        def on_world(query: zenoh.Query) -> None:
+            query.reply(query.key_expr, fake.world().SerializeToString())
+
+        def on_ping(query: zenoh.Query) -> None:
+            query.reply(query.key_expr, b"")
+
         token = session.liveliness().declare_token(key_expression("alive_air", args.vehicle))
-        kept = [
-            session.declare_queryable(
-                key_expression("sim_world", args.vehicle),
-                lambda q: q.reply(q.key_expr, fake.world().SerializeToString()),
-            )
-        ]
+        kept = [session.declare_queryable(key_expression("sim_world", args.vehicle), on_world)]
         if not args.mute:
-            kept.append(
-                session.declare_queryable(key_expression("ping", args.vehicle), lambda q: q.reply(q.key_expr, b""))
-            )
+            kept.append(session.declare_queryable(key_expression("ping", args.vehicle), on_ping))
             kept.append(session.declare_queryable(key_expression("cmd_start", args.vehicle), on_start))
             kept.append(session.declare_queryable(key_expression("cmd_stop", args.vehicle), on_stop))
         print("listening", flush=True)

@@ -10,9 +10,10 @@ from urllib.parse import urlparse
 import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Page, expect
+from stage import Ground, Seen
 
-Start = Callable[..., Any]
-Visit = Callable[[str], Any]
+Start = Callable[..., Ground]
+Visit = Callable[[str], Seen]
 
 
 def mode(page: Page, name: str) -> None:

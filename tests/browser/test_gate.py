@@ -27,13 +27,14 @@ from goshawk_dashboards.gate.client import CAMERA, open_page, viser_protocol
 from goshawk_ground.pages.ports import free_port
 from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Browser, BrowserContext, expect
+from stage import Ground, Seen
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 from websockets.typing import Origin
 
-Start = Callable[..., Any]
-Visit = Callable[..., Any]
+Start = Callable[..., Ground]
+Visit = Callable[..., Seen]
 VISER = viser_protocol()
 PASSWORD = "correct horse battery"
 
@@ -167,7 +168,7 @@ def triggers(connection: Connection) -> tuple[bytes, bytes]:
     return msgspec.msgpack.encode(stop), msgspec.msgpack.encode(start)
 
 
-def flying(g: Any) -> None:
+def flying(g: Ground) -> None:
     """Takes off, and waits until it tracks."""
     assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
     assert g.link.start().accepted

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Page, expect
+from stage import Ground, Seen
 
-Start = Callable[..., Any]
-Visit = Callable[..., Any]
+Start = Callable[..., Ground]
+Visit = Callable[..., Seen]
 
 
-def flying(g: Any) -> None:
+def flying(g: Ground) -> None:
     """Takes off, and waits until it tracks."""
     assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
     assert g.link.start().accepted
@@ -159,7 +159,8 @@ def test_space_stops_only_what_this_browser_shows(ground: Start, visit: Visit) -
     assert links[0].wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
     expect(one.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
     assert links[1].snapshot().mode == pb.MODE_TRACK
-    assert links[1].snapshot().command is not None and links[1].snapshot().command.verb == "start"
+    command = links[1].snapshot().command
+    assert command is not None and command.verb == "start"
     two.keyboard.press("Space")
     assert links[1].wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
 

@@ -20,11 +20,12 @@ from goshawk_dashboards.review.dashboard import ReviewDashboard, ReviewView
 from goshawk_ground.pages.ports import free_port
 from goshawk_ground.pages.review import open_review
 from playwright.sync_api import Page, expect
+from stage import Seen
 
 ROOT = Path(__file__).resolve().parents[2]
 SIM = ROOT / "target/release/goshawk-sim"
 
-Visit = Callable[[str], Any]
+Visit = Callable[[str], Seen]
 Review = Callable[..., ReviewDashboard]
 
 

@@ -30,7 +30,7 @@ class Rig:
     folder: Path
     zenoh_port: int = field(default_factory=free_port)
     mavlink_port: int = field(default_factory=lambda: free_port(socket.SOCK_DGRAM))
-    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict[str, subprocess.Popen[bytes]])
     identity: Path | None = None
     """The vehicle's: then grounds need one too, and the simulator comes by a unix socket."""
 

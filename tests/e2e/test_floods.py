@@ -33,7 +33,7 @@ def guarded(rig: Rig) -> Iterator[tuple[Rig, People]]:
 
 
 def idle_connections(port: int) -> list[socket.socket]:
-    held = []
+    held: list[socket.socket] = []
     for _ in range(CONNECTIONS):
         with contextlib.suppress(OSError):
             held.append(socket.create_connection(("127.0.0.1", port), timeout=1.0))

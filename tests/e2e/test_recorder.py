@@ -52,7 +52,7 @@ def fly(rig: Rig, *, disk_bytes: int | None = None) -> None:
 
 def controls(log: Path) -> list[int]:
     """Stamps of the controller's steps, ns, as far as the stock reader gets."""
-    stamps = []
+    stamps: list[int] = []
     with log.open("rb") as stream:
         try:
             for _, _, message in NonSeekingReader(stream).iter_messages(topics=["tel/control"], log_time_order=False):

@@ -13,7 +13,7 @@ import onnx
 import pytest
 import zenoh
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_ground.link import DEFAULT_VEHICLE
+from goshawk_ground.link import DEFAULT_VEHICLE, GroundLink
 from goshawk_ground.link.dial import client_config
 from goshawk_proto import goshawk_pb2, key_expression
 from goshawk_proto import goshawk_pb2 as pb
@@ -41,7 +41,7 @@ def names(name: str, word: str):
     return seen
 
 
-def flying(rig: Rig, link, *sim: str) -> None:
+def flying(rig: Rig, link: GroundLink, *sim: str) -> None:
     rig.air()
     rig.sim("--seed", "3", *sim)
     ready = link.wait_for(lambda s: s.health is not None and s.health.ready, 30.0)
@@ -106,14 +106,10 @@ def dead(kind: str, folder: Path) -> Path:
     for tensor in model.graph.initializer:
         if tensor.data_type != onnx.TensorProto.FLOAT:
             continue
-        was = numpy_helper.to_array(tensor)
-        weights = {
-            "nan": lambda shape: np.full(shape, np.nan, np.float32),
-            "infinite": lambda shape: np.full(shape, np.inf, np.float32),
-            "zero": lambda shape: np.zeros(shape, np.float32),
-            "random": lambda shape: (0.1 * rng.standard_normal(shape)).astype(np.float32),
-        }[kind](was.shape)
-        tensor.CopyFrom(numpy_helper.from_array(weights, tensor.name))
+        shape = numpy_helper.to_array(tensor).shape
+        value = {"nan": np.nan, "infinite": np.inf, "zero": 0.0}.get(kind)
+        weights = 0.1 * rng.standard_normal(shape) if value is None else np.full(shape, value)
+        tensor.CopyFrom(numpy_helper.from_array(weights.astype(np.float32), tensor.name))
     path = folder / "dead.onnx"
     onnx.save(model, path)
     shutil.copy(MODELS / "track.golden", folder / "dead.golden")

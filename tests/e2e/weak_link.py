@@ -39,7 +39,7 @@ class WeakLink:
     _there: threading.Event = field(default_factory=threading.Event)
     _back: threading.Event = field(default_factory=threading.Event)
     _closing: threading.Event = field(default_factory=threading.Event)
-    _sockets: list[socket.socket] = field(default_factory=list)
+    _sockets: list[socket.socket] = field(default_factory=list[socket.socket])
 
     def __post_init__(self) -> None:
         self.mend()

@@ -36,4 +36,9 @@ def flight(log: Path) -> Flight:
 def exported(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[Format], Exported]:
     """Its export to a format, made once."""
     folder = tmp_path_factory.mktemp("exports")
-    return cache(lambda format: export_log(Flight.open(log), format, folder / f"flight{format.suffix}"))
+
+    @cache
+    def export(format: Format) -> Exported:
+        return export_log(Flight.open(log), format, folder / f"flight{format.suffix}")
+
+    return export

@@ -6,7 +6,7 @@ import csv
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -137,12 +137,11 @@ def test_rerun_opens_with_its_blueprint(flight: Flight, exported: Exports) -> No
 
 def test_rerun_keeps_the_vehicles_clock(flight: Flight, exported: Exports) -> None:
     done = exported(Format.RERUN)
-    stamps = [
-        value.value
-        for chunk in RrdReader(done.path).stream()
-        if chunk.entity_path == "/speed/total" and not chunk.is_static
-        for value in chunk.to_record_batch().column("vehicle")
-    ]
+    stamps: list[int] = []
+    for chunk in RrdReader(done.path).stream():
+        if chunk.entity_path == "/speed/total" and not chunk.is_static:
+            batch = cast("Any", chunk.to_record_batch())
+            stamps += [value.value for value in batch.column("vehicle")]
     assert max(stamps) == flight.log.times_ns("tel/control")[-1]
 
 

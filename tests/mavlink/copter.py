@@ -113,11 +113,11 @@ class Copter:
     north_m: float = 0.0
     ekf_flags: int = EKF_HAS
     intervals_us: dict[int, float] = field(default_factory=lambda: {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1e6})
-    counts: Counter[str] = field(default_factory=Counter)
-    denied: list[int] = field(default_factory=list)
-    setpoints: list[Any] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter[str])
+    denied: list[int] = field(default_factory=list[int])
+    setpoints: list[Any] = field(default_factory=list[Any])
     mav: mavlink.MAVLink = field(default_factory=lambda: mavlink.MAVLink(None, srcSystem=1, srcComponent=1))
-    _due: dict[int, float] = field(default_factory=dict)
+    _due: dict[int, float] = field(default_factory=dict[int, float])
 
     def __post_init__(self) -> None:
         self.mav.robust_parsing = False  # a byte that belongs to no good packet is an error

@@ -29,7 +29,7 @@ Graph = Mapping[str, frozenset[str]]
 
 def modules(package: Path) -> dict[str, Path]:
     """Each file of a package by its dotted name; a folder's ``__init__.py`` has the folder's."""
-    found = {}
+    found: dict[str, Path] = {}
     for path in sorted(package.rglob("*.py")):
         parts = path.relative_to(package.parent).with_suffix("").parts
         found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path

@@ -32,7 +32,7 @@ def expanded(path: str) -> list[str]:
     head, brace, rest = path.partition("{")
     if not brace:
         return [path.strip()]
-    found, depth, begun = [], 0, 0
+    found, depth, begun = list[str](), 0, 0
     inner = rest[: rest.rindex("}")]
     for k, letter in enumerate([*inner, ","]):
         depth += {"{": 1, "}": -1}.get(letter, 0)

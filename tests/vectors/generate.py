@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -274,7 +275,8 @@ def target() -> Json:
     """A runner seen at irregular frames: some with a second detection of it, some with a false one, some blank."""
     config, rng = Filter(), np.random.default_rng(4)
     lens = np.array([1.0, -2.0, 1.5])
-    x, covariance = np.zeros(6), np.eye(6)
+    x: Array = np.zeros(6)
+    covariance: Array = np.eye(6)
     history: list[bool] = []
     confirmed = False
     now_ns, frames = 10_000_000_000, []
@@ -305,7 +307,7 @@ def target() -> Json:
             x = transition @ x
             covariance = transition @ covariance @ transition.T + push @ np.diag(config.acc_variance) @ push.T
             measure = np.hstack([np.eye(3), np.zeros((3, 3))])
-            corrections = []
+            corrections: list[tuple[bool, float, Array, Array]] = []
             for detection, sure in zip(detections, objectness, strict=True):
                 innovation, prior = detection - measure @ x, measure @ covariance @ measure.T
                 spread = prior + measurement_covariance(config, detection - lens, 1.0)
@@ -473,8 +475,9 @@ def text(vectors: Json) -> str:
     lines: list[str] = []
     for key, value in vectors.items():
         body = json.dumps(value)
-        if isinstance(value, list) and value and isinstance(value[0], dict):
-            body = "[\n  " + ",\n  ".join(json.dumps(item) for item in value) + "\n ]"
+        items = cast("list[object]", value) if isinstance(value, list) else []
+        if items and isinstance(items[0], dict):
+            body = "[\n  " + ",\n  ".join(json.dumps(item) for item in items) + "\n ]"
         lines.append(f" {json.dumps(key)}: {body}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
 

@@ -6,7 +6,9 @@ import importlib.util
 import json
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
@@ -25,16 +27,17 @@ def load_generators() -> dict[str, object]:
 GENERATORS = load_generators()
 
 
-def assert_same(path: str, stored: object, fresh: object) -> None:
+def assert_same(path: str, stored: Any, fresh: Any) -> None:
     """Equal but for the last bits, which differ between numerical libraries."""
     if isinstance(fresh, dict):
         assert isinstance(stored, dict) and stored.keys() == fresh.keys(), path
-        for key, value in fresh.items():
-            assert_same(f"{path}.{key}", stored[key], value)
+        for key, value in cast("dict[str, Any]", fresh).items():
+            assert_same(f"{path}.{key}", cast("dict[str, Any]", stored)[key], value)
     elif isinstance(fresh, list | tuple):
-        assert isinstance(stored, list) and len(stored) == len(fresh), path
-        for index, value in enumerate(fresh):
-            assert_same(f"{path}[{index}]", stored[index], value)
+        values = cast("Sequence[Any]", fresh)
+        assert isinstance(stored, list), path
+        for index, (old, value) in enumerate(zip(cast("list[Any]", stored), values, strict=True)):
+            assert_same(f"{path}[{index}]", old, value)
     elif isinstance(fresh, float):
         assert isinstance(stored, float | int), path
         assert math.isclose(stored, fresh, rel_tol=1e-11, abs_tol=1e-11), f"{path}: {stored} != {fresh}"

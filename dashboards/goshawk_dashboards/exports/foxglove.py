@@ -141,7 +141,7 @@ class _Scene:
         target = decode.target(m)
         color = _color(theme.TARGET if target.confirmed else theme.STALE)
         speed = float(np.linalg.norm(target.vel_world_3))
-        arrows = []
+        arrows: list[ArrowPrimitive] = []
         if speed > 0.2:
             shape = {"shaft_diameter": 0.07, "head_diameter": 0.18, "head_length": 0.2, "shaft_length": 0.5 * speed}
             arrows.append(

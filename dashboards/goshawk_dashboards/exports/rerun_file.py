@@ -149,12 +149,20 @@ class _Log:
         if not self._seen_lens:
             self._seen_lens = True
             lens = frames.pinhole(m)
-            pinhole = {"image_from_camera": np.array(lens.k_9).reshape(3, 3), "resolution": [m.width, m.height]}
+            image_from_camera_33 = np.array(lens.k_9).reshape(3, 3)
             for entity in (_IMAGE, _DEPTH):
                 # The image's axes are right, down, forward; the camera's are FLU: a transform of their own.
                 xyzw = rr.Quaternion(xyzw=np.roll(frames.CAMERA_FROM_OPTICAL_4, -1))
                 self._stand(entity, rr.Transform3D(quaternion=xyzw))
-                self._stand(entity, rr.Pinhole(**pinhole, camera_xyz=rr.ViewCoordinates.RDF, image_plane_distance=0.6))
+                self._stand(
+                    entity,
+                    rr.Pinhole(
+                        image_from_camera=image_from_camera_33,
+                        resolution=[m.width, m.height],
+                        camera_xyz=rr.ViewCoordinates.RDF,
+                        image_plane_distance=0.6,
+                    ),
+                )
         self._row(_IMAGE, log_ns, rr.EncodedImage(contents=m.rgb_png, media_type="image/png"))
         if frame.depth_png:
             depth = rr.EncodedDepthImage(blob=m.depth_png, media_type="image/png", meter=1000.0)

@@ -57,7 +57,7 @@ class Access:
     """The secrets of one gate. ``passwords`` empty: nobody logs in, the links alone open it."""
 
     key: bytes = field(default_factory=lambda: secrets.token_bytes(KEY_BYTES), repr=False)
-    passwords: Mapping[Role, str] = field(default_factory=dict, repr=False)
+    passwords: Mapping[Role, str] = field(default_factory=dict[Role, str], repr=False)
 
     def token(self, role: Role) -> str:
         """What the link of a role carries."""

@@ -11,7 +11,7 @@ import contextlib
 import socket
 import ssl
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -92,7 +92,7 @@ class Doors:
             visitor.deadline.cancel()
 
     @contextmanager
-    def opened(self, role: str, address: str) -> Iterator[None]:
+    def opened(self, role: str, address: str) -> Generator[None]:
         """Counts a page as open. Raises FullError."""
         of_role = sum(count for (other, _), count in self._open.items() if other == role)
         if of_role >= MOST_OPEN or self._open[role, address] >= MOST_OPEN_OF_ONE:

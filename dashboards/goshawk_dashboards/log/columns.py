@@ -52,10 +52,11 @@ def read_columns(
         kept.append(index)
         for row, (get, _) in zip(rows, getters, strict=True):
             row.append(get(message))
-    arrays = {}
+    arrays: dict[str, NDArray[Any]] = {}
     for field, row, (_, empty) in zip(fields, rows, getters, strict=True):
-        arrays[field] = np.array(row) if row else empty
-        arrays[field].setflags(write=False)
+        array: NDArray[Any] = np.array(row) if row else empty
+        array.setflags(write=False)
+        arrays[field] = array
     return Columns(times_s=times_s[kept], fields=arrays)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -46,7 +46,7 @@ def close_server(server: viser.ViserServer) -> None:
 
 
 @contextlib.contextmanager
-def _listening_on(path: Path) -> Iterator[None]:
+def _listening_on(path: Path) -> Generator[None]:
     """Within, a WebSocket server that is started listens on a socket file: viser takes a host and a port only.
 
     A port of the loopback would be open to every web page in this machine's browsers, and to its other users.

@@ -132,7 +132,9 @@ def mark_phases(axes: Axes, phases: Sequence[Phase], palette: Palette, *, named:
             axes.axvline(phase.start_s, color=palette.soft, lw=0.8, ls=(0, (2, 3)))
         if named and phase.duration_s > 0.012 * len(phase.name) * (end_s - start_s):
             middle_s = (phase.start_s + phase.end_s) / 2
-            at = {"xytext": (0, 3), "textcoords": "offset points", "xycoords": ("data", "axes fraction")}
+            at: dict[str, Any] = {
+                "xytext": (0, 3), "textcoords": "offset points", "xycoords": ("data", "axes fraction"),
+            }  # fmt: skip
             axes.annotate(phase.name, (middle_s, 1.0), ha="center", va="bottom", fontsize=8, color=palette.soft, **at)
     axes.set_xlim(start_s, end_s)
 

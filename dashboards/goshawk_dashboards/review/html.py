@@ -6,6 +6,7 @@ seek sends a few hundred bytes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -236,5 +237,6 @@ def _round_times(window: Window) -> list[float]:
     """Four to nine round times within the window, none at its very edges."""
     length_s = window.to_s - window.from_s
     step_s = next((s for s in (0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 120.0, 300.0) if length_s / s <= 8.0), 600.0)
-    times = np.arange(np.ceil(window.from_s / step_s), np.floor(window.to_s / step_s) + 1.0) * step_s
-    return [float(t) for t in times if 3.0 < window.share(float(t)) < 97.0]
+    first, last = math.ceil(window.from_s / step_s), math.floor(window.to_s / step_s)
+    times = (k * step_s for k in range(first, last + 1))
+    return [t for t in times if 3.0 < window.share(t) < 97.0]

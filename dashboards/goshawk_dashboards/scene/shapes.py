@@ -35,10 +35,10 @@ def quadrotor(scale: float, rgb: theme.Rgb) -> trimesh.Trimesh:
     for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         at = np.array((x, y, 0.0)) * 0.0775 / np.sqrt(2.0)
         arm = trimesh.creation.box(extents=(0.0775, 0.009, 0.007))
-        arm.apply_transform(
-            trimesh.transformations.translation_matrix(at / 2)
-            @ trimesh.transformations.rotation_matrix(np.arctan2(y, x), (0, 0, 1))
-        )
+        turned_44 = np.eye(4)
+        turned_44[:3, :3] = tf.SO3.from_z_radians(float(np.arctan2(y, x))).as_matrix()
+        turned_44[:3, 3] = at / 2
+        arm.apply_transform(turned_44)
         parts.append(_painted(arm, (70, 80, 96)))
         rotor = trimesh.creation.cylinder(radius=0.038, height=0.003, sections=24)
         rotor.apply_translation(at + (0.0, 0.0, 0.016))
@@ -90,7 +90,7 @@ def wxyz_from_up_K4(direction_K3: Array) -> Array:
     """Rotations that turn z to each direction; the identity where a direction has no length."""
     length_K1 = np.linalg.norm(direction_K3, axis=1, keepdims=True)
     unit_K3 = np.where(length_K1 > 1e-9, direction_K3 / np.maximum(length_K1, 1e-9), (0.0, 0.0, 1.0))
-    x_K, y_K, z_K = unit_K3.T
+    x_K, y_K, z_K = unit_K3[:, 0], unit_K3[:, 1], unit_K3[:, 2]
     # Half-way quaternion between z and the direction: (1 + z . d, z x d). Near -z its first part cancels to nothing,
     # and is had from what is across instead: 1 + z = (x^2 + y^2) / (1 - z).
     across_K = x_K**2 + y_K**2

@@ -91,7 +91,7 @@ def _of_link(snap: Snapshot) -> list[Alert]:
         mode = "unknown" if snap.mode is None else words.mode(snap.mode)
         doing = f"last heard flying ({mode})" if snap.flying else f"last heard {mode}"
         return [Alert(key="silent", severe=snap.flying, text=f"VEHICLE SILENT for {age_s:.0f} s, {doing}")]
-    found = []
+    found: list[Alert] = []
     if not snap.alive:
         found.append(Alert(key="alive", severe=False, text="the vehicle's presence on the network is gone"))
     losses = [c.loss_fraction for c in snap.channels if c.loss_fraction is not None and c.rate_hz > 5.0]
@@ -106,7 +106,7 @@ def _of_link(snap: Snapshot) -> list[Alert]:
 
 
 def _of_flight(snap: Snapshot) -> list[Alert]:
-    found = []
+    found: list[Alert] = []
     control, health, target = snap.control, snap.health, snap.target
     if snap.mode == pb.MODE_FAULT:
         found.append(Alert(key="fault", severe=True, text="FAULT: authority is handed back to the autopilot"))

@@ -15,7 +15,7 @@ _TICKS_HZ = os.sysconf("SC_CLK_TCK")
 
 def record(key: str, value: Any) -> None:
     """Sets one key of `target/bench.json`, keeping the others."""
-    figures = json.loads(BENCH_JSON.read_text(encoding="utf-8")) if BENCH_JSON.exists() else {}
+    figures: dict[str, Any] = json.loads(BENCH_JSON.read_text(encoding="utf-8")) if BENCH_JSON.exists() else {}
     figures[key] = value
     BENCH_JSON.parent.mkdir(exist_ok=True)
     BENCH_JSON.write_text(json.dumps(figures, indent=2, sort_keys=True) + "\n", encoding="utf-8")

@@ -67,7 +67,8 @@ def main() -> None:
 def report(pid: int, seconds: float, browsers: int) -> None:
     """Watches the ground station for a while, then prints and records."""
     began_s, before, waited_before = time.monotonic(), core_seconds_of_threads(pid), waited_seconds(pid)
-    times_s, used_mb = [], []
+    times_s: list[float] = []
+    used_mb: list[float] = []
     while (late_s := time.monotonic() - began_s) < seconds:
         times_s.append(late_s)
         used_mb.append(memory_mb(pid))

@@ -82,7 +82,7 @@ def down(
 ) -> tuple[float, float]:
     """p50 and p99 of how much later the gated client had a message, ms."""
     time.sleep(1.0)
-    late_ms = []
+    late_ms: list[float] = []
     for k in range(int(seconds * RATE_HZ)):
         for each in arrivals.values():
             each.at_s.clear()
@@ -108,7 +108,8 @@ def up(
         pressed_s.append(time.perf_counter())
         arrived.set()
 
-    press = msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": button._impl.uuid, "updates": {"value": True}})
+    uuid = button._impl.uuid  # pyright: ignore[reportPrivateUsage] - viser tells it nowhere else
+    press = msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": True}})
     took_ms: dict[str, list[float]] = {"direct": [], "gated": []}
     for _turn in range(int(seconds * RATE_HZ / 2)):
         for name, connection in (("direct", direct), ("gated", gated)):

@@ -83,14 +83,15 @@ def start(stack: ExitStack, folder: Path, endpoint: str, identity: Path | None) 
             "--frame-rate", "60", "--connect", sensors, "--mavlink-port", str(mavlink),
         ],
     )  # fmt: skip
-    pids = []
+    pids: list[int] = []
     for k, command in enumerate(commands):
         output = stack.enter_context((folder / f"{k}.out").open("wb"))
         try:
             process = subprocess.Popen(command, stdout=output, stderr=output)
         except OSError as error:
             raise SystemExit(f"cannot run {command[0]}: {error.strerror}; `make build` makes it") from error
-        stack.callback(lambda p=process: (p.terminate(), p.wait(timeout=20)))
+        stack.callback(process.wait, timeout=20)
+        stack.callback(process.terminate)
         pids.append(process.pid)
     return pids[0]
 

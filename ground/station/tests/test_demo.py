@@ -47,7 +47,7 @@ def demo(folder: Path, bin_dir: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 def descendants(needle: str) -> list[int]:
-    found = []
+    found: list[int] = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:

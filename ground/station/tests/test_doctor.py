@@ -33,12 +33,20 @@ def by_name(findings: list[Finding]) -> dict[str, Finding]:
     return {finding.name: finding for finding in findings}
 
 
+def all_free(port: int, *, udp: bool) -> bool:
+    return True
+
+
+def all_but_the_dashboards_free(port: int, *, udp: bool) -> bool:
+    return port != 8080
+
+
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A source tree with both programs built after their source, and a wheel of ONNX Runtime."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("VIRTUAL_ENV", raising=False)
-    monkeypatch.setattr(doctor, "is_free", lambda port, udp: True)
+    monkeypatch.setattr(doctor, "is_free", all_free)
     (tmp_path / "air").mkdir()
     (tmp_path / "air/main.rs").write_text("fn main() {}")
     (tmp_path / "bin").mkdir()
@@ -96,7 +104,7 @@ def test_onnx_runtime_is_looked_for_where_the_vehicle_looks(tree: Path) -> None:
 
 
 def test_a_busy_port_is_a_note(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "is_free", lambda port, udp: port != 8080)
+    monkeypatch.setattr(doctor, "is_free", all_but_the_dashboards_free)
     found = by_name(list(local_findings(tree / "bin")))
     assert found["port 8080/tcp"].state is State.NOTE
     assert found["port 14540/udp"].state is State.OK

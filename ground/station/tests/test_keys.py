@@ -109,7 +109,7 @@ def test_a_certificate_says_who_it_is_and_what_for(ring: Path, subject: str) -> 
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_openssl_takes_each_for_its_own_purpose_alone(ring: Path, subject: str) -> None:
     assert shutil.which("openssl"), "install openssl"
-    verdicts = {}
+    verdicts: dict[str, bool] = {}
     for purpose in ("sslserver", "sslclient"):
         command = ["openssl", "verify", "-x509_strict", "-purpose", purpose, "-CAfile", ring / "ca.pem"]
         done = subprocess.run([*command, ring / subject / "cert.pem"], capture_output=True, check=False)

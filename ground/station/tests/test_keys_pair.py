@@ -17,7 +17,7 @@ import pytest
 from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.keys.identity import read_identity
 from goshawk_ground.keys.names import BadNameError
-from goshawk_ground.keys.pairing import _SCRIPT, parse_place
+from goshawk_ground.keys.pairing import SCRIPT, parse_place
 from goshawk_ground.keys.parcel import pack
 
 SSHD = shutil.which("sshd") or shutil.which("sshd", path="/usr/sbin")
@@ -98,7 +98,7 @@ def test_a_copy_that_is_cut_leaves_the_old_one(tmp_path: Path) -> None:
     before = {path.name: path.read_bytes() for path in there.iterdir()}
     whole = pack(read_identity(vehicle))
     for length in (0, 700, 2048, whole.index(b"access.toml")):
-        command = ["sh", "-c", _SCRIPT, "sh", str(there)]
+        command = ["sh", "-c", SCRIPT, "sh", str(there)]
         done = subprocess.run(command, input=whole[:length], capture_output=True, check=False)
         assert done.returncode != 0
         assert {path.name: path.read_bytes() for path in there.iterdir()} == before

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -139,7 +139,7 @@ def test_a_vehicle_that_restarts_meanwhile_gets_the_same_stop(
 
 
 @contextmanager
-def ground_station(endpoint: str, state: Path) -> Iterator[subprocess.Popen[str]]:
+def ground_station(endpoint: str, state: Path) -> Generator[subprocess.Popen[str]]:
     """`goshawk ground` in a process of its own, serving."""
     command = [sys.executable, "-c", "from goshawk_ground.cli import main; main()", "ground", "--connect", endpoint]
     environment = os.environ | {"XDG_STATE_HOME": str(state)}

@@ -9,9 +9,10 @@ import dataclasses
 import math
 import tomllib
 import typing
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from goshawk_train.errors import TrainerError
 
@@ -250,7 +251,7 @@ def _convert(value: Any, wanted: Any, name: str) -> Any:
     if dataclasses.is_dataclass(wanted) and isinstance(wanted, type):
         if not isinstance(value, dict):
             raise ConfigError(f"{name} must be a table")
-        return _build(wanted, value, name)
+        return _build(wanted, cast("dict[str, Any]", value), name)
     origin = typing.get_origin(wanted)
     if origin is Literal:
         if value not in typing.get_args(wanted):
@@ -258,9 +259,10 @@ def _convert(value: Any, wanted: Any, name: str) -> Any:
         return value
     if origin is tuple:
         args = typing.get_args(wanted)
-        if not isinstance(value, list | tuple) or len(value) != len(args):
+        values = cast("Sequence[Any]", value) if isinstance(value, list | tuple) else ()
+        if len(values) != len(args):
             raise ConfigError(f"{name} must be a list of {len(args)} numbers")
-        return tuple(_convert(v, a, f"{name}[{i}]") for i, (v, a) in enumerate(zip(value, args, strict=True)))
+        return tuple(_convert(v, a, f"{name}[{i}]") for i, (v, a) in enumerate(zip(values, args, strict=True)))
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not wanted or (wanted is float and not math.isfinite(value)):

@@ -12,14 +12,17 @@ import numpy as np
 from goshawk_train.config import CameraConfig
 from goshawk_train.data.layout import View
 from goshawk_train.model import geometry
+from numpy.typing import NDArray
 from PIL import Image
+
+F64 = NDArray[np.float64]
 
 PERSON_RADIUS_M = 0.25
 LOW = np.array([-14.0, -14.0, -0.6])
 HIGH = np.array([14.0, 14.0, 4.4])
 
 
-def _quaternion(yaw: float, pitch: float, roll: float) -> np.ndarray:
+def _quaternion(yaw: float, pitch: float, roll: float) -> F64:
     """(w, x, y, z) of Rz(yaw) Ry(pitch) Rx(roll)."""
     cy, sy, cp, sp = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     cr, sr = np.cos(roll / 2), np.sin(roll / 2)
@@ -33,7 +36,7 @@ def _quaternion(yaw: float, pitch: float, roll: float) -> np.ndarray:
     )
 
 
-def _cylinder(origin: np.ndarray, rays: np.ndarray, x: float, y: float, radius: float, top: float) -> np.ndarray:
+def _cylinder(origin: F64, rays: F64, x: float, y: float, radius: float, top: float) -> F64:
     """Ray parameter of the hit with an upright cylinder on the ground, inf without one."""
     ox, oy = origin[0] - x, origin[1] - y
     a = rays[..., 0] ** 2 + rays[..., 1] ** 2
@@ -45,7 +48,10 @@ def _cylinder(origin: np.ndarray, rays: np.ndarray, x: float, y: float, radius: 
     return np.where((square > 0) & (t > 0.05) & (z > 0) & (z < top), t, np.inf)
 
 
-def _render(origin, world_from_cam, camera, trees, target):
+def _render(
+    origin: F64, world_from_cam: F64, camera: CameraConfig | View, trees: F64, target: F64 | None
+) -> tuple[NDArray[np.uint8], F64, float]:
+    """Colours, depth along each pixel's ray, and the share of the target that is in sight."""
     rays = geometry.pixel_rays(camera) @ world_from_cam.T
     down = rays[..., 2] < -1e-6
     depth = np.where(down, -origin[2] / np.where(down, rays[..., 2], -1.0), np.inf)
@@ -66,25 +72,25 @@ def _render(origin, world_from_cam, camera, trees, target):
     return rgb.astype(np.uint8), depth, visible
 
 
-def _write_ply(path: Path, points: np.ndarray) -> None:
+def _write_ply(path: Path, points: F64) -> None:
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
     header += "property float x\nproperty float y\nproperty float z\nend_header\n"
     path.write_bytes(header.encode() + points.astype("<f4").tobytes())
 
 
-def _trees(rng: np.random.Generator) -> np.ndarray:
+def _trees(rng: np.random.Generator) -> F64:
     """x, y, radius of each."""
     return np.column_stack([rng.uniform(-13, 13, (30, 2)), rng.uniform(0.1, 0.35, 30)])
 
 
-def _voxels(trees: np.ndarray) -> np.ndarray:
+def _voxels(trees: F64) -> F64:
     axes = [np.arange(lo + 0.1, hi, 0.2) for lo, hi in zip(LOW, HIGH, strict=True)]
     centre = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     gap = np.hypot(centre[:, None, 0] - trees[:, 0], centre[:, None, 1] - trees[:, 1]) - trees[:, 2]
     return centre[(gap.min(axis=1) < 0.1) & (centre[:, 2] < 4.0)]
 
 
-def _pose(rng: np.random.Generator, trees: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def _pose(rng: np.random.Generator, trees: F64) -> tuple[F64, F64, F64 | None]:
     """Position and quaternion of a camera, and a target two times out of three."""
     pos = np.array([*rng.uniform(-8, 8, 2), rng.uniform(0.8, 2.0)])
     while (np.hypot(trees[:, 0] - pos[0], trees[:, 1] - pos[1]) - trees[:, 2]).min() < 0.6:
@@ -97,7 +103,7 @@ def _pose(rng: np.random.Generator, trees: np.ndarray) -> tuple[np.ndarray, np.n
     return pos, quaternion, np.array([pos[0] + away * np.cos(bearing), pos[1] + away * np.sin(bearing), 0.95])
 
 
-def _measured_mm(rng: np.random.Generator, depth: np.ndarray) -> np.ndarray:
+def _measured_mm(rng: np.random.Generator, depth: F64) -> NDArray[np.uint16]:
     noisy = depth * (1 + 0.005 * depth * rng.normal(size=depth.shape))
     measured = (noisy > 0) & (noisy < 20) & (rng.uniform(size=depth.shape) > 0.02)
     return (np.where(measured, noisy, 0.0) * 1000).astype(np.uint16)

@@ -109,7 +109,8 @@ def test_a_signal_in_the_middle_of_a_simulators_start_waits_for_it(monkeypatch: 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):
-            flights._run(flights.Row(name="a", task="track", speeds=[]), Path("/bin/sleep"), ["60"])
+            row = flights.Row(name="a", task="track", speeds=[])
+            flights._run(row, Path("/bin/sleep"), ["60"])  # pyright: ignore[reportPrivateUsage]
     finally:
         signal.signal(signal.SIGINT, before)
     (child,) = started
@@ -118,7 +119,7 @@ def test_a_signal_in_the_middle_of_a_simulators_start_waits_for_it(monkeypatch: 
 
 def children(process: int) -> list[int]:
     """Of each of its threads; the libraries that it loads run programs of their own."""
-    found = []
+    found: list[int] = []
     with contextlib.suppress(OSError):
         for thread in Path(f"/proc/{process}/task").iterdir():
             found += map(int, (thread / "children").read_text().split())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from goshawk_train.data.foreign.yopo import Format
 from goshawk_train.data.layout import Bounds
 from goshawk_train.data.ply import read_ply, write_ply
 from goshawk_train.model import geometry
+from numpy.typing import NDArray
 from PIL import Image
 from synthetic import write_foreign
 
@@ -193,7 +195,7 @@ def missing_labels(scene: Path) -> None:
         (missing_labels, r"scene-0/labels\.csv: missing"),
     ],
 )
-def test_bad_source_is_named(copy: Path, tmp_path: Path, spoil, said: str) -> None:
+def test_bad_source_is_named(copy: Path, tmp_path: Path, spoil: Callable[[Path], None], said: str) -> None:
     spoil(copy / "scene-0")
     with pytest.raises(DataError, match=said):
         importer.import_scenes(copy, tmp_path / "out", Format())
@@ -268,12 +270,12 @@ def test_ground_is_found_under_trees_and_on_slopes() -> None:
     rng = np.random.default_rng(5)
     xy = rng.uniform(0, 30, (40_000, 2))
 
-    def true(at: np.ndarray) -> np.ndarray:
+    def true(at: NDArray[np.float64]) -> NDArray[np.float64]:
         return 0.08 * at[:, 0] + 0.4 * np.sin(at[:, 1] / 5)
 
     hidden = np.hypot(xy[:, 0] - 15, xy[:, 1] - 15) < 2.5  # no ground seen under a thicket
-    ground = np.column_stack([xy[~hidden], true(xy[~hidden]) + rng.normal(0, 0.02, (~hidden).sum())])
-    thicket = np.column_stack([xy[hidden], true(xy[hidden]) + rng.uniform(0.8, 3.0, hidden.sum())])
+    ground = np.column_stack([xy[~hidden], true(xy[~hidden]) + rng.normal(0, 0.02, int((~hidden).sum()))])
+    thicket = np.column_stack([xy[hidden], true(xy[hidden]) + rng.uniform(0.8, 3.0, int(hidden.sum()))])
     trunks = np.repeat(rng.uniform(0, 30, (40, 2)), 200, axis=0) + rng.uniform(-0.2, 0.2, (8000, 2))
     trees = np.column_stack([trunks, true(trunks) + rng.uniform(0, 4, 8000)])
     stray = np.array([[7.0, 7.0, -6.0]])

@@ -20,7 +20,7 @@ F64 = torch.float64
 @pytest.fixture(scope="module")
 def maps() -> SceneMaps:
     """Two scenes of scattered obstacles, different in shape and origin."""
-    grids = []
+    grids: list[SceneGrid] = []
     for scene, shape in enumerate([(70, 60, 24), (64, 80, 20)]):
         rng = np.random.default_rng(scene)
         occupied = rng.uniform(size=shape) < 0.0015
@@ -123,7 +123,7 @@ def test_goal_gradient_pulls_toward_the_aim_with_a_slope_of_one_at_most(
     where = situation()
     gradient = final_gradient(CostModel(config, maps, dtype=F64)(d, where).goal_BN, d)
     miss = (d[:, :, 3] - where.aim_rel_B3[:, None]).detach()
-    flat = miss[..., :2].norm(dim=-1, keepdim=True)
+    flat = miss[..., :2].square().sum(-1, keepdim=True).sqrt()
     assert (flat > 1).any() and (miss[..., 2].abs() > 1).any()
     closed = torch.cat([miss[..., :2] / flat.clamp_min(1), miss[..., 2:].clamp(-1, 1)], dim=-1)
     torch.testing.assert_close(gradient[:, :, 0], config.costs.goal * closed, rtol=1e-6, atol=0)

@@ -18,15 +18,17 @@ from goshawk_train.costs.esdf import (
     signed_distance,
 )
 from goshawk_train.data import DataError, batches
+from numpy.typing import NDArray
 
 
-def brute_force(occupied: np.ndarray) -> np.ndarray:
-    centres = np.stack(np.meshgrid(*[np.arange(n) for n in occupied.shape], indexing="ij"), -1).reshape(-1, 3)
+def brute_force(occupied: NDArray[np.bool_]) -> NDArray[np.float64]:
+    centres: NDArray[np.int64] = np.indices(occupied.shape).reshape(3, -1).T
     flags = occupied.ravel()
-    to_occupied = np.linalg.norm(centres[:, None] - centres[flags][None], axis=2).min(1)
-    to_free = np.linalg.norm(centres[:, None] - centres[~flags][None], axis=2).min(1)
+    to_occupied: NDArray[np.float64] = np.linalg.norm(centres[:, None] - centres[flags][None], axis=2).min(1)
+    to_free: NDArray[np.float64] = np.linalg.norm(centres[:, None] - centres[~flags][None], axis=2).min(1)
     inside = 1 - np.minimum(to_free, DEEP_VOXELS)
-    return (np.where(flags, inside, np.minimum(to_occupied, FAR_VOXELS)) * VOXEL_M).reshape(occupied.shape)
+    outside: NDArray[np.float64] = np.minimum(to_occupied, FAR_VOXELS)
+    return VOXEL_M * np.where(flags, inside, outside).reshape(occupied.shape)
 
 
 def test_signed_distance_equals_brute_force() -> None:
@@ -59,7 +61,7 @@ def test_distance_to_a_trunk_is_right_within_half_a_voxel() -> None:
 
 
 def test_second_scene_is_looked_up_in_its_own_grid() -> None:
-    grids = []
+    grids: list[SceneGrid] = []
     for value, shape in ((1.0, (4, 5, 6)), (2.0, (7, 3, 4))):
         grids.append(
             SceneGrid(

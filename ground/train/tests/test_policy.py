@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -197,7 +198,7 @@ def test_mirrored_sample_is_the_mirror_image_with_the_same_world(config: Config,
     plain = batches.make_batch(frames, np.arange(8), np.random.default_rng(0), config, training=False)
     for seed in range(20):
         flipped = batches.make_batch(frames, np.arange(8), np.random.default_rng(seed), config, training=True)
-        mirrored = torch.linalg.det(flipped.world_from_net_B33) < 0
+        mirrored = cast("torch.Tensor", torch.linalg.det(flipped.world_from_net_B33)) < 0
         if mirrored.any() and not mirrored.all():
             break
     else:

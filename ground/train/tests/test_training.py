@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import onnx
@@ -47,7 +48,8 @@ def write_config(config: Config, folder: Path) -> Path:
     for name, section in table.items():
         if isinstance(section, dict):
             lines.append(f"[{name}]")
-            lines += [f"{k} = {json.dumps(v)}" for k, v in section.items()]
+            fields = cast("dict[str, object]", section)
+            lines += [f"{k} = {json.dumps(v)}" for k, v in fields.items()]
     path.write_text("\n".join(lines))
     return path
 
@@ -213,7 +215,7 @@ def test_exported_policy_carries_the_contract_and_agrees_with_torch(
     assert agreed["state"] == ["velocity", "acceleration", "up", "aim", "agility"]
     assert agreed["channels"][9:] == ["cost", "objectness", "du", "dv", "distance"]
     assert agreed["training"] == {**agreed["training"], "data": "synthetic", "commit": "abc", "seed": 1, "samples": 24}
-    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    session = cast("Any", onnxruntime).InferenceSession(str(path), providers=["CPUExecutionProvider"])
     assert [(i.name, i.shape) for i in session.get_inputs()] == [("rgbd", [1, 4, 96, 160]), ("state", [1, 13])]
     assert [(o.name, o.shape) for o in session.get_outputs()] == [("prediction", [1, 14, 3, 5])]
     assert str(Path.home()) not in path.read_bytes().decode("latin-1")
@@ -234,7 +236,7 @@ def test_a_tracking_run_exports_its_trajectories_for_navigation(
     whole = Policy(small).eval()
     checkpoint.load_weights(whole, run.snapshot())
     rgbd, state = export.example_inputs(small, 5)
-    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    session = cast("Any", onnxruntime).InferenceSession(str(path), providers=["CPUExecutionProvider"])
     got = session.run(None, {"rgbd": rgbd.numpy(), "state": state.numpy()})[0]
     with torch.no_grad():
         np.testing.assert_allclose(np.asarray(got), whole(rgbd, state)[:, :10].numpy(), rtol=1e-4, atol=1e-5)

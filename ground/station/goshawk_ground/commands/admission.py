@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import ipaddress
 import socket
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,7 +72,7 @@ def admit(host: str, files: Secrets) -> Admission:
 
 
 @contextlib.contextmanager
-def failing_in_one_line() -> Iterator[None]:
+def failing_in_one_line() -> Generator[None]:
     """What is wrong with a file or an address ends the command with one line."""
     try:
         yield

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 import typer
@@ -33,10 +33,14 @@ def stop_until_confirmed(link: GroundLink, timeout_s: float | None) -> CommandVi
 
 
 @contextmanager
-def interrupted() -> Iterator[threading.Event]:
+def interrupted() -> Generator[threading.Event]:
     """An event that Ctrl-C and SIGTERM set, in place of what they do otherwise."""
     done = threading.Event()
-    before = {s: signal.signal(s, lambda *_: done.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+
+    def end(*_: object) -> None:
+        done.set()
+
+    before = {s: signal.signal(s, end) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield done
     finally:

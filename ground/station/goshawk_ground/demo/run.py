@@ -8,7 +8,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -238,7 +238,7 @@ def _stay(children: list[Child], dashboard: LiveDashboard, console: Console) -> 
 
 
 @contextmanager
-def _interruptible() -> Iterator[None]:
+def _interruptible() -> Generator[None]:
     """SIGINT, SIGTERM and SIGHUP raise _Interrupted inside."""
 
     def interrupt(*_: object) -> None:
@@ -249,14 +249,18 @@ def _interruptible() -> Iterator[None]:
 
 
 @contextmanager
-def _uninterruptible() -> Iterator[None]:
+def _uninterruptible() -> Generator[None]:
     """Nothing may cut the clean-up short; it is bounded by itself."""
-    with _handling(lambda *_: None):
+
+    def go_on(*_: object) -> None:
+        pass
+
+    with _handling(go_on):
         yield
 
 
 @contextmanager
-def _handling(handler: Any) -> Iterator[None]:
+def _handling(handler: Any) -> Generator[None]:
     before = {s: signal.signal(s, handler) for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:
         yield

@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from cryptography import x509
 
@@ -182,7 +182,8 @@ def _toml(path: Path) -> dict[str, Any]:
 
 
 def _names(facts: dict[str, Any], key: str, path: Path) -> frozenset[str]:
-    names = facts.get(key)
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+    listed: Any = facts.get(key)
+    names = cast("list[Any]", listed) if isinstance(listed, list) else None
+    if names is None or not all(isinstance(name, str) for name in names):
         raise KeysError(f'{path}: {key} is no list of names such as ["alice"]')
     return frozenset(names)

@@ -18,7 +18,7 @@ _PLACE = re.compile(r"(?P<user>[\w.-]+@)?(?P<host>\[[0-9a-fA-F:.%\w]+\]|[\w.-]+)
 
 # The new folder is whole before it takes the old one's place, so a line that breaks leaves the old one. What holds
 # anything else than an identity is left alone. The service's user, where there is one, must be able to read the key.
-_SCRIPT = r"""
+SCRIPT = r"""
 set -e
 dir=$1
 if [ -z "$dir" ]; then
@@ -91,7 +91,7 @@ def prepare(ring: Keyring, vehicle: Holder, days: int) -> tuple[Identity, list[H
 
 def send(identity: Identity, place: Place) -> str:
     """Copies the folder over ssh; returns where it is now. Raises KeysError, and then the old one is untouched."""
-    script = f"sh -c {shlex.quote(_SCRIPT)} sh {shlex.quote(place.folder)}"
+    script = f"sh -c {shlex.quote(SCRIPT)} sh {shlex.quote(place.folder)}"
     try:
         done = subprocess.run(
             ["ssh", "--", place.login, script], input=pack(identity), capture_output=True, check=False

@@ -69,7 +69,7 @@ def unpack(path: Path) -> tuple[Holder, dict[str, bytes]]:
         who = parse_holder(owners.pop())
     except BadNameError as error:
         raise KeysError(f"{path}: {error}") from error
-    needed = {CA, CERT, KEY} | ({ACCESS} if who.role is Role.VEHICLE else set())
+    needed = {CA, CERT, KEY, ACCESS} if who.role is Role.VEHICLE else {CA, CERT, KEY}
     if missing := needed - contents.keys():
         raise KeysError(f"{path} has no {min(missing)}")
     return who, contents

@@ -47,8 +47,8 @@ def open_all(
     state: Path | None = None,
 ) -> tuple[list[GroundLink], dict[str, Radio]]:
     """Every link and radio, closed with the stack; ``state``: see GroundLink. Raises LinkError, naming the vehicle."""
-    links = []
-    radios = {}
+    links: list[GroundLink] = []
+    radios: dict[str, Radio] = {}
     for name, endpoint in endpoints.items():
         try:
             link = GroundLink(vehicle=name, connect=endpoint, identity=identity, state=state)

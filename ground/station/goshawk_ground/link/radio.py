@@ -122,19 +122,16 @@ class Radio:
             return self._state.view(time.monotonic(), self._trouble)
 
     def _open(self) -> Any:
-        from pymavlink import mavutil  # a second to import: only where a radio is configured
-
         device, _, baud = self._source.partition(",")
         try:
-            connection: Any = mavutil.mavlink_connection(device, baud=int(baud or 57600))
+            connection = _mavutil().mavlink_connection(device, baud=int(baud or 57600))
         except OSError as error:
             raise LinkError(f"cannot listen on {self._source}: {error.strerror or error}") from error
         connection.write = _refuse
         return connection
 
     def _run(self) -> None:
-        from pymavlink import mavutil
-
+        mode_of = _mavutil().mode_string_v10
         while not self._closing.is_set():
             try:
                 if self._connection is None:
@@ -145,7 +142,7 @@ class Radio:
                 continue
             if message is None:
                 continue
-            mode = mavutil.mode_string_v10(message) if message.get_type() == "HEARTBEAT" else ""
+            mode = mode_of(message) if message.get_type() == "HEARTBEAT" else ""
             with self._lock:
                 self._trouble = ""
                 self._state.take(message, mode, time.monotonic())
@@ -159,6 +156,13 @@ class Radio:
             self._connection.close()
             self._connection = None
         self._closing.wait(RETRY_S)
+
+
+def _mavutil() -> Any:
+    """pymavlink's, which has no types; a second to import, so only where a radio is configured."""
+    from pymavlink import mavutil
+
+    return mavutil
 
 
 def _severity(mavlink: int) -> pb.Severity:

@@ -10,9 +10,9 @@ import json
 import re
 import subprocess
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from goshawk_train.campaigns.flights import FAILURES, FlightsError, Row, fly
 from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
@@ -27,7 +27,7 @@ class Change:
     """One training: what differs from the configuration."""
 
     name: str
-    set: dict[str, Any] = field(default_factory=dict)
+    set: dict[str, Any] = field(default_factory=dict[str, Any])
     """Fields of the configuration, by their dotted names."""
     scenes: int | None = None
     """Of the data set, instead of the plan's."""
@@ -44,11 +44,15 @@ class Change:
             *path, last = name.split(".")
             part: Any = table
             for key in path:
-                part = part.get(key) if isinstance(part, dict) else None
-            if not isinstance(part, dict) or last not in part:
+                part = _table(part).get(key)
+            if last not in _table(part):
                 raise ConfigError(f"{self.name}: there is no field {name}")
             part[last] = value
         return config_from_dict(table)
+
+
+def _table(value: Any) -> dict[str, Any]:
+    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +73,7 @@ class Plan:
         known = {change.slug: change for change in self.changes}
         if unknown := [name for name in names if name not in known]:
             raise FlightsError(f"no change is named {', '.join(unknown)}; there are {', '.join(known)}")
-        return Plan(**{**vars(self), "changes": [known[name] for name in names]}) if names else self
+        return replace(self, changes=[known[name] for name in names]) if names else self
 
     def trained(self, change: Change) -> Config:
         """The configuration of a training; the number of threads is the machine's business."""

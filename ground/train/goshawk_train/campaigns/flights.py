@@ -15,7 +15,7 @@ import signal
 import subprocess
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,9 +38,9 @@ class Row:
     name: str
     task: str
     speeds: list[float]
-    spacings: list[float] = field(default_factory=list)
-    options: list[str] = field(default_factory=list)
-    scan: list[str] = field(default_factory=list)
+    spacings: list[float] = field(default_factory=list[float])
+    options: list[str] = field(default_factory=list[str])
+    scan: list[str] = field(default_factory=list[str])
     """Options of `goshawk-sim world` whose world is scanned first, for the flights to take place in the point cloud."""
     target: float | None = None
     """The least share of successes that ACCEPTANCE.md wants."""
@@ -112,7 +112,7 @@ def _run(row: Row, simulator: Path, arguments: list[str]) -> None:
 
 
 @contextlib.contextmanager
-def _signals_held() -> Iterator[None]:
+def _signals_held() -> Generator[None]:
     """A signal comes afterwards: in the middle of a start it would end us and leave the child flying."""
     came: list[int] = []
     held = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

@@ -21,7 +21,7 @@ class Sweep:
     values: list[float]
     option: str = ""
     """Of `goshawk-sim fly`, to be followed by the value."""
-    scale: dict[str, float] = field(default_factory=dict)
+    scale: dict[str, float] = field(default_factory=dict[str, float])
     """Numbers of the sensors' file, to be multiplied by the value."""
 
     def options(self, value: float) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -31,7 +31,7 @@ def flights(
 
         each, seed, rows = flights.load(table)
         out.mkdir(parents=True, exist_ok=True)
-        flown = []
+        flown: list[tuple[Any, dict[str, Any]]] = []
         for row in rows:
             report = flights.fly(row, out, simulator, models, trials=trials or each, seed=seed)
             flown.append((row, report))
@@ -58,7 +58,7 @@ def robustness(
 
         each, seed, speeds_mps, troubles = robustness.load(sweeps)
         out.mkdir(parents=True, exist_ok=True)
-        points = []
+        points: list[tuple[Any, str, float, dict[str, Any]]] = []
         for sweep in troubles:
             for task, speed_mps in speeds_mps.items():
                 for value in sweep.values:

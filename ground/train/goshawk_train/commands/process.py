@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import NoReturn
 
@@ -38,7 +38,7 @@ def end(status: int) -> NoReturn:
 
 
 @contextmanager
-def ends_in_one_line(context: typer.Context) -> Iterator[None]:
+def ends_in_one_line(context: typer.Context) -> Generator[None]:
     """What is wrong becomes one line and an exit status; a termination signal ends like Ctrl-C, a simulator that the
     command runs with it."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)

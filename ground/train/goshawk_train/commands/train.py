@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -190,5 +190,5 @@ def bench(
             f"{KEY}: {found['ratio']:.2f} x plain training (target {TARGET:g}); "
             f"{found['samples_per_s']:.0f} samples/s, plainly {found['plain_samples_per_s']:.0f}, one thread"
         )
-        known = json.loads(report.read_text()) if report.exists() else {}
+        known: dict[str, Any] = json.loads(report.read_text()) if report.exists() else {}
         report.write_text(json.dumps({**known, KEY: {**found, "target": TARGET}}, indent=1) + "\n")

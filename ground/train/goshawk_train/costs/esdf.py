@@ -6,7 +6,7 @@ Shape letters: P points, S scenes, 3 a world-frame vector (ENU, m).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -131,7 +131,8 @@ class SceneMaps:
     def __init__(self, grids: list[SceneGrid], *, storage: torch.dtype = torch.float16) -> None:
         sizes = [g.distance_XYZ.size for g in grids]
         self.distance = torch.empty(sum(sizes), dtype=storage)
-        for part, grid in zip(self.distance.split(sizes), grids, strict=True):
+        parts = cast("tuple[Tensor, ...]", self.distance.split(sizes))
+        for part, grid in zip(parts, grids, strict=True):
             part.numpy()[:] = grid.distance_XYZ.ravel()
         self.base_S = _starts(sizes)
         self.shape_S3 = torch.tensor([g.distance_XYZ.shape for g in grids])

@@ -11,7 +11,7 @@ import math
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +142,7 @@ def read_json(path: Path) -> dict[str, Any]:
         raise DataError(f"{path}: not JSON: {error}") from error
     if not isinstance(value, dict):
         raise DataError(f"{path}: must hold a JSON object")
-    return value
+    return cast("dict[str, Any]", value)
 
 
 def _field(path: Path, meta: dict[str, Any], name: str) -> Any:

@@ -6,6 +6,7 @@ States are drawn in the level frame of the camera's heading (x forward, z world-
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +32,14 @@ def sample_velocity(rng: np.random.Generator, count: int, config: SamplingConfig
 
 def sample_acceleration(rng: np.random.Generator, count: int, config: SamplingConfig) -> F64:
     """Level-frame accelerations [count, 3], normal, norms cut at `norm_max`."""
-    return _rejection(
-        lambda n: rng.normal(0.0, config.acceleration_std, (n, 3)),
-        lambda a: np.linalg.norm(a, axis=1) < config.norm_max,
-        count,
-    )
+
+    def draw(n: int) -> F64:
+        return rng.normal(0.0, config.acceleration_std, (n, 3))
+
+    def keep(a: F64) -> NDArray[np.bool_]:
+        return np.linalg.norm(a, axis=1) < config.norm_max
+
+    return _rejection(draw, keep, count)
 
 
 def sample_aim(rng: np.random.Generator, height_B: F64, reach_m: float, config: SamplingConfig) -> F64:
@@ -75,7 +79,7 @@ def within_reach(aim_B3: F64, reach_m: float) -> F64:
     return aim_B3 * np.minimum(1, reach_m / np.maximum(length, 1e-6))
 
 
-def _rejection(draw, keep, count: int) -> F64:
+def _rejection(draw: Callable[[int], F64], keep: Callable[[F64], NDArray[np.bool_]], count: int) -> F64:
     """Draw until `count` are kept."""
     kept: list[F64] = []
     have = 0

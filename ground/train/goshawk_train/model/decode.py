@@ -6,6 +6,7 @@ Shape letters: B batch, C channels, N anchors (row-major), 3 an FLU vector.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import torch
 import torch.nn.functional as F
@@ -51,7 +52,7 @@ class Decoder:
         flat = radius * torch.cos(elevation)
         pos = torch.stack([flat * torch.cos(azimuth), flat * torch.sin(azimuth), radius * torch.sin(elevation)], -1)
         scale = bound.new_tensor([[motion.v_max_mps], [motion.a_max_mps2]])
-        derivatives_cell = bound[..., 3:9].unflatten(-1, (2, 3)) * scale
+        derivatives_cell = cast("Tensor", bound[..., 3:9].unflatten(-1, (2, 3))) * scale
         derivatives = torch.einsum("nij,bndj->bndi", self.cam_from_cell_N33, derivatives_cell)
         end = torch.cat([pos.unsqueeze(2), derivatives], dim=2)
         cost = F.softplus(y[..., 9])

@@ -7,12 +7,13 @@ import json
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import onnx
 import onnxruntime
 import torch
+from numpy.typing import NDArray
 
 from goshawk_train.config import STATE_SIZES, Config
 from goshawk_train.errors import TrainerError
@@ -128,7 +129,8 @@ def export(saved: Checkpoint, path: Path, *, commit: str) -> dict[str, Any]:
 def verify(network: Policy, path: Path, config: Config, *, trials: int = 4) -> float:
     """Largest difference between the network and the file in ONNX Runtime; raises `ExportError` above 1e-4."""
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    shapes = {i.name: tuple(i.shape) for i in session.get_inputs()}
+    inputs = cast("list[Any]", session.get_inputs())
+    shapes = {i.name: tuple(i.shape) for i in inputs}
     worst = 0.0
     for trial in range(trials):
         rgbd, state = example_inputs(config, 1 + trial)
@@ -136,7 +138,8 @@ def verify(network: Policy, path: Path, config: Config, *, trials: int = 4) -> f
             raise ExportError(f"{path} has inputs {shapes}")
         with torch.no_grad():
             want = network(rgbd, state).numpy()
-        got: Any = session.run(["prediction"], {"rgbd": rgbd.numpy(), "state": state.numpy()})[0]
+        outputs = cast("Any", session).run(["prediction"], {"rgbd": rgbd.numpy(), "state": state.numpy()})
+        got = cast("NDArray[np.float32]", outputs[0])
         if got.shape != want.shape:
             raise ExportError(f"{path} gives shape {got.shape}, the network {want.shape}")
         worst = max(worst, float(np.max(np.abs(got - want) / np.maximum(1, np.abs(want)))))

@@ -5,6 +5,8 @@ Inputs in the camera frame; the state's rotation into each cell's frame is a con
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -106,7 +108,7 @@ class Policy(nn.Module):
         return torch.cat([trajectories[:, :TRAJECTORY_CHANNELS], detections[:, TRAJECTORY_CHANNELS:]], dim=1)
 
     def _head(self, features: Tensor, state_BS: Tensor) -> Tensor:
-        rotated = F.linear(state_BS, self.cell_state).unflatten(1, (-1, *self.lattice))
+        rotated = cast("Tensor", F.linear(state_BS, self.cell_state).unflatten(1, (-1, *self.lattice)))
         x = torch.cat([features, rotated], dim=1)
         x = F.relu(self.head1(x))
         return self.out(F.relu(self.head2(x)))

@@ -39,7 +39,7 @@ def sample_seconds(root: Path, config_file: Path, *, plain: bool) -> float:
     if plain:
         trainer.network.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
         trainer.optimiser = torch.optim.AdamW(trainer.network.parameters(), foreach=False, fused=False)
-    seconds = []
+    seconds: list[float] = []
     for _ in range(WARM_UP + STEPS):
         begun = time.perf_counter()
         trainer.advance()

@@ -11,10 +11,11 @@ import math
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Self
+from typing import Self, cast
 
 import numpy as np
 import torch
@@ -65,7 +66,8 @@ class Trainer:
         torch.manual_seed(config.seed)
         self.config, self.frames, self.data_name, self.workers = config, frames, data_name, workers
         network = Policy(config)  # on the CPU, so that a seed means the same everywhere
-        self.network = network.to(device=workers.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        to = cast("Callable[..., Policy]", network.to)  # torch's types know no memory format of a module
+        self.network = to(device=workers.device, memory_format=torch.channels_last)
         with workers.device:
             self.losses = LossModel(config, CostModel(config, maps.to(workers.device)))
         self.optimiser = torch.optim.AdamW(

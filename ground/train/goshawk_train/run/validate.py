@@ -6,6 +6,7 @@ Shape letters: F frames, B batch, N anchors, 3 FLU.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import torch
@@ -66,7 +67,8 @@ def rank_correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Spearman's correlation of two rows; 0 where one is constant."""
     if a.std() == 0 or b.std() == 0:
         return 0.0
-    return float(np.corrcoef(stats.rankdata(a), stats.rankdata(b))[0, 1])
+    ranks = [cast("NDArray[np.float64]", stats.rankdata(x)) for x in (a, b)]
+    return float(np.corrcoef(ranks[0], ranks[1])[0, 1])
 
 
 def batch_metrics(outcome: Outcome, batch: Batch, config: Config) -> dict[str, NDArray[np.float64]]:

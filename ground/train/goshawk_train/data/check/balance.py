@@ -111,7 +111,7 @@ class Balance:
             return [("balance-target", what, "add frames with the target, or train to navigate only (--task navigate)")]
         if self.shown_F.sum() < _JUDGED_TARGETS:
             return []
-        found = []
+        found: list[tuple[str, str, str]] = []
         if shown > 1 - _FEWEST_EMPTY:
             advice = "add frames without the target: otherwise false alarms are not unlearnt"
             found.append(("balance-empty", f"{100 * shown:.0f} % of the frames show the target", advice))

@@ -108,7 +108,7 @@ def _mirrors() -> list[Convention]:
 
 
 def _tilts_and_more() -> list[Convention]:
-    out = []
+    out: list[Convention] = []
     for degrees in (*range(-45, 0, 5), *range(5, 50, 5)):
         side = "up" if degrees > 0 else "down"
         what = f"the camera is pitched {side} by about {abs(degrees)} deg from the attitudes"

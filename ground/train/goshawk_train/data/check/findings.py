@@ -47,7 +47,7 @@ def lines(findings: Iterable[Finding]) -> list[str]:
     groups: dict[tuple[str, str], list[Finding]] = {}
     for finding in sorted(findings, key=lambda f: (f.severity, f.where)):
         groups.setdefault((finding.severity, finding.kind), []).append(finding)
-    out = []
+    out: list[str] = []
     for (severity, kind), group in groups.items():
         out += [finding.line() for finding in group[:_SCENES_SHOWN]]
         more = len(group) - _SCENES_SHOWN

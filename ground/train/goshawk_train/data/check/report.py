@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from goshawk_train.data import DataError, Progress
+from goshawk_train.data import DataError, Progress, unheard
 from goshawk_train.data.check.balance import Balance
 from goshawk_train.data.check.conventions import ALTERNATIVES, Agreement, Convention
 from goshawk_train.data.check.findings import Finding
@@ -86,14 +86,18 @@ def check(
     against: Path | None = None,
     frames: int = FRAMES,
     task: str = "track",
-    progress: Progress = lambda *_: None,
+    progress: Progress = unheard,
 ) -> Report:
     """Check a data set; raises `DataError` if `root` (or `against`) is none."""
     folders, view = scene_folders(root), read_view(root)
     known = _identities(against, progress) if against else {}
     scenes: list[SceneReport] = []
+
+    def checked(folder: Path) -> SceneReport:
+        return check_scene(folder, view, frames=frames)
+
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        for report in pool.map(lambda folder: check_scene(folder, view, frames=frames), folders):
+        for report in pool.map(checked, folders):
             scenes.append(report)
             progress("scenes", len(scenes), len(folders))
     findings = [finding for scene in scenes for finding in scene.findings]
@@ -117,7 +121,7 @@ def _missing_scenes(root: Path, found: int) -> list[Finding]:
 
 def _misfits(scenes: list[SceneReport], view: View, progress: Progress) -> list[Finding]:
     misfits = [scene for scene in scenes if not scene.fits]
-    findings, seen = [], list[Convention]()
+    findings, seen = list[Finding](), list[Convention]()
     for done, scene in enumerate(misfits):
         candidates = ALTERNATIVES if done < _EXPLAINED_SCENES else tuple(seen)
         finding, convention = misfit(scene, view, candidates)
@@ -131,7 +135,7 @@ def _misfits(scenes: list[SceneReport], view: View, progress: Progress) -> list[
 def _copies(scenes: list[SceneReport]) -> list[Finding]:
     """Images that occur more than once, in the scene of the later one."""
     first: dict[str, tuple[str, int]] = {}
-    findings = []
+    findings: list[Finding] = []
     for scene in scenes:
         copies: dict[str, list[int]] = defaultdict(list)
         for frame, digest in enumerate(scene.digests):
@@ -167,7 +171,7 @@ def _identities(root: Path, progress: Progress) -> dict[str, str]:
 
 
 def _leaks(scenes: list[SceneReport], known: dict[str, str], against: Path | None) -> list[Finding]:
-    findings = []
+    findings: list[Finding] = []
     for scene in scenes:
         shared = sorted(digest for digest in scene.identity if digest in known)
         if shared and against:

@@ -60,10 +60,10 @@ def _shots(report: Report) -> list[_Shot]:
     rng = np.random.default_rng(0)
     scenes = list(readable.values())
     wanted = COLUMNS * ROWS - len(shots)
-    for number in np.linspace(0, len(scenes) - 1, wanted).round().astype(int) if scenes else []:
-        scene = scenes[number]
-        shown = np.flatnonzero(scene.balance.shown_F) if scene.balance else np.array([])
-        pool = shown if len(shown) and rng.uniform() < 0.8 else np.arange(scene.frames)
+    for place_of in np.linspace(0, len(scenes) - 1, wanted).round() if scenes else ():
+        scene = scenes[int(place_of)]
+        shown = np.flatnonzero(scene.balance.shown_F) if scene.balance else np.zeros(0, dtype=np.int64)
+        pool: NDArray[np.int64] = shown if len(shown) and rng.uniform() < 0.8 else np.arange(scene.frames)
         fresh = [f for f in pool.tolist() if (scene.folder.name, f) not in flags]
         if fresh:
             frame = int(rng.choice(fresh))

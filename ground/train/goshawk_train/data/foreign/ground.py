@@ -9,12 +9,16 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
 from goshawk_train.data.layout import Bounds, Ground
+
+F64 = NDArray[np.float64]
 
 CELL_M = 0.5
 _PIT_WINDOW = 5
@@ -31,20 +35,21 @@ def estimate_ground(points_P3: NDArray[np.float32], bounds: Bounds) -> tuple[Gro
     known = np.isfinite(lowest)
     surface = _spread(lowest, known)
     pit = min(_PIT_WINDOW, *surface.shape)
-    known &= ndimage.grey_closing(surface, size=(pit, pit), mode="nearest") - surface <= _STEP_M
+    closed = cast("F64", ndimage.grey_closing(surface, size=(pit, pit), mode="nearest"))
+    known &= closed - surface <= _STEP_M
     surface = _spread(lowest, known)
     for window in _WINDOWS:
         size = min(window, *surface.shape)
-        opened = ndimage.grey_opening(surface, size=(size, size), mode="nearest")
+        opened = cast("F64", ndimage.grey_opening(surface, size=(size, size), mode="nearest"))
         known &= surface - opened <= _STEP_M + _SLOPE * (window - 1) / 2 * CELL_M
         surface = opened
     height_XY = _spread(lowest, known)
-    smooth = ndimage.gaussian_filter(height_XY, 1.0, mode="nearest")
+    smooth = cast("F64", ndimage.gaussian_filter(height_XY, 1.0, mode="nearest"))
     ground = Ground(height_YX=smooth.T.astype(np.float32), min_xy=low.astype(float), cell_m=CELL_M)
     return ground, float(known.mean())
 
 
-def _lowest(points: NDArray[np.float64], low: NDArray[np.float64], shape_XY: NDArray[np.int64]) -> NDArray[np.float64]:
+def _lowest(points: F64, low: F64, shape_XY: NDArray[np.int64]) -> F64:
     """The lowest point around each node, NaN without one."""
     node = np.rint((points[:, :2] - low) / CELL_M).astype(int)
     inside = ((node >= 0) & (node < shape_XY)).all(axis=1)
@@ -57,14 +62,15 @@ def _lowest(points: NDArray[np.float64], low: NDArray[np.float64], shape_XY: NDA
     return out
 
 
-def _spread(height_XY: NDArray[np.float64], known_XY: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _spread(height_XY: F64, known_XY: NDArray[np.bool_]) -> F64:
     """Unknown heights from the nearest known ones."""
     if known_XY.all():
         return height_XY.copy()
     places = np.argwhere(known_XY)
     out = np.where(known_XY, height_XY, 0.0)
     wanted = np.argwhere(~known_XY)
-    distance, index = KDTree(places).query(wanted, k=min(_NEAREST, len(places)))
+    tree = cast("Any", KDTree(places))
+    distance, index = cast("tuple[F64, NDArray[np.int64]]", tree.query(wanted, k=min(_NEAREST, len(places))))
     distance, index = distance.reshape(len(wanted), -1), index.reshape(len(wanted), -1)
     weight = 1 / distance**2
     values = height_XY[known_XY][index]

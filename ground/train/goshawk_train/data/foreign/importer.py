@@ -9,12 +9,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from goshawk_train.data import DataError, Progress
+from goshawk_train.data import DataError, Progress, unheard
 from goshawk_train.data.check.conventions import AGREED, agreement, explain, sample_pixels, spread
 from goshawk_train.data.check.poses import target_in_camera
 from goshawk_train.data.foreign import yopo
@@ -45,7 +45,7 @@ class Outcome:
     """What a person should know, one line each."""
 
 
-def import_scenes(source: Path, out: Path, form: Format, progress: Progress = lambda *_: None) -> Outcome:
+def import_scenes(source: Path, out: Path, form: Format, progress: Progress = unheard) -> Outcome:
     """Convert what is not there yet; raises `DataError`, finished scenes stay."""
     folders = yopo.find_scenes(source)
     done = _open(source, out, form)
@@ -80,7 +80,7 @@ def _open(source: Path, out: Path, form: Format) -> dict[str, int]:
     there = read_json(out / "dataset.json").get("source")
     if there != _about(source, form):
         raise DataError(f"{out} already holds a data set of other origin or options ({there}): choose another folder")
-    done = {}
+    done: dict[str, int] = {}
     for folder in sorted(out.glob("scene_*")):
         done[str(read_json(folder / "scene.json").get("source"))] = int(folder.name.removeprefix("scene_"))
     return done
@@ -139,8 +139,8 @@ def _ground(folder: Path, points: NDArray[np.float32], bounds: Bounds) -> Ground
         raise DataError(f'{folder}/ground.json: must be {{"cell_m": .., "min_xy": [x, y]}}, world z up') from error
     given = Ground(height_YX=read_array(folder / "ground.npy").astype(np.float32), min_xy=min_xy, cell_m=cell)
     shape = np.ceil((bounds.max_xyz[:2] - bounds.min_xyz[:2]) / cell).astype(int) + 1
-    x, y = (bounds.min_xyz[i] + cell * np.arange(shape[i]) for i in (0, 1))
-    nodes = np.stack(np.meshgrid(x, y), axis=-1)
+    x, y = (bounds.min_xyz[i] + cell * np.arange(shape[i], dtype=np.float64) for i in (0, 1))
+    nodes = np.stack(cast("list[NDArray[np.float64]]", np.meshgrid(x, y)), axis=-1)
     return Ground(height_YX=given.at(nodes).astype(np.float32), min_xy=bounds.min_xyz[:2], cell_m=cell)
 
 

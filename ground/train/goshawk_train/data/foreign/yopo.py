@@ -28,8 +28,10 @@ F64 = NDArray[np.float64]
 COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz", "target_x", "target_y", "target_z")
 """Order of the public data, whose loader goes by position. NaN or empty: no target."""
 VISIBLE, SKIPPED = "visible", "-"
-_SAME = {"px": "x", "py": "y", "pz": "z", "pos_x": "x", "pos_y": "y", "pos_z": "z", "tx": "target_x"}
-_SAME |= {"ty": "target_y", "tz": "target_z", "w": "qw", "quat_w": "qw", "quat_x": "qx", "quat_y": "qy", "quat_z": "qz"}
+_SAME = {
+    "px": "x", "py": "y", "pz": "z", "pos_x": "x", "pos_y": "y", "pos_z": "z", "w": "qw", "quat_w": "qw",
+    "quat_x": "qx", "quat_y": "qy", "quat_z": "qz", "tx": "target_x", "ty": "target_y", "tz": "target_z",
+}  # fmt: skip
 _NORM_TOLERANCE = 0.01
 
 Camera = Literal["flu", "frd", "rdf"]
