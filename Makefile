@@ -64,8 +64,8 @@ demo: setup ## simulator, vehicle and ground station: a chase through a forest (
 lint: setup-test ## formatters and linters
 	cargo fmt --all --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
-	$(VENV)/bin/ruff check ground dashboards proto tests
-	$(VENV)/bin/ruff format --check ground dashboards proto tests
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/ruff format --check
 	$(VENV)/bin/pyright
 
 docs: setup-test build ## docs/reference made anew from the programs, the wire and the log's channels
