@@ -1,0 +1,184 @@
+"""The commands that serve a page: `ground`, `demo`, `review`."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from goshawk_ground.commands.options import (
+    NO_REPLY,
+    REFUSED,
+    BinDir,
+    CertificateFile,
+    Host,
+    Identity,
+    Json,
+    KeyFile,
+    ObserverPassword,
+    OperatorPassword,
+    Port,
+    TokenFile,
+    fail,
+)
+from goshawk_ground.commands.stopping import wait_for_interrupt
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
+from goshawk_ground.orders.stop_file import state_folder
+from goshawk_ground.orders.stop_latch import RESUME_S
+
+
+def ground(
+    vehicle: Annotated[
+        list[str] | None, typer.Option(help="NAME, or NAME@ENDPOINT; give it again for several vehicles.")
+    ] = None,
+    connect: Annotated[str, typer.Option(help="The endpoint of each vehicle named without one.")] = DEFAULT_CONNECT,
+    identity: Identity = None,
+    autopilot: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Listen to the autopilot's own telemetry radio, read only: udpin:0.0.0.0:14550 or /dev/ttyUSB0,57600; "
+            "NAME@… for one of several vehicles."
+        ),
+    ] = None,
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    token_file: TokenFile = None,
+    certificate: CertificateFile = None,
+    key: KeyFile = None,
+    operator_password_file: OperatorPassword = None,
+    observer_password_file: ObserverPassword = None,
+    as_json: Json = False,
+) -> None:
+    """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space twice all.
+
+    The printed link lets a browser in to command, the observers' link to see. Other machines log in over HTTPS.
+    """
+    from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
+    from goshawk_ground.link import fleet
+    from goshawk_ground.pages.serve import serve_dashboard
+
+    with ExitStack() as stack:
+        try:
+            endpoints = fleet.places(vehicle or [DEFAULT_VEHICLE], connect)
+            sources = fleet.radio_sources(autopilot or [], list(endpoints))
+            links, radios = fleet.open_all(stack, endpoints, sources, identity, state_folder())
+        except LinkError as error:
+            fail(str(error), NO_REPLY)
+        files = admission.Secrets(
+            certificate=certificate,
+            key=key,
+            token=token_file,
+            operator_password=operator_password_file,
+            observer_password=observer_password_file,
+        )
+        with admission.failing_in_one_line():
+            admitted = admission.admit(host, files)
+            dashboard = serve_dashboard(
+                *links, host=host, port=port, radios=radios, access=admitted.access, tls=admitted.tls
+            )
+        if as_json:
+            facts = {"url": dashboard.url, "observer_url": dashboard.observer_url, "vehicles": endpoints}
+            typer.echo(json.dumps({**facts, **admitted.facts()}))
+        else:
+            words = ", ".join(f"'{name}' at {endpoint}" for name, endpoint in endpoints.items())
+            typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")
+            typer.echo("\n".join((f"observers: {dashboard.observer_url}", *admitted.words(port))))
+        wait_for_interrupt()
+        dashboard.close()
+        for link in links:
+            _say_if_pending(link)
+
+
+def _say_if_pending(link: GroundLink) -> None:
+    """Whoever ends the ground station must know that a Stop did not arrive."""
+    stop = link.snapshot().stop
+    if stop is not None and not stop.lapsed:
+        words = f"goshawk: {link.vehicle}: {link.why_undelivered()} The next `goshawk ground` sends it again"
+        typer.echo(f"{words} within {RESUME_S / 60.0:.0f} minutes.", err=True)
+
+
+def demo(
+    seed: Annotated[int, typer.Option(min=0, help="Forest and runner.")] = 1,
+    headless: Annotated[
+        bool, typer.Option("--headless", help="Do not wait at the end; the exit status tells.")
+    ] = False,
+    speed: Annotated[float, typer.Option(min=0.5, help="The runner's speed, m/s.")] = 3.0,
+    spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
+    distance: Annotated[float, typer.Option(min=5.0, help="How far the runner runs, m.")] = 40.0,
+    port: Port = 8080,
+    bin_dir: BinDir = Path("target/release"),
+    log_dir: Annotated[Path, typer.Option(help="Flight log and the processes' output.")] = Path("logs"),
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary to this file.")] = None,
+) -> None:
+    """Fly: simulator, vehicle and ground station chase a runner through a forest. Exit status 0 only on success."""
+    from goshawk_ground.demo.run import DemoError, DemoOptions, run_demo
+
+    options = DemoOptions(
+        seed=seed,
+        headless=headless,
+        speed_mps=speed,
+        spacing_m=spacing,
+        distance_m=distance,
+        port=port,
+        bin_dir=bin_dir,
+        log_dir=log_dir,
+        json_file=json_file,
+    )
+    try:
+        succeeded = run_demo(options)
+    except DemoError as error:
+        fail(str(error), REFUSED)
+    raise typer.Exit(0 if succeeded else REFUSED)
+
+
+def review(
+    logs: Annotated[list[Path], typer.Argument(help="A flight log, or two to compare; also one that was cut off.")],
+    replay: Annotated[
+        Path | None, typer.Option(help="What another policy made of it: a log that goshawk-air replay wrote.")
+    ] = None,
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    token_file: TokenFile = None,
+    certificate: CertificateFile = None,
+    key: KeyFile = None,
+    operator_password_file: OperatorPassword = None,
+) -> None:
+    """Serve recorded flights on a timeline until Ctrl-C: scrub, play, step, jump, compare."""
+    from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
+    from goshawk_ground.pages.review import LogError, open_review
+
+    files = admission.Secrets(
+        certificate=certificate, key=key, token=token_file, operator_password=operator_password_file
+    )
+    with admission.failing_in_one_line():
+        admitted = admission.admit(host, files)
+        try:
+            dashboard = open_review(logs, replay, host=host, port=port, access=admitted.access, tls=admitted.tls)
+        except LogError as error:
+            fail(str(error), REFUSED)
+    typer.echo(f"review: {dashboard.url}  ({', '.join(log.name for log in logs)}; Ctrl-C ends)")
+    for line in admitted.words(port):
+        typer.echo(line)
+    wait_for_interrupt()
+    dashboard.close()
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands to the `goshawk` command."""
+    app.command(
+        epilog="Examples: goshawk ground | goshawk ground --connect tcp/192.168.1.7:7447 "
+        "--autopilot udpin:0.0.0.0:14550 | "
+        "goshawk ground --vehicle alpha@tcp/192.168.1.7:7447 --vehicle bravo@tcp/192.168.1.8:7447 | "
+        "goshawk ground --host 0.0.0.0 --operator-password-file operator.txt --observer-password-file observer.txt"
+    )(ground)
+    app.command(
+        epilog="Examples: goshawk demo | goshawk demo --seed 7 --speed 4 | goshawk demo --headless --json out.json"
+    )(demo)
+    app.command(
+        epilog="Examples: goshawk review logs/goshawk-2026-05-01T093000123Z.mcap | "
+        "goshawk review before.mcap after.mcap | goshawk review flight.mcap --replay other-policy.mcap | "
+        "goshawk review flight.mcap --host 0.0.0.0"
+    )(review)
