@@ -174,7 +174,7 @@ def log_page() -> str:
 
     file, comments = _descriptor()
     places = {message.name: (4, k) for k, message in enumerate(file.message_type)}
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, (topic, message) in CHANNELS.items():
         kind = message.DESCRIPTOR.name
         rows.append((f"`{topic}`", f"`{name}`", f"[{kind}](wire.md#{kind.lower()})", _said(places[kind], comments)))

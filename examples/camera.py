@@ -15,8 +15,7 @@ from typing import Annotated
 import numpy as np
 import typer
 import zenoh
-from goshawk_ground.dial import LinkError, client_config
-from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, LinkError, client_config
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
 WIDTH, HEIGHT = 160, 96

@@ -16,6 +16,8 @@ from typing import Annotated
 import numpy as np
 import typer
 from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.state import words
+from goshawk_proto import goshawk_pb2 as pb
 
 
 def main(log: Annotated[Path, typer.Argument(help="A flight log.")]) -> None:
@@ -46,8 +48,8 @@ def main(log: Annotated[Path, typer.Argument(help="A flight log.")]) -> None:
     favourites = ", ".join(f"{candidate} ({times} times)" for candidate, times in chosen.most_common(3))
     print(f"plans: {flight.count('plan')}; the candidates flown most: {favourites or 'none'}")
     for event in flight.events:
-        if event.severity != "info":
-            print(f"{event.severity}: {event.text}")
+        if event.severity != pb.SEVERITY_INFO:
+            print(f"{words.severity(event.severity)}: {event.text}")
 
 
 if __name__ == "__main__":

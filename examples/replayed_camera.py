@@ -17,8 +17,7 @@ import typer
 import zenoh
 from goshawk_dashboards.log.flight import Flight, LogError
 from goshawk_dashboards.log.frame import FrameView
-from goshawk_ground.dial import LinkError, client_config
-from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, LinkError, client_config
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
 

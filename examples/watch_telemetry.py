@@ -15,26 +15,26 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from goshawk_dashboards.state import words
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_ground.dial import LinkError
-from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
+from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 
 
 def line(snap: Snapshot) -> str:
     """What is known now, in a few words."""
     if snap.stale or snap.health is None:
         return "nothing heard"
-    words = [str(snap.mode)]
+    said = [words.mode(snap.health.mode if snap.mode is None else snap.mode)]
     missing = [f"{check.name}: {check.reason}" for check in snap.health.checks if not check.ok]
-    words += ["not ready: " + "; ".join(missing)] if missing else ["ready"]
+    said += ["not ready: " + "; ".join(missing)] if missing else ["ready"]
     if snap.control is not None and snap.fresh("control"):
-        words.append(f"{np.linalg.norm(snap.control.vel_world_3):.1f} m/s")
+        said.append(f"{np.linalg.norm(snap.control.vel_world_3):.1f} m/s")
     if snap.plan is not None and snap.fresh("plan") and snap.plan.chosen is not None:
-        words.append(f"candidate {snap.plan.chosen} of {len(snap.plan.cost_N)}")
+        said.append(f"candidate {snap.plan.chosen} of {len(snap.plan.cost_N)}")
     if snap.target is not None and snap.fresh("target") and snap.control is not None:
         distance_m = np.linalg.norm(snap.target.pos_world_3 - snap.control.pos_world_3)
-        words.append(f"target {distance_m:.1f} m away")
-    return ", ".join(words)
+        said.append(f"target {distance_m:.1f} m away")
+    return ", ".join(said)
 
 
 def main(

@@ -7,6 +7,6 @@ with GroundLink(vehicle="goshawk", connect="tcp/127.0.0.1:7447") as link:
 """
 
 from goshawk_ground.link.client import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink
-from goshawk_ground.link.dial import LinkError
+from goshawk_ground.link.dial import LinkError, client_config
 
-__all__ = ["DEFAULT_CONNECT", "DEFAULT_VEHICLE", "GroundLink", "LinkError"]
+__all__ = ["DEFAULT_CONNECT", "DEFAULT_VEHICLE", "GroundLink", "LinkError", "client_config"]
