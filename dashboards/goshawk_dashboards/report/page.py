@@ -17,6 +17,7 @@ PHASE_COLORS = {
     "landing": "#b9a7e6", "fault": "#f2777a",
 }  # fmt: skip
 
+
 def page(flight: Flight, card: Card, numbers: Figures, figures: Sequence[Figure], latencies: Latencies) -> str:
     """The whole page."""
     parts = [

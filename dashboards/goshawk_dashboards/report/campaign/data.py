@@ -214,6 +214,8 @@ class Pool:
     """As `--only` counts cells."""
     label: str
     """What tells it from the other cells: "3 m/s · 4 m"."""
+    where: str
+    """Its place without what all cells share, if anything is left then."""
     paths: dict[int, FlightPath]
     """By trial; empty if the file has none."""
 
@@ -264,20 +266,15 @@ def load(path: Path) -> Campaign:
         raise CampaignError(f"{path} is no campaign of goshawk-sim fly --json: {error}") from error
     if not file.cells:
         raise CampaignError(f"{path} has no cells: nothing was flown")
-    labels = _labels(file.cells)
+    common = set(file.cells[0].parts).intersection(*(cell.parts for cell in file.cells))
     pools = []
-    for place, (cell, label) in enumerate(zip(file.cells, labels, strict=True)):
+    for place, cell in enumerate(file.cells):
         number = cell.cell if cell.cell >= 0 else place
+        own = ", ".join(part for part in cell.parts if part not in common)
+        label = f"{cell.speed_mps:g} m/s · {own}" if own else f"{cell.speed_mps:g} m/s"
         paths = {p.trial: p for p in file.paths if p.cell == number}
-        pools.append(Pool(cell=cell, number=number, label=label, paths=paths))
+        pools.append(Pool(cell=cell, number=number, label=label, where=own or cell.place, paths=paths))
     return Campaign(name=path.stem, file=file, pools=tuple(pools))
-
-
-def _labels(cells: Sequence[Cell]) -> list[str]:
-    """Of each cell its speed, and of its place what not all of them share."""
-    common = set(cells[0].parts).intersection(*(cell.parts for cell in cells))
-    places = (", ".join(part for part in cell.parts if part not in common) for cell in cells)
-    return [" · ".join(filter(None, (f"{c.speed_mps:g} m/s", place))) for c, place in zip(cells, places, strict=True)]
 
 
 def _joined(parts: Sequence[Array | tuple[float, ...]]) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import LogLocator, NullLocator
 
 from goshawk_dashboards.report.campaign.data import Campaign, Pool
 from goshawk_dashboards.report.campaign.tables import number
@@ -105,6 +106,9 @@ def _figure(quantity: Quantity, pools: Sequence[Pool], rows: Sequence[Array]) ->
         low, high, logarithmic = _limits(quantity, rows)
         if logarithmic:
             axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)))
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value / 1e3:g}k" if value >= 1e4 else f"{value:g}")
+            axes.xaxis.set_minor_locator(NullLocator())
         axes.set_xlim(low, high)
         for row, values in enumerate(rows):
             axes.axhline(row, color=palette.rule, lw=0.8)
@@ -122,7 +126,7 @@ def _figure(quantity: Quantity, pools: Sequence[Pool], rows: Sequence[Array]) ->
         axes.spines["left"].set_visible(False)
         axes.set_xlabel(f"{quantity.title[0].lower()}{quantity.title[1:]}, {quantity.unit}")
 
-    caption = quantity.caption if quantity.band is None else f"{quantity.caption} Dashed: ± {quantity.band:g} m."
+    caption = quantity.caption if quantity.band is None else f"{quantity.caption} Dashed: ± {quantity.band:g} m."
     return Figure(
         name=quantity.name,
         title=quantity.title,

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Circle, PathPatch
 from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
 
 from goshawk_dashboards.exports.drawing import speed_colors_P3
 from goshawk_dashboards.report.campaign.data import Campaign, FlightPath, FlightRow, Map, Pool
@@ -34,6 +35,7 @@ def map_figure(campaign: Campaign, pool: Pool, row: FlightRow, path: FlightPath,
         axes.set_aspect("equal")
         axes.set_xlabel("east, m")
         axes.set_ylabel("north, m")
+        axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         _surroundings(axes, palette, path.map)
         _paths(axes, palette, path, top_mps)
         axes.plot(*path.map.start_m, "o", mfc=palette.paper, mec=palette.ink, mew=1.6, ms=6.5)

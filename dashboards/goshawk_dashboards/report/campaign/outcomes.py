@@ -24,7 +24,7 @@ def success_figure(campaign: Campaign) -> Figure:
 
     def draw(canvas: Canvas, palette: Palette) -> None:
         axes = canvas.subplots()
-        for series, (place, pools) in enumerate(places.items()):
+        for series, pools in enumerate(places.values()):
             color = getattr(palette, SERIES[series % len(SERIES)])
             # Side by side, so that no interval hides another.
             aside = 0.018 * span_mps * (series - 0.5 * (len(places) - 1))
@@ -35,7 +35,7 @@ def success_figure(campaign: Campaign) -> Figure:
             reach = [[max(s - x, 0.0) for s, x in zip(share, low, strict=True)],
                      [max(x - s, 0.0) for s, x in zip(share, high, strict=True)]]  # fmt: skip
             look = {"fmt": f"{MARKERS[series % len(MARKERS)]}-", "capsize": 3, "ms": 5, "lw": 1.6, "elinewidth": 1.1}
-            axes.errorbar(at, share, yerr=reach, color=color, mec=palette.paper, label=_place(pools[0], place), **look)
+            axes.errorbar(at, share, yerr=reach, color=color, mec=palette.paper, label=_words(pools[0]), **look)
             if len(places) == 1:
                 for pool, x, y in zip(pools, at, share, strict=True):
                     words = f"{pool.cell.successes}/{pool.cell.trials}"
@@ -51,15 +51,15 @@ def success_figure(campaign: Campaign) -> Figure:
     return Figure(
         name="success",
         title="Success against speed",
-        caption="Bars: the 95 % interval of the rate, by as many flights as were flown (Wilson).",
+        caption="With the 95 % interval of the rate (Wilson).",
         size_in=(HALF_IN, 3.1 + 0.2 * ((len(places) - 1) // 2)),
         draw=draw,
         tables={"cells": cells_table(campaign)},
     )
 
 
-def _place(pool: Pool, place: str) -> str:
-    return f"trees every {place}" if pool.cell.world == "forest" else place
+def _words(pool: Pool) -> str:
+    return f"a tree every {pool.where}" if pool.where.endswith(" m") else pool.where
 
 
 def endings_figure(campaign: Campaign) -> Figure:
@@ -85,7 +85,8 @@ def endings_figure(campaign: Campaign) -> Figure:
             left = [a + b for a, b in zip(left, shares, strict=True)]
         axes.set_yticks(rows, [pool.label for pool in pools])
         axes.tick_params(axis="y", length=0, labelcolor=palette.ink)
-        axes.set_ylim(len(pools) - 0.5, -0.5)
+        # A single bar is no wall.
+        axes.set_ylim(max(len(pools), 4) - 0.5, -0.5)
         axes.set_xlim(0.0, 100.0)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("share of the flights, %")

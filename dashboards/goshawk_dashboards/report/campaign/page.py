@@ -9,7 +9,7 @@ import numpy as np
 
 from goshawk_dashboards.exports.drawing import speed_colors_P3
 from goshawk_dashboards.report.campaign import tables
-from goshawk_dashboards.report.campaign.data import OUTCOMES, Campaign, Cell, Pool
+from goshawk_dashboards.report.campaign.data import OUTCOMES, Campaign, Cell
 from goshawk_dashboards.report.campaign.report import CampaignReport, Shown
 from goshawk_dashboards.report.campaign.tables import number
 from goshawk_dashboards.report.canvas import Figure, svg
@@ -94,9 +94,7 @@ def _numbers(campaign: Campaign) -> Iterator[tuple[str, str, str]]:
     flights = [flight for pool in campaign.pools for flight in pool.cell.flights]
     seen = [flight.in_view_fraction for flight in flights if flight.in_view_fraction is not None]
     near_m = [max(flight.clearance_m, 0.0) for flight in flights if flight.clearance_m is not None]
-    samples = {
-        name: np.concatenate([pool.samples[name] for pool in campaign.pools]) for name in ("distance", "speed")
-    }
+    samples = {name: np.concatenate([pool.samples[name] for pool in campaign.pools]) for name in ("distance", "speed")}
     if seen:
         yield "of the time in view, mean of the flights", f"{100.0 * float(np.mean(seen)):.0f}", "%"
     if len(samples["distance"]):
@@ -155,12 +153,14 @@ def _key(report: CampaignReport) -> str:
         if report.campaign.tracks
         else ""
     )
+    bar = f"<i style='background:linear-gradient(90deg, {shades})'></i>"
     return (
-        "<p class='soft key'>From above. "
-        f"The vehicle's path by its speed: <span class='shades'>0 <i style='background:linear-gradient(90deg, {shades})'>"
-        f"</i> {report.top_mps:.1f} m/s</span>. {target}Open ring: the start. Disc: the target at the end, or the goal. "
+        "<p class='soft key'>From above. The vehicle's path by its speed: "
+        f"<span class='shades'>0 {bar} {report.top_mps:.1f} m/s</span>. {target}"
+        "Open ring: the start. Disc: the target at the end, or the goal. "
         "The end: a tick for success, a cross for a collision, a ring for lost, a bar for a timeout, "
-        "two rings for too close. Obstacles are cut at the flight's height, after a collision at that of the contact.</p>"
+        "two rings for too close. "
+        "Obstacles are cut at the flight's height, after a collision at that of the contact.</p>"
     )
 
 
@@ -172,17 +172,15 @@ def _flight(campaign: Campaign, shown: Shown) -> str:
     if row.in_view_fraction is not None:
         facts.append(f"in view {100.0 * row.in_view_fraction:.0f} %")
     facts += [f"{row.end_distance_m:.1f} m away at the end", f"mean {row.flown_speed_mps.mean:.1f} m/s"]
+    drawn = svg(shown.map) if shown.map is not None else ""
+    words = " · ".join(escape(fact).replace(" ", "&nbsp;") for fact in facts)
     modes = "".join(f"<li>{escape(mode)}</li>" for mode in row.modes)
+    name = f"{pool.number}:{row.trial} · {escape(pool.label)} ·"
     return (
-        f"<figure class='panel flight'><h4>{_name(pool, row.trial)} <b class='{row.outcome}'>{escape(row.ending)}</b></h4>"
-        f"{svg(shown.map) if shown.map is not None else ''}<p class='soft'>{escape(' · '.join(facts))}</p>"
-        f"{_code(campaign.again(pool, row.trial))}"
+        f"<figure class='panel flight'><h4>{name} <b class='{row.outcome}'>{escape(row.ending)}</b></h4>"
+        f"{drawn}<p class='soft'>{words}</p>{_code(campaign.again(pool, row.trial))}"
         f"<details><summary>Changes of mode</summary><ul>{modes}</ul></details></figure>"
     )
-
-
-def _name(pool: Pool, trial: int) -> str:
-    return f"{pool.number}:{trial} · {escape(pool.label)} ·"
 
 
 def _code(command: str) -> str:

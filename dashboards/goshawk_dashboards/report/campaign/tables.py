@@ -16,6 +16,7 @@ from goshawk_dashboards.report.canvas import Table
 NONE = "–"
 _LISTS = ("flights", "modes")
 """What a line of CSV has no room for."""
+_ENDS = {"success_interval": ("low", "high"), "end_pos_m": ("x", "y", "z")}
 
 
 def number(value: float | None, digits: int = 2) -> str:
@@ -48,13 +49,17 @@ def _hits(cell: Cell) -> str:
 
 
 Column = tuple[str, str, Callable[[Cell], str]]
-_SHOWN: tuple[Column, ...] = (
+_CELL: tuple[Column, ...] = (
     ("speed", "m/s", lambda c: f"{c.speed_mps:g}"),
-    ("place", "m between trees", lambda c: c.place),
+    ("place", "", lambda c: c.place),
+)
+_ENDINGS: tuple[Column, ...] = (
     ("success", "", lambda c: f"{c.successes}/{c.trials}"),
     ("95 %", "interval, %", lambda c: _row(*(100.0 * x for x in c.success_interval), digits=0, between="–")),
     *((name.replace("-", " "), "flights", lambda c, name=name: str(c.count(name))) for name in OUTCOMES[1:]),
     ("touched", "flights", _hits),
+)
+_FLYING: tuple[Column, ...] = (
     ("closest approach", "min / 5 % / 50 %, m",
      lambda c: _row(c.clearance_m.min, c.clearance_m.p5, c.clearance_m.p50)),
     ("in view", "% of the time",
@@ -70,8 +75,13 @@ _SHOWN: tuple[Column, ...] = (
 
 
 def html(campaign: Campaign) -> str:
-    """A line for each cell; without the columns that none of them has."""
-    columns = {name: (unit, [read(pool.cell) for pool in campaign.pools]) for name, unit, read in _SHOWN}
+    """How each cell's flights ended, and how they flew: a line for each cell in two tables."""
+    return _table(campaign, _ENDINGS) + _table(campaign, _FLYING)
+
+
+def _table(campaign: Campaign, shown: tuple[Column, ...]) -> str:
+    """Without the columns that no cell has."""
+    columns = {name: (unit, [read(pool.cell) for pool in campaign.pools]) for name, unit, read in (*_CELL, *shown)}
     columns = {name: column for name, column in columns.items() if set(column[1]) != {NONE}}
     heads = ["cell", *(f"{escape(name)}<small>{escape(unit)}</small>" for name, (unit, _) in columns.items())]
 
@@ -115,7 +125,7 @@ def _flat(before: str, of: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         name = f"{before}_{key}" if before else key
         if isinstance(value, Mapping):
             yield from _flat(name, value)
-        elif key == "success_interval" or key == "end_pos_m":
-            yield from ((f"{name}_{k}", part) for k, part in zip("xyz" if len(value) == 3 else ("low", "high"), value))
+        elif key in _ENDS:
+            yield from ((f"{name}_{end}", part) for end, part in zip(_ENDS[key], value, strict=True))
         elif key not in _LISTS:
             yield name, value

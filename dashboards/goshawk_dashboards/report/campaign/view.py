@@ -47,7 +47,8 @@ def view_figure(campaign: Campaign) -> Figure | None:
     return Figure(
         name="view",
         title="Where the target was in the camera's image",
-        caption=f"Its true centre, hidden or not, 20 times a second: the share of the time in each {BIN_PX} × {BIN_PX} px.",
+        caption="Its true centre, hidden or not, 20 times a second. "
+        f"The stronger, the more of the time in those {BIN_PX} × {BIN_PX} px.",
         size_in=(10.0, 0.55 + rows * (2.2 * size_px[1] / size_px[0] + 0.55)),
         draw=draw,
         tables={},
