@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -97,15 +98,20 @@ def svg(figure: Figure) -> str:
     text = text[text.index("<svg") :]
     for name, placeholder in _PLACEHOLDERS.items():
         text = text.replace(placeholder, f"var(--{name})")
-    text = re.sub(
-        r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg role="img" aria-label="{figure.title}" \1>', text, count=1
-    )
+    said = f'<svg role="img" aria-label="{escape(figure.title)}"'
+    text = re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', lambda m: f"{said} {m[1]}>", text, count=1)
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, count=1, flags=re.DOTALL)
     # Matplotlib names clip paths after their address in memory: the same log shall make the same page.
     order: dict[str, str] = {}
     text = re.sub(r"\bp[0-9a-f]{10}\b", lambda m: order.setdefault(m[0], f"clip{len(order)}"), text)
     # Several figures share a page, so an id needs its figure's name.
     text = re.sub(r'(id="|url\(#|xlink:href="#|href="#)', rf"\1{figure.name}-", text.replace("xlink:href", "href"))
     return text.replace(f"'{FONT}'", "inherit").replace(FONT, "inherit")
+
+
+def plain(text: str) -> str:
+    """For matplotlib, which takes what stands between dollars for mathematics."""
+    return text.replace("$", r"\$")
 
 
 def png(figure: Figure) -> bytes:

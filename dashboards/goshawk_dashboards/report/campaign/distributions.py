@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from goshawk_dashboards.report.campaign.data import Campaign, Pool
 from goshawk_dashboards.report.campaign.tables import number
-from goshawk_dashboards.report.canvas import HALF_IN, Figure, Palette
+from goshawk_dashboards.report.canvas import HALF_IN, Figure, Palette, plain
 from goshawk_dashboards.state.views import Array
 
 FEW = 120
@@ -119,7 +119,7 @@ def _figure(quantity: Quantity, pools: Sequence[Pool], rows: Sequence[Array]) ->
         axes.text(1.015, -0.85, head, transform=axes.get_yaxis_transform(), va="center", color=palette.soft)
         for limit in () if quantity.band is None else (-quantity.band, quantity.band):
             axes.axvline(limit, color=palette.soft, lw=0.9, ls=(0, (3, 3)))
-        axes.set_yticks(range(len(rows)), [pool.label for pool in pools])
+        axes.set_yticks(range(len(rows)), [plain(pool.label) for pool in pools])
         axes.tick_params(axis="y", length=0, labelcolor=palette.ink)
         axes.set_ylim(len(rows) - 0.7, -1.05)
         axes.grid(visible=False, axis="y")

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure as Canvas
 
 from goshawk_dashboards.report.campaign.data import OUTCOMES, Campaign, Pool
 from goshawk_dashboards.report.campaign.tables import cells_table, flights_table
-from goshawk_dashboards.report.canvas import HALF_IN, Figure, Palette, legend
+from goshawk_dashboards.report.canvas import HALF_IN, Figure, Palette, legend, plain
 
 SERIES = ("vehicle", "target", "up", "lost", "desired", "soft")
 """Colours of the palette, one a series; signs differ too: colour is not all that tells series apart."""
@@ -59,7 +59,7 @@ def success_figure(campaign: Campaign) -> Figure:
 
 
 def _words(pool: Pool) -> str:
-    return f"a tree every {pool.where}" if pool.where.endswith(" m") else pool.where
+    return plain(f"a tree every {pool.where}" if pool.where.endswith(" m") else pool.where)
 
 
 def endings_figure(campaign: Campaign) -> Figure:
@@ -83,7 +83,7 @@ def endings_figure(campaign: Campaign) -> Figure:
                     words = {"ha": "center", "va": "center", "fontsize": 8.5, "color": ink}
                     axes.text(left[row] + share / 2, row, str(count), **words)
             left = [a + b for a, b in zip(left, shares, strict=True)]
-        axes.set_yticks(rows, [pool.label for pool in pools])
+        axes.set_yticks(rows, [plain(pool.label) for pool in pools])
         axes.tick_params(axis="y", length=0, labelcolor=palette.ink)
         # A single bar is no wall.
         axes.set_ylim(max(len(pools), 4) - 0.5, -0.5)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Patch
 
 from goshawk_dashboards.report.campaign.data import Campaign, Pair
-from goshawk_dashboards.report.canvas import Figure, Palette
+from goshawk_dashboards.report.canvas import Figure, Palette, plain
 from goshawk_dashboards.state.views import Array
 
 BIN_PX = 8
@@ -35,7 +35,7 @@ def view_figure(campaign: Campaign) -> Figure | None:
             axes.set_visible(False)
         for axes, pool, heat in zip(tiles.flat, pools, heats, strict=False):
             _tile(axes, palette, heat, most, size_px)
-            axes.set_title(f"{pool.label}: {100.0 * heat.sum():.0f} % inside")
+            axes.set_title(f"{plain(pool.label)}: {100.0 * heat.sum():.0f} % inside")
         for axes in tiles[:, 0]:
             axes.set_ylabel("down, px")
         for axes in tiles.flat[max(len(pools) - COLUMNS, 0) : len(pools)]:
