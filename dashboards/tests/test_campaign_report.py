@@ -105,7 +105,7 @@ def test_the_page_says_what_came_of_it_and_how_to_fly_a_failure_again(report: Ca
     assert "2 of 4 flights succeeded" in words and "95 % interval 15–85 %" in words
     command = " ".join(["fly", *CHASE, "--only", "1:0", "--log", "flight-1-0"])
     assert command in words
-    assert "track · forest · 4, 14 m/s, a tree every 3 m, 1 moving obstacles" in words
+    assert "track · forest · 4, 14 m/s, a tree every 3 m, 1 moving obstacle" in words
     for shown in report.failed:
         assert shown.row.ending in words
 
@@ -113,6 +113,12 @@ def test_the_page_says_what_came_of_it_and_how_to_fly_a_failure_again(report: Ca
 def test_a_cells_label_leaves_out_what_all_cells_share(report: CampaignReport) -> None:
     assert [pool.label for pool in report.campaign.pools] == ["4 m/s", "14 m/s"]
     assert report.campaign.pools[0].cell.place == "3 m, 1 moving"
+
+
+def test_a_course_is_named_where_there_are_others(file: Path, tmp_path: Path) -> None:
+    slow, fast = json.loads(file.read_text())["cells"]
+    campaign = changed(file, tmp_path, cells=[slow, {**fast, "course": "zigzag"}], paths=[])
+    assert [pool.label for pool in campaign.pools] == ["4 m/s · goal", "14 m/s · zigzag"]
 
 
 def test_the_interval_is_that_of_the_simulator(report: CampaignReport) -> None:

@@ -111,15 +111,14 @@ class Cell:
 
     @property
     def parts(self) -> list[str]:
-        """Of its place: "4 m" between trees or "buildings", "zigzag", "8 moving"."""
+        """Of its place: "4 m" between trees or "buildings", "goal" or "zigzag", "8 moving"."""
         world = f"{self.spacing_m:g} m" if self.world == "forest" else self.world
-        course = "" if self.course in (None, "goal") else self.course
-        return [part for part in (world, course, f"{self.moving} moving" if self.moving else "") if part]
+        return [part for part in (world, self.course, f"{self.moving} moving" if self.moving else "") if part]
 
     @property
     def place(self) -> str:
-        """ "4 m, zigzag, 8 moving"."""
-        return ", ".join(self.parts)
+        """ "4 m, zigzag, 8 moving"; a target that simply runs to its goal is not worth a word."""
+        return ", ".join(part for part in self.parts if part != "goal")
 
     def count(self, outcome: str) -> int:
         """How many flights ended so."""

@@ -69,7 +69,8 @@ def _what(campaign: Campaign) -> str:
     if any(cell.world == "forest" for cell in cells):
         words.append(f"a tree every {listed(lambda c: c.spacing_m)} m")
     if any(cell.moving for cell in cells):
-        words.append(f"{listed(lambda c: c.moving)} moving obstacles")
+        moving = listed(lambda c: c.moving)
+        words.append(f"{moving} moving obstacle{'' if moving == '1' else 's'}")
     if any(cell.wind_mps for cell in cells):
         words.append(f"gusts to {listed(lambda c: c.wind_mps)} m/s")
     pilots = [f"{pilot} pilot" for pilot in dict.fromkeys(cell.pilot for cell in cells) if pilot != "policy"]
