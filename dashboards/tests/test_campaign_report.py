@@ -104,7 +104,7 @@ def test_the_page_says_what_came_of_it_and_how_to_fly_a_failure_again(report: Ca
     assert [(cell.successes, cell.trials) for cell in cells] == [(2, 2), (0, 2)]
     assert "2 of 4 flights succeeded" in words and "95 % interval 15–85 %" in words
     command = " ".join(["fly", *CHASE, "--only", "1:0", "--log", "flight-1-0"])
-    assert command in words
+    assert command in words and "The plain line is the target's" in words
     assert "track · forest · 4, 14 m/s, a tree every 3 m, 1 moving obstacle" in words
     for shown in report.failed:
         assert shown.row.ending in words
@@ -152,7 +152,7 @@ def test_a_navigation_has_no_target_and_its_page_says_nothing_of_one(tmp_path: P
     assert not names & {"view", "distance", "in_view", "error_lateral", "error_longitudinal"}
     words = Reader(page(made)).words
     assert "navigate · classical pilot · buildings · 6 m/s" in words
-    assert "distance to target" not in words and "The black line" not in words
+    assert "distance to target" not in words and "The plain line" not in words
 
 
 def test_a_file_without_paths_has_figures_of_whole_flights_and_lists_its_failures(file: Path, tmp_path: Path) -> None:

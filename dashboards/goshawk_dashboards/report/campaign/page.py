@@ -150,7 +150,7 @@ def _key(report: CampaignReport) -> str:
     stops = speed_colors_P3(np.linspace(0.0, 1.0, 9), 1.0)
     shades = ", ".join(f"rgb({r} {g} {b})" for r, g, b in stops.tolist())
     target = (
-        "The black line is the target's, dotted where the camera did not see it. Thin lines join the two every 2 s. "
+        "The plain line is the target's, dotted where the camera did not see it. Faint lines join the two every 2 s. "
         if report.campaign.tracks
         else ""
     )
@@ -203,4 +203,8 @@ def _facts(campaign: Campaign) -> str:
     if campaign.tracks:
         facts["desired speed"] = f"the target's and {file.speed_margin_mps:g} m/s"
     rows = "".join(f"<dt>{name}</dt><dd>{value}</dd>" for name, value in facts.items())
-    return f"<section class='panel'><h2>What was flown</h2><dl>{rows}</dl></section>"
+    numbers = _code(f"goshawk campaign report {campaign.name}.json --figures DIR")
+    return (
+        f"<section class='panel'><h2>What was flown</h2><dl>{rows}</dl></section>"
+        f"<footer>All numbers as CSV: {numbers}</footer>"
+    )
