@@ -15,10 +15,11 @@ import pytest
 import recordings as rec
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.report.canvas import write
 from goshawk_dashboards.report.clearance import seen_clearance
 from goshawk_dashboards.report.errors import target_errors
 from goshawk_dashboards.report.latency import latencies
-from goshawk_dashboards.report.report import Report, make_report, write_figures, write_page
+from goshawk_dashboards.report.report import Report, make_report, write_page
 from goshawk_dashboards.report.summary import card
 from goshawk_proto import goshawk_pb2 as pb
 from PIL import Image
@@ -255,7 +256,7 @@ def test_the_same_log_makes_the_same_page(report: Report, page: str, path: Path,
 
 
 def test_figures_are_pictures_and_tables(report: Report, tmp_path: Path) -> None:
-    written = write_figures(report, tmp_path / "new" / "figures")
+    written = write(report.figures, tmp_path / "new" / "figures")
     names = {file.name for file in written}
     assert {f"{figure.name}.png" for figure in report.figures} <= names
     assert Image.open(tmp_path / "new/figures/disturbance.png").size[0] == 1500

@@ -88,7 +88,7 @@ def _imports(path: Path) -> set[str]:
     [
         ("dashboards/goshawk_dashboards", {"zenoh", "goshawk_ground", "goshawk_train", "torch"}),
         ("ground/station/goshawk_ground", {"torch", "goshawk_train"}),
-        ("ground/train/goshawk_train", {"zenoh", "viser", "goshawk_ground", "goshawk_dashboards"}),
+        ("ground/train/goshawk_train", {"zenoh", "viser", "goshawk_ground"}),
         ("proto/python/goshawk_proto", {"goshawk_ground", "goshawk_dashboards", "goshawk_train", "viser"}),
     ],
 )
@@ -97,6 +97,13 @@ def test_python_packages_do_not_import_what_they_must_not_know(folder: str, forb
     assert files
     for path in files:
         assert not _imports(path) & forbidden, path
+
+
+def test_the_trainer_takes_only_the_reports_canvas_from_the_dashboards() -> None:
+    taken: set[str] = set()
+    for path in sorted((ROOT / "ground/train/goshawk_train").rglob("*.py")):
+        taken |= set(re.findall(r"(?:from|import) (goshawk_dashboards[\w.]*)", path.read_text()))
+    assert taken == {"goshawk_dashboards.report.canvas"}
 
 
 def test_the_top_level_is_the_design_and_nothing_else() -> None:

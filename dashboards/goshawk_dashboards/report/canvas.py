@@ -5,10 +5,13 @@ In SVG each colour of the palette is a placeholder that becomes a CSS variable o
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from html import escape
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -21,6 +24,9 @@ from goshawk_dashboards.log.phases import Phase
 
 FONT = "DejaVu Sans"
 """What matplotlib measures text with; pages show their own font, which is narrower."""
+
+HALF_IN = 4.9
+"""Width of a figure of which two stand beside each other; a single one's is 10."""
 
 Table = Mapping[str, NDArray[Any]]
 
@@ -43,17 +49,25 @@ class Palette:
     up: str
     vehicle: str
     target: str
+    solid: str
+    success: str
+    collision: str
+    lost: str
+    timeout: str
+    too_close: str
 
 
 LIGHT = Palette(
     ink="#1c2126", soft="#5c6670", rule="#c9d0d6", grid="#e8ecef", paper="#ffffff",
     desired="#d98200", attitude="#d1383c", disturbance="#1c9650", measured="#2878c8",
     east="#2878c8", north="#d1383c", up="#1c9650", vehicle="#2878c8", target="#c4560b",
+    solid="#a1978a", success="#2c9c86", collision="#cc4a06", lost="#7a55b5", timeout="#7d8790", too_close="#b8860b",
 )  # fmt: skip
 DARK = Palette(
     ink="#e5e9ec", soft="#9aa5af", rule="#46505a", grid="#262d33", paper="#14181b",
     desired="#f5b040", attitude="#f26a6c", disturbance="#4fd08a", measured="#66b2f5",
     east="#66b2f5", north="#f26a6c", up="#4fd08a", vehicle="#66b2f5", target="#f5894a",
+    solid="#756c60", success="#3aa990", collision="#f5894a", lost="#b095ea", timeout="#8d98a2", too_close="#e0b13c",
 )  # fmt: skip
 _NAMES = [field.name for field in fields(Palette)]
 _PLACEHOLDERS = {name: f"#0102{k:02x}" for k, name in enumerate(_NAMES)}
@@ -84,9 +98,9 @@ def svg(figure: Figure) -> str:
     text = text[text.index("<svg") :]
     for name, placeholder in _PLACEHOLDERS.items():
         text = text.replace(placeholder, f"var(--{name})")
-    text = re.sub(
-        r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg role="img" aria-label="{figure.title}" \1>', text, count=1
-    )
+    said = f'<svg role="img" aria-label="{escape(figure.title)}"'
+    text = re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', lambda m: f"{said} {m[1]}>", text, count=1)
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, count=1, flags=re.DOTALL)
     # Matplotlib names clip paths after their address in memory: the same log shall make the same page.
     order: dict[str, str] = {}
     text = re.sub(r"\bp[0-9a-f]{10}\b", lambda m: order.setdefault(m[0], f"clip{len(order)}"), text)
@@ -95,9 +109,30 @@ def svg(figure: Figure) -> str:
     return text.replace(f"'{FONT}'", "inherit").replace(FONT, "inherit")
 
 
+def plain(text: str) -> str:
+    """For matplotlib, which takes what stands between dollars for mathematics."""
+    return text.replace("$", r"\$")
+
+
 def png(figure: Figure) -> bytes:
     """A picture on white, 150 dots an inch."""
     return _saved(figure, LIGHT, "png")
+
+
+def write(figures: Sequence[Figure], folder: Path) -> list[Path]:
+    """Each figure as PNG and what it shows as CSV, in a folder that is made if need be. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
+    for figure in figures:
+        written.append(folder / f"{figure.name}.png")
+        written[-1].write_bytes(png(figure))
+        for name, table in figure.tables.items():
+            written.append(folder / f"{name}.csv")
+            with written[-1].open("w", newline="", encoding="utf-8") as file:
+                rows = csv.writer(file)
+                rows.writerow(table)
+                rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+    return written
 
 
 def _saved(figure: Figure, palette: Palette, kind: str) -> bytes:

@@ -1,16 +1,16 @@
-"""The report's page: one file that needs nothing else, in the reader's light or dark theme."""
+"""A flight's page."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from html import escape
-from importlib.resources import files
 
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.report.canvas import DARK, LIGHT, Figure, css_variables, svg
+from goshawk_dashboards.report.canvas import Figure
 from goshawk_dashboards.report.latency import Latencies
+from goshawk_dashboards.report.shell import document, panel, tiles
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, Figures, Spread
 from goshawk_dashboards.state import words
 
@@ -19,30 +19,21 @@ PHASE_COLORS = {
     "navigation": "#74cf9f", "lost": "#f0a35e", "search": "#f3d06b", "hold": "#a9d8d2",
     "landing": "#b9a7e6", "fault": "#f2777a",
 }  # fmt: skip
-_LIGHT = f"color-scheme: light dark; --page: #f4f6f7; --bad: #cc4a06; --good: #00806a; {css_variables(LIGHT)}"
-_DARK = f"--page: #0d1012; --bad: #f5894a; --good: #3fc3a3; {css_variables(DARK)}"
 
 
 def page(flight: Flight, card: Card, numbers: Figures, figures: Sequence[Figure], latencies: Latencies) -> str:
     """The whole page."""
-    style = files("goshawk_dashboards.report").joinpath("page.css").read_text(encoding="utf-8")
-    themes = f":root {{ {_LIGHT} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {_DARK} }} }}\n"
     parts = [
         _head(card),
         _tiles(card, numbers),
         _phases(flight),
         _faults(card),
-        *(_figure(figure) for figure in figures),
+        *(panel(figure) for figure in figures),
         _told(latencies),
         _events(flight),
         _facts(flight, card),
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(card.path.name)}: {escape(card.outcome)}</title>\n<style>\n{themes}{style}</style>\n</head>\n"
-        "<body>\n<main>\n" + "\n".join(part for part in parts if part) + "\n</main>\n</body>\n</html>\n"
-    )
+    return document(f"{card.path.name}: {card.outcome}", parts)
 
 
 def _head(card: Card) -> str:
@@ -53,12 +44,8 @@ def _head(card: Card) -> str:
 
 def _tiles(card: Card, n: Figures) -> str:
     tone = "good" if card.outcome in GOOD_OUTCOMES and not card.faults else "bad"
-    tiles = [f"<div class='tile'><b class='{tone}'>{escape(card.outcome)}</b><span>outcome</span></div>"]
-    tiles += [
-        f"<div class='tile'><b>{value} <small>{unit}</small></b><span>{escape(name)}</span></div>"
-        for name, value, unit in _numbers(card, n)
-    ]
-    return f"<div class='tiles'>{''.join(tiles)}</div>"
+    outcome = f"<div class='tile'><b class='{tone}'>{escape(card.outcome)}</b><span>outcome</span></div>"
+    return tiles(_numbers(card, n), outcome)
 
 
 def _numbers(card: Card, n: Figures) -> Iterator[tuple[str, str, str]]:
@@ -114,13 +101,6 @@ def _faults(card: Card) -> str:
         return "<section class='panel'><h2>Faults</h2><p class='soft'>None was logged.</p></section>"
     rows = "".join(f"<li>{escape(fault)}</li>" for fault in card.faults)
     return f"<section class='panel'><h2 class='bad'>Faults</h2><ul>{rows}</ul></section>"
-
-
-def _figure(figure: Figure) -> str:
-    return (
-        f"<figure class='panel'><h2>{escape(figure.title)}</h2><figcaption>{escape(figure.caption)}</figcaption>"
-        f"{svg(figure)}</figure>"
-    )
 
 
 def _told(latencies: Latencies) -> str:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report import figures as drawn
-from goshawk_dashboards.report.canvas import Figure, png
+from goshawk_dashboards.report.canvas import Figure
 from goshawk_dashboards.report.clearance import seen_clearance
 from goshawk_dashboards.report.errors import target_errors
 from goshawk_dashboards.report.latency import Latencies, latencies
@@ -44,19 +43,3 @@ def write_page(report: Report, output: Path) -> None:
     """One HTML file that needs no network. Raises OSError."""
     text = page(report.flight, report.card, report.numbers, report.figures, report.latencies)
     output.write_text(text, encoding="utf-8")
-
-
-def write_figures(report: Report, folder: Path) -> list[Path]:
-    """Each figure as PNG and what it shows as CSV, in a folder that is made if need be. Raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written: list[Path] = []
-    for figure in report.figures:
-        written.append(folder / f"{figure.name}.png")
-        written[-1].write_bytes(png(figure))
-        for name, table in figure.tables.items():
-            written.append(folder / f"{name}.csv")
-            with written[-1].open("w", newline="", encoding="utf-8") as file:
-                rows = csv.writer(file)
-                rows.writerow(table)
-                rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
-    return written

@@ -1,10 +1,11 @@
 //! A campaign: many flights in lockstep over all cores, and what they come to.
 
 pub mod args;
+mod contour;
 pub mod failures;
 pub mod files;
 pub mod log;
-pub mod page;
+pub mod map;
 pub mod pick;
 pub(crate) mod progress;
 pub mod report;
@@ -35,7 +36,7 @@ use log::{FlightLog, LogError};
 pub use pick::Pick;
 use report::{Cell, CellConfig, Report, Timing};
 pub use table::table;
-use trace::{Trace, Tracer};
+use trace::{FlightPath, Tracer};
 
 /// What to fly.
 #[derive(Clone, Debug)]
@@ -72,7 +73,7 @@ pub struct Campaign {
     pub threads: usize,
     /// Fly these only, each exactly as in the whole campaign.
     pub only: Option<Vec<Pick>>,
-    /// Keep a trace of each flight, up to 120 kB.
+    /// Keep each flight's path, up to 300 kB.
     pub traced: bool,
     /// Log each flight.
     pub log: Option<Logs>,
@@ -99,7 +100,7 @@ pub struct Flown {
     /// What came of it.
     pub flight: Flight,
     /// Its way; none unless the campaign is traced.
-    pub trace: Option<Trace>,
+    pub path: Option<FlightPath>,
 }
 
 /// Why a campaign cannot be flown.
@@ -212,11 +213,15 @@ impl Campaign {
                 _ => flown.push(vec![flight]),
             }
         }
+        let camera = Mount::of(vehicle).camera;
         let cell = |flown: &Vec<Flown>| Cell::of(flown[0].pick.cell, &cells[flown[0].pick.cell], flown);
         Report {
             seed: self.seed,
             vehicle: vehicle.name.clone(),
             policy_sha256: None,
+            command: String::new(),
+            version: env!("CARGO_PKG_VERSION"),
+            image_px: [camera.width, camera.height],
             speed_margin_mps: self.speed_margin_mps,
             height_m: self.height_m,
             cells: flown.iter().map(cell).collect(),
@@ -285,10 +290,15 @@ impl Campaign {
             (fly_trial(&config, vehicle, network, witness), None)
         };
         let failed = |why| CampaignError::Trial { task, speed_mps, world, trial, source: Box::new(why) };
-        let flight = flight.map_err(failed)?;
+        let (flight, path) = flight
+            .and_then(|flight| {
+                let path = trace.map(|trace| FlightPath::of(pick, &config, &flight, &trace)).transpose()?;
+                Ok((flight, path))
+            })
+            .map_err(failed)?;
         if let Some(log) = log {
             log.finish()?;
         }
-        Ok(Flown { pick, config, flight, trace })
+        Ok(Flown { pick, config, flight, path })
     }
 }

@@ -1,4 +1,4 @@
-//! Facts about a campaign's report, and about flying single flights of a campaign again.
+//! Facts about a campaign's JSON, and about flying single flights of a campaign again.
 #![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 use std::collections::BTreeSet;
@@ -11,11 +11,11 @@ use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::fly::failures::failures;
-use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::report::Report;
-use goshawk_sim::fly::{Campaign, CampaignError, Pick, page, table};
+use goshawk_sim::fly::{Campaign, CampaignError, Pick, table};
 use goshawk_sim::sense::file::Sensors;
-use goshawk_sim::trial::{Difference, Network, Outcome, PilotKind, WorldSource};
+use goshawk_sim::trial::{Difference, Network, PilotKind, WorldSource};
+use serde_json::Value;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
@@ -90,127 +90,73 @@ fn fly(campaign: &Campaign) -> Result<Report, CampaignError> {
     campaign.run(&vehicle(), &|| Ok(Some(Box::new(Straight::new(task)))), &|_| {})
 }
 
-/// A chase's report with estimates, which the stand-in cannot make.
-fn chase(threads: usize) -> Report {
-    let mut report = fly(&Campaign { threads, ..campaign(Task::Track) }).unwrap();
-    for (index, flown) in report.flown.iter_mut().flatten().enumerate() {
-        let spread = |scale: f64| (0..200).map(|i| scale * (f64::from(i) / 100.0 - 1.0 + 0.1 * index as f64)).collect();
-        (flown.flight.metrics.lateral_m, flown.flight.metrics.longitudinal_m) = (spread(0.3), spread(0.6));
-    }
-    report
-}
-
-fn written(report: &Report) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    page::write(folder.path(), report, "goshawk-sim fly --task track", &Files::default()).unwrap();
-    folder
-}
-
 fn names(folder: &Path) -> BTreeSet<String> {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// Parses as XML, and asks for nothing outside itself.
-fn check(text: &str, elements: &str) -> usize {
-    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
-    let document = roxmltree::Document::parse_with_options(text, options).unwrap();
-    for node in document.descendants() {
-        for name in ["src", "href", "srcset", "data"] {
-            assert!(node.attribute(name).is_none(), "{name} of {node:?}");
+/// The JSON, read back.
+fn read(report: &Report) -> Value {
+    serde_json::from_slice(&report.to_json()).unwrap()
+}
+
+fn length(value: &Value) -> usize {
+    value.as_array().unwrap().len()
+}
+
+#[test]
+fn the_json_of_a_chase_has_a_path_for_each_flight_with_columns_of_one_length() {
+    let report = fly(&campaign(Task::Track)).unwrap();
+    let json = read(&report);
+    let paths = json["paths"].as_array().unwrap();
+    let picks: Vec<_> = paths.iter().map(|p| (p["cell"].as_u64().unwrap(), p["trial"].as_u64().unwrap())).collect();
+    assert_eq!(picks, [(0, 0), (0, 1), (1, 0), (1, 1)]);
+    for path in paths {
+        let samples = length(&path["pos_m"]);
+        assert!(samples > 5);
+        for column in ["speed_mps", "clearance_m"] {
+            assert_eq!(length(&path[column]), samples, "{column}");
         }
-        assert!(!["script", "link", "iframe", "object", "image", "img"].contains(&node.tag_name().name()), "{node:?}");
+        for column in ["pos_m", "pixel", "visible"] {
+            assert_eq!(length(&path["target"][column]), samples, "target {column}");
+        }
+        assert!(path["map"]["goal_m"].is_null() && length(&path["map"]["solids"]) > 0);
     }
-    let outside = text.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
-    for word in ["http:", "https:", "url(", "@import"] {
-        assert!(!outside.contains(word), "{word}");
-    }
-    assert!(!text.contains("NaN") && !text.contains("inf\""));
-    document.descendants().filter(|node| node.has_tag_name(elements) || node.tag_name().name() == elements).count()
+    assert_eq!(json["image_px"], serde_json::json!([160, 96]));
+    assert_eq!(length(&json["cells"]), 2);
 }
 
 #[test]
-fn the_report_of_a_chase_has_every_figure_and_needs_nothing_else() {
-    let report = chase(2);
-    let folder = written(&report);
-    let names = names(folder.path());
-    let figures = [
-        "success",
-        "failures",
-        "view",
-        "distance",
-        "speed",
-        "closest-approach",
-        "clearance",
-        "in-view",
-        "smoothness",
-        "error-lateral",
-        "error-longitudinal",
-    ];
-    let flights = ["flight-0-0", "flight-0-1", "flight-1-0", "flight-1-1"];
-    let drawings = figures.iter().chain(&flights).map(|name| format!("{name}.svg"));
-    let others = ["index.html", "report.json", "cells.csv", "flights.csv", "distributions.csv"].map(str::to_owned);
-    assert_eq!(names, drawings.chain(others).collect());
-
-    let page = fs::read_to_string(folder.path().join("index.html")).unwrap();
-    assert!(check(&page, "figure") == figures.len() + flights.len());
-    for said in ["0 of 4 flights succeeded", "--only 1:1 --log flight-1-1", "4 lost the runner", "a stand-in"] {
-        assert!(page.replace("<span>", "").replace("</span>", "").contains(said), "{said}");
-    }
-    for name in names.iter().filter(|name| name.ends_with(".svg")) {
-        check(&fs::read_to_string(folder.path().join(name)).unwrap(), "svg");
-    }
-    let json = fs::read_to_string(folder.path().join("report.json")).unwrap();
-    assert_eq!(json.into_bytes(), report.to_json());
+fn a_path_is_one_line_of_the_json() {
+    let text = String::from_utf8(fly(&campaign(Task::Navigate)).unwrap().to_json()).unwrap();
+    assert_eq!(text.lines().filter(|line| line.starts_with("{\"cell\":")).count(), 4);
+    assert!(text.lines().filter(|line| line.contains("pos_m\":[[")).all(|line| line.starts_with("{\"cell\":")));
 }
 
 #[test]
-fn tables_have_a_line_for_each_and_as_many_values_as_heads() {
-    let folder = written(&chase(1));
-    for (name, lines) in [("cells.csv", 2), ("flights.csv", 4), ("distributions.csv", 2 * 8)] {
-        let text = fs::read_to_string(folder.path().join(name)).unwrap();
-        let mut rows = text.lines().map(|line| line.split(',').count());
-        let heads = rows.next().unwrap();
-        assert_eq!(rows.clone().count(), lines, "{name}");
-        assert!(rows.all(|values| values == heads), "{name}: {text}");
-    }
+fn the_json_is_the_same_for_any_number_of_threads_but_for_the_timing() {
+    let json = |threads| {
+        let mut json = read(&fly(&Campaign { threads, ..campaign(Task::Track) }).unwrap());
+        json["timing"].take();
+        json
+    };
+    assert_eq!(json(1), json(3));
 }
 
 #[test]
-fn the_page_is_the_same_for_any_number_of_threads() {
-    let page = |threads| fs::read(written(&chase(threads)).path().join("index.html")).unwrap();
-    assert_eq!(page(1), page(3));
-}
-
-#[test]
-fn a_navigation_has_paths_and_obstacles_but_no_runner() {
-    let report = fly(&campaign(Task::Navigate)).unwrap();
-    let folder = written(&report);
-    let names = names(folder.path());
-    for absent in ["view.svg", "distance.svg", "in-view.svg", "error-lateral.svg"] {
-        assert!(!names.contains(absent), "{absent}");
-    }
-    for flown in report.flown.iter().flatten() {
-        assert!(flown.trace.as_ref().unwrap().samples.iter().all(|sample| sample.target.is_none()));
-        let Pick { cell, trial } = flown.pick;
-        let map = fs::read_to_string(folder.path().join(format!("flight-{cell}-{trial}.svg"))).unwrap();
-        assert!(map.contains("class=\"solid\"") && map.contains("class=\"way s") && !map.contains("class=\"runner"));
-        assert!(map.contains(match flown.flight.outcome {
-            Outcome::Success => "end-success",
-            Outcome::Collision => "end-collision",
-            Outcome::Lost => "end-lost",
-            Outcome::Timeout => "end-timeout",
-            Outcome::TooClose => "end-too-close",
-        }));
+fn a_navigation_has_a_goal_and_obstacles_but_no_target() {
+    let json = read(&fly(&campaign(Task::Navigate)).unwrap());
+    for path in json["paths"].as_array().unwrap() {
+        assert!(path["target"].is_null());
+        assert_eq!(length(&path["map"]["goal_m"]), 2);
+        assert!(length(&path["map"]["solids"]) > 0);
     }
 }
 
 #[test]
 fn a_map_shows_each_moving_obstacles_way_and_the_words_say_how_many() {
     let report = fly(&Campaign { moving: 3, ..campaign(Task::Navigate) }).unwrap();
-    let folder = written(&report);
-    let map = fs::read_to_string(folder.path().join("flight-0-0.svg")).unwrap();
-    assert_eq!(map.matches("class=\"moving\"").count(), 3);
-    assert!(fs::read_to_string(folder.path().join("index.html")).unwrap().contains("3 moving obstacles"));
+    let json = read(&report);
+    assert_eq!(length(&json["paths"][0]["map"]["movers"]), 3);
     assert!(table(&report).contains("7 m, 3 moving"));
 }
 
@@ -225,18 +171,19 @@ fn a_single_flight_is_the_same_as_in_the_whole_campaign() {
 }
 
 #[test]
-fn what_a_trace_costs_is_bounded_and_the_flight_does_not_notice_it() {
+fn what_a_path_costs_is_bounded_and_the_flight_does_not_notice_it() {
     let traced = fly(&campaign(Task::Navigate)).unwrap();
     let plain = fly(&Campaign { traced: false, ..campaign(Task::Navigate) }).unwrap();
     assert_eq!(serde_json::to_string(&traced.cells).unwrap(), serde_json::to_string(&plain.cells).unwrap());
-    assert!(plain.flown.iter().flatten().all(|flown| flown.trace.is_none()));
-    let lengths = traced.flown.iter().flatten().map(|flown| flown.trace.as_ref().unwrap().samples.len());
+    assert_eq!(read(&plain)["paths"], serde_json::json!([]));
+    let lengths = traced.flown.iter().flatten().map(|flown| flown.path.as_ref().unwrap().pos_m.len());
     assert!(lengths.clone().all(|n| n < goshawk_sim::fly::trace::MOST_SAMPLES) && lengths.sum::<usize>() > 20);
 }
 
 #[test]
 fn failed_flights_are_named_by_class_with_a_command_that_flies_one_again() {
-    let text = failures(&chase(2), "goshawk-sim fly --task track");
+    let command = "goshawk-sim fly --task track".to_owned();
+    let text = failures(&Report { command, ..fly(&campaign(Task::Track)).unwrap() });
     let lines: Vec<&str> = text.lines().collect();
     let again = "re-fly one: goshawk-sim fly --task track --only 0:0 --log flight-0-0";
     assert_eq!(lines, ["", "failed: lost 0:0,0:1,1:0,1:1", again]);

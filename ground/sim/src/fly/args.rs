@@ -12,7 +12,7 @@ use goshawk_policy::Policy;
 use super::files::Files;
 use super::log::header;
 use super::progress::Progress;
-use super::{Campaign, Logs, Pick, failures, page, pick, table};
+use super::{Campaign, Logs, Pick, failures, pick, table};
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
 use crate::sense::file::SensorArgs;
@@ -39,9 +39,9 @@ pub enum PilotName {
 /// Fly campaigns in lockstep and report successes.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim fly --task track --speed 3,5,7 --trials 100 --seed 1 --spacing 4\n  \
-                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json\n  \
+                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json   # then goshawk \
+                  campaign report out.json\n  \
                   goshawk-sim fly --task navigate --pilot classical --speed 3,5 --spacing 5\n  \
-                  goshawk-sim fly --task track --speed 3,5 --seed 3 --report report   # then open report/index.html\n  \
                   goshawk-sim fly --task track --speed 5 --moving 8   # eight posts and boxes cross the way\n  \
                   goshawk-sim fly --task track --speed 3,5,7 --course goal,zigzag,u-turn,square,eight,stop-and-go   # how \
                   near it comes to who turns on it\n  \
@@ -109,12 +109,10 @@ pub struct FlyArgs {
     /// --list`). A flight then goes on until the vehicle is down, which is its success.
     #[arg(long, value_name = "NAME")]
     fault: Option<Fault>,
-    /// Write the report as JSON.
+    /// Write all that was found as JSON: cells, flights, and each flight's path and map. `goshawk campaign report FILE`
+    /// makes a page of it.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a report to look at into this folder: index.html, its figures (SVG), tables (CSV) and report.json.
-    #[arg(long, value_name = "DIR")]
-    report: Option<PathBuf>,
     /// Fly these flights of the campaign only, each as in the whole of it; both numbers from 0, cells as in the table.
     #[arg(long, value_name = "CELL:TRIAL[,…]", value_delimiter = ',')]
     only: Option<Vec<Pick>>,
@@ -132,7 +130,7 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 impl FlyArgs {
-    /// Flies, prints the table, writes the JSON and the report.
+    /// Flies, prints the table, writes the JSON.
     ///
     /// # Errors
     /// If the campaign could not be flown; the message says on what and what to do.
@@ -150,7 +148,7 @@ impl FlyArgs {
         let progress = Progress::new(campaign.picks()?.len())?;
         let files = Files::default();
         progress.end_on_signals(&files)?;
-        for folder in self.log.iter().chain(&self.report) {
+        if let Some(folder) = &self.log {
             std::fs::create_dir_all(folder).wrap_err_with(|| unwritable(folder))?;
         }
         let begin = |path: &PathBuf| files.begin(path).wrap_err_with(|| unwritable(path));
@@ -181,14 +179,14 @@ impl FlyArgs {
         let mut report = campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?;
         progress.bar.finish_and_clear();
         report.policy_sha256 = first.map(|policy| policy.sha256().to_owned());
+        report.command = pick::command(std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()));
         if let Some((mut file, unfinished)) = json {
             file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }
-        let command = pick::command(std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()));
-        if let Some(folder) = &self.report {
-            page::write(folder, &report, &command, &files).wrap_err_with(|| unwritable(folder))?;
+        println!("{}{}", table(&report), failures::failures(&report));
+        if let Some(path) = &self.json {
+            println!("draw it: goshawk campaign report {}", path.display());
         }
-        println!("{}{}", table(&report), failures::failures(&report, &command));
         Ok(())
     }
 
@@ -213,7 +211,7 @@ impl FlyArgs {
             fault: self.fault,
             threads: self.threads,
             only: self.only.clone(),
-            traced: self.report.is_some(),
+            traced: self.json.is_some(),
             log: None,
         })
     }

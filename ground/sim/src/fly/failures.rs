@@ -8,7 +8,7 @@ const NAMED: usize = 20;
 
 /// A line for each class of failures, and how to fly the first again; nothing if none failed.
 #[must_use]
-pub fn failures(report: &Report, command: &str) -> String {
+pub fn failures(report: &Report) -> String {
     let mut classes: Vec<(String, Vec<Pick>)> = Vec::new();
     for (class, pick) in report.cells.iter().flat_map(failed) {
         match classes.iter_mut().find(|known| known.0 == class) {
@@ -24,7 +24,7 @@ pub fn failures(report: &Report, command: &str) -> String {
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         text += &format!("\nfailed: {class} {}{more}", named.join(","));
     }
-    text + &format!("\nre-fly one: {}", again(command, *first))
+    text + &format!("\nre-fly one: {}", again(&report.command, *first))
 }
 
 fn failed(cell: &Cell) -> impl Iterator<Item = (String, Pick)> {

@@ -20,6 +20,12 @@ pub struct Report {
     pub vehicle: String,
     /// SHA-256 of the policy's file; none for a stand-in.
     pub policy_sha256: Option<String>,
+    /// Flies it again.
+    pub command: String,
+    /// Of this program.
+    pub version: &'static str,
+    /// Width and height of the camera's image.
+    pub image_px: [usize; 2],
     /// Track: how much faster than the evader the vehicle may fly, m/s.
     pub speed_margin_mps: f64,
     /// Height of the flights above the start, m.
@@ -28,7 +34,7 @@ pub struct Report {
     pub cells: Vec<Cell>,
     /// How long it took.
     pub timing: Timing,
-    /// The flights of each cell, for the pages.
+    /// The flights of each cell; their paths are in the JSON.
     #[serde(skip)]
     pub flown: Vec<Vec<Flown>>,
 }
@@ -368,9 +374,14 @@ impl FlightRow {
 }
 
 impl Report {
-    /// As JSON, for people to read too.
+    /// As JSON, for people to read too. Each flight's path is one line of it, under `paths`.
     #[must_use]
     pub fn to_json(&self) -> Vec<u8> {
-        serde_json::to_vec_pretty(self).expect("numbers, strings and lists become JSON")
+        const WRITES: &str = "numbers, strings and lists become JSON";
+        let text = serde_json::to_string_pretty(self).expect(WRITES);
+        let paths = self.flown.iter().flatten().filter_map(|flown| flown.path.as_ref());
+        let lines: Vec<String> = paths.map(|path| serde_json::to_string(path).expect(WRITES)).collect();
+        let summary = text.strip_suffix("\n}").unwrap_or(&text);
+        format!("{summary},\n  \"paths\": [\n{}\n  ]\n}}\n", lines.join(",\n")).into_bytes()
     }
 }

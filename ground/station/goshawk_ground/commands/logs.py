@@ -35,7 +35,9 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write a flight's report as one offline HTML page: summary, path, speeds, disturbance, clearance, faults …"""
-    from goshawk_dashboards.report.report import make_report, write_figures, write_page  # matplotlib takes a second
+    # matplotlib takes a second
+    from goshawk_dashboards.report.canvas import write
+    from goshawk_dashboards.report.report import make_report, write_page
 
     target = output or log.with_suffix(".html")
     if target.suffix.lower() != ".html":
@@ -44,7 +46,7 @@ def report(
         with Console(stderr=True).status(f"reading {log}"):
             made = make_report(open_flight(log))
             write_page(made, target)
-            written = [] if figures is None else write_figures(made, figures)
+            written = [] if figures is None else write(made.figures, figures)
     except OSError as error:
         fail(f"cannot write {error.filename or target}: {error.strerror}", NO_REPLY)
     if as_json:

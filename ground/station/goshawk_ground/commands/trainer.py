@@ -13,6 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from goshawk_ground.commands import campaigns
 from goshawk_ground.commands.options import NO_REPLY, fail
 
 PACKAGE = "goshawk_train"
@@ -21,12 +22,13 @@ _EXAMPLES = {
     "train": "Typical: goshawk train run --config ground/train/configs/track.toml --data data/train --out runs/track, "
     "then goshawk train export --run runs/track --data data/val --out air/models/track.onnx; make train does it all.",
     "dataset": "Examples: goshawk dataset check data/train --against data/val | goshawk dataset import SRC --out DIR",
-    "campaign": "Examples: goshawk campaign flights | goshawk campaign robustness | goshawk campaign ablations",
+    "campaign": "Examples: goshawk campaign report out.json | goshawk campaign flights | "
+    "goshawk campaign robustness | goshawk campaign ablations",
 }
 _HELP = {
     "train": "Train a policy, measure it, and export it for flight.",
     "dataset": "Data sets for training: check one, or import recordings of another layout.",
-    "campaign": "Campaigns of many flights: the flight table, what the policies bear, what made them so.",
+    "campaign": "Campaigns of many flights: their pages, the flight table, what the policies bear, what made them so.",
 }
 
 
@@ -73,4 +75,6 @@ def register(app: typer.Typer) -> None:
     """Adds the groups to the `goshawk` command."""
     for name, text in _HELP.items():
         group = typer.Typer(cls=TrainerGroup, no_args_is_help=True, rich_markup_mode="rich")
+        if name == "campaign":
+            campaigns.register(group)
         app.add_typer(group, name=name, help=text, epilog=_EXAMPLES[name])

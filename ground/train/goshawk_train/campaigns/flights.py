@@ -90,6 +90,9 @@ def fly(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int, s
             world = ["--world", str(cloud)]
         _run(row, simulator, [*arguments, *world, "--json", str(partial)])
     report = {"flown": identity, **json.loads(partial.read_text())}
+    # Where each flight went is megabytes; the command is in `flown`, without the scan's passing place.
+    for name in ("paths", "command"):
+        del report[name]
     kept.write_text(json.dumps(report, indent=1) + "\n")
     partial.unlink()
     return report
