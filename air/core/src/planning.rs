@@ -3,6 +3,7 @@
 pub mod aim;
 pub mod doubt;
 pub mod evade;
+pub mod frame;
 pub mod movers;
 pub mod nearest;
 pub mod obstacles;

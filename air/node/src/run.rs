@@ -11,7 +11,7 @@ use color_eyre::eyre::{Result, WrapErr, bail};
 use goshawk_autopilot::{
     Address, AutopilotError, AutopilotLink, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates,
 };
-use goshawk_core::{Planner, PlanningDemand, Profile};
+use goshawk_core::{FlightController, Planner, PlanningDemand, Profile};
 use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
 
@@ -21,7 +21,6 @@ use crate::camera::CameraInput;
 use crate::config::{OdometrySource, Vehicle};
 use crate::control::Control;
 use crate::flightlog::FlightLog;
-use crate::inputs::FlightController;
 use crate::planning::Planning;
 use crate::realtime::{self, Schedule};
 use crate::sensors;

@@ -10,13 +10,13 @@ use crate::control::separation::Separation;
 use crate::control::yaw::YawPlanner;
 use crate::mission::config::ControllerConfig;
 use crate::mission::detour::Detour;
-use crate::mission::interface::{
-    AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Transition,
-};
+use crate::mission::interface::{AutopilotStatus, Command, ControllerOutput, Profile, Refusal, StepInput, Transition};
 use crate::mission::landing::Landing;
 use crate::mission::modes::{Cause, Mode, StopAction};
 use crate::mission::takeoff::{Abandoned, Stage, Takeoff};
 use crate::mission::transitions::transition;
+use crate::planning::frame::PlanningDemand;
+use crate::planning::plan::Plan;
 use crate::values::error::ConfigError;
 use crate::values::geometry::yaw_of;
 use crate::values::types::{Odometry, Task, Time, Vec3};
@@ -148,8 +148,8 @@ impl Controller {
         self.mode
     }
 
-    /// One tick at `now`.
-    pub fn step(&mut self, now: Time, input: &ControllerInput) -> ControllerOutput {
+    /// One tick at `now`, with the plan that `input` names; one that it does not name is not looked at.
+    pub fn step(&mut self, now: Time, input: &StepInput, plan: Option<&Plan>) -> ControllerOutput {
         let dt = self.last_step.map_or(0.0, |last| now.since(last).clamp(0.0, LONGEST_STEP));
         self.last_step = Some(now);
         self.take_odometry(input);
@@ -158,7 +158,8 @@ impl Controller {
         if let Some(flight) = &mut self.flight {
             flight.observe(now, &input.autopilot, self.config.limits.battery_land);
         }
-        if let Some(plan) = input.plan.filter(|_| self.planning().is_some()) {
+        let named = plan.filter(|plan| input.plan_seq == Some(plan.seq));
+        if let Some(plan) = named.filter(|_| self.planning().is_some()) {
             self.plans.take(plan);
         }
         let readiness = self.readiness(now, input);
@@ -174,8 +175,8 @@ impl Controller {
         output
     }
 
-    fn take_odometry(&mut self, input: &ControllerInput) {
-        let Some(odometry) = input.odometry else { return };
+    fn take_odometry(&mut self, input: &StepInput) {
+        let Some(odometry) = &input.odometry else { return };
         let Some(jump) = self.motion.take(odometry, &self.commanded) else { return };
         // The frame moved, the vehicle did not: move along whatever is remembered in it.
         self.hover.shift(jump.pos_world);
@@ -194,7 +195,7 @@ impl Controller {
         self.motion.fresh(now, self.config.ladder.odometry_stale).filter(|_| self.position_lost.is_none())
     }
 
-    fn readiness(&self, now: Time, input: &ControllerInput) -> Result<(), Refusal> {
+    fn readiness(&self, now: Time, input: &StepInput) -> Result<(), Refusal> {
         let autopilot = &input.autopilot;
         if !autopilot.connected {
             Err(Refusal::AutopilotSilent)

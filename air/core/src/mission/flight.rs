@@ -6,7 +6,7 @@ use crate::control::lead::lead;
 use crate::control::motion::Commanded;
 use crate::control::yaw::{YawGoal, toward};
 use crate::mission::controller::Controller;
-use crate::mission::interface::{ControllerInput, ControllerOutput, Request};
+use crate::mission::interface::{ControllerOutput, Request, StepInput};
 use crate::mission::landing::Phase;
 use crate::mission::modes::{Fallback, Mode};
 use crate::mission::takeoff::{Stage, repeat};
@@ -44,7 +44,7 @@ const BELOW_CEILING: f64 = 1.0;
 
 impl Controller {
     /// The output of the current mode; transition, reply and readiness are the caller's.
-    pub(crate) fn fly(&mut self, now: Time, dt: f64, input: &ControllerInput) -> ControllerOutput {
+    pub(crate) fn fly(&mut self, now: Time, dt: f64, input: &StepInput) -> ControllerOutput {
         let request = self.sequence(now, input);
         if !self.mode.has_authority() {
             self.rest();
@@ -83,7 +83,7 @@ impl Controller {
     }
 
     /// Take-off's, landing's, the fault's and a given-up take-off's requests.
-    fn sequence(&mut self, now: Time, input: &ControllerInput) -> Option<Request> {
+    fn sequence(&mut self, now: Time, input: &StepInput) -> Option<Request> {
         let mission = &self.config.mission;
         match self.mode {
             Mode::Takeoff => self.flight.as_mut()?.takeoff.step(mission, now, &input.autopilot),

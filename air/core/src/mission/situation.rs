@@ -1,7 +1,7 @@
 //! What the mission heeds: in every step the events are judged from odometry, plans, autopilot, command and clock.
 
 use crate::mission::controller::Controller;
-use crate::mission::interface::{Command, ControllerInput, Refusal};
+use crate::mission::interface::{Command, Refusal, StepInput};
 use crate::mission::landing::Phase;
 use crate::mission::modes::{Cause, Mode};
 use crate::mission::takeoff::Stage;
@@ -35,7 +35,7 @@ impl Controller {
     pub(crate) fn happened(
         &self,
         now: Time,
-        input: &ControllerInput,
+        input: &StepInput,
         readiness: Result<(), Refusal>,
         reply: Option<Result<(), Refusal>>,
     ) -> Happened {
@@ -50,7 +50,7 @@ impl Controller {
     }
 
     /// What ends a flight, and the take-off's.
-    fn flight_events(&self, now: Time, input: &ControllerInput, happened: Happened) -> Happened {
+    fn flight_events(&self, now: Time, input: &StepInput, happened: Happened) -> Happened {
         let Some(flight) = &self.flight else { return happened };
         let (autopilot, limits, hold) = (&input.autopilot, &self.config.limits, &self.config.hold);
         let odometry = self.believed(now);

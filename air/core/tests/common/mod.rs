@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, reason = "each test file uses its part of it")]
 
+use goshawk_core::planning::nearest::{COLUMNS, ROWS};
 use goshawk_core::*;
 
 pub const DT: f64 = 0.005;
@@ -125,6 +126,12 @@ pub fn odometry() -> Odometry {
         ang_vel_body: Vec3::zeros(),
         reset_counter: 0,
     }
+}
+
+/// A frame that measured no depth, of a chase that is not accelerating.
+pub fn frame(seq: u64, odometry: Odometry) -> FrameInput {
+    let nearest = [0; COLUMNS * ROWS];
+    FrameInput { flight: 0, seq, odometry, acc_world: Vec3::zeros(), speed: 6.0, goal_world: None, nearest }
 }
 
 pub fn track() -> Profile {
@@ -289,14 +296,14 @@ impl Loop {
         if self.ticks.is_multiple_of(6) {
             self.plan = self.make_plan().or(self.plan.take());
         }
-        let input = ControllerInput {
-            odometry: self.odometry.as_ref(),
-            plan: self.plan.as_ref(),
+        let input = StepInput {
+            odometry: self.odometry,
+            plan_seq: self.plan.as_ref().map(|plan| plan.seq),
             autopilot: self.autopilot,
             command,
             ready: self.ready,
         };
-        let output = self.controller.step(self.now, &input);
+        let output = self.controller.step(self.now, &input, self.plan.as_ref());
         self.autopilot_takes(&output);
         self.move_vehicle(&output);
         self.transitions.extend(output.transition);

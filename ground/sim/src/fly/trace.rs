@@ -1,7 +1,6 @@
 //! What the pages need of a flight: where vehicle and target were, 20 times a second.
 
-use goshawk_air::inputs::FrameInput;
-use goshawk_core::{ControllerOutput, Mode, Plan, Time, Vec3};
+use goshawk_core::{ControllerOutput, FrameRecord, Mode, Plan, Time, Vec3};
 
 use crate::sense::rgbd::RgbdImage;
 use crate::trial::airframe::Mount;
@@ -124,8 +123,8 @@ impl Witness for Tracer<'_> {
         self.inner.frame(seq, stamp, image);
     }
 
-    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
-        self.inner.plan(ready, plan, input);
+    fn plan(&mut self, ready: Time, plan: &Plan, record: Option<&FrameRecord>) {
+        self.inner.plan(ready, plan, record);
     }
 
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {
