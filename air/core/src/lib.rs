@@ -5,6 +5,7 @@
 //! camera frame, and [`FlightController::step`] at a fixed rate.
 
 pub mod control;
+pub mod gaze;
 pub mod mission;
 pub mod planning;
 pub mod policy;
@@ -19,8 +20,10 @@ pub use control::separation::SeparationConfig;
 pub use control::thrust::ThrustConfig;
 pub use control::trust::OdometryFault;
 pub use control::vehicle::VehicleModel;
-pub use control::view::ViewConfig;
-pub use control::yaw::YawConfig;
+pub use gaze::GazeConfig;
+pub use gaze::hidden::hidden_for;
+pub use gaze::view::ViewConfig;
+pub use gaze::yaw::YawConfig;
 pub use mission::config::{ControllerConfig, MissionConfig};
 pub use mission::controller::Controller;
 pub use mission::fresh::FlightController;

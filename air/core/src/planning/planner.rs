@@ -1,6 +1,8 @@
 //! One camera frame in, one plan out: [`Planner::see`] takes a frame and says what to ask the network, [`Asked::answer`]
 //! takes what that answers and gives the plan. Each step's value is the next one's argument, so the order cannot be wrong.
 
+use crate::gaze::expected::Expected;
+use crate::gaze::threat::Threat;
 use crate::planning::aim::{Chase, ChaseConfig, climbing, within_reach};
 use crate::planning::evade::{Evader, Evasion, Scene};
 use crate::planning::frame::{FrameInput, STATE};
@@ -8,8 +10,7 @@ use crate::planning::movers::{Movers, meeting};
 use crate::planning::obstacles::{Ignored, Obstacles};
 use crate::planning::plan::Plan;
 use crate::planning::select::{SelectConfig, detect, select};
-use crate::planning::target::{Expected, TargetConfig, TargetFilter};
-use crate::planning::threat::Threat;
+use crate::planning::target::{TargetConfig, TargetFilter};
 use crate::policy::decode::{Decoder, FramePose};
 use crate::policy::model::{CameraModel, PolicyModel};
 use crate::values::error::{ConfigError, within};

@@ -29,6 +29,7 @@ pub fn config() -> ControllerConfig {
             along_velocity_speed: 1.0,
         },
         view: ViewConfig { top: 0.63 },
+        gaze: GazeConfig { objectness: 0.9, target_speed: 10.0 },
         hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
         ladder: LadderConfig {
             missed_detection: 0.6,

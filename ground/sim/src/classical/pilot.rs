@@ -3,7 +3,7 @@
 use goshawk_air::config::Vehicle;
 use goshawk_core::{
     ANCHORS, AutopilotStatus, Candidate, Command, Controller, ControllerOutput, FlatState, History, Odometry, Plan,
-    PlanningDemand, Rejection, StepInput, TargetEstimate, Task, Time, Vec3,
+    PlanningDemand, Rejection, StepInput, TargetEstimate, Task, Time, Vec3, hidden_for,
 };
 
 use goshawk_policy::stream::Arrival;
@@ -133,7 +133,7 @@ impl<'a> Classical<'a> {
     fn expected(&self, target: &TargetEstimate, now: Time, after_s: f64) -> Option<(Vec3, Vec3)> {
         let until = self.detector.as_ref()?.pursue_until_s();
         let known = target.confirmed || target.last_seen != target.stamp;
-        if !known || now.since(target.last_seen) > until {
+        if !known || hidden_for(target.last_seen, now) > until {
             return None;
         }
         let carry = (now.since(target.stamp) + after_s).clamp(0.0, CARRY_S);
