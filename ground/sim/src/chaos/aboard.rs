@@ -2,8 +2,8 @@
 //! keeps between them, in one thread and on a clock that is told.
 
 use goshawk_air::config::{OdometrySource, Vehicle};
-use goshawk_air::control::concerning;
-use goshawk_air::sensors::{self, Frame};
+use goshawk_air::flight::control::concerning;
+use goshawk_air::flight::sensors::{self, Frame};
 use goshawk_autopilot::Status;
 use goshawk_core::{
     Command, ControllerOutput, FlightController, FrameRecord, History, Mode, Odometry, Plan, PlanningDemand, Profile,

@@ -1,7 +1,7 @@
 //! The vehicle's software in lockstep: the same planner and controller as on board, fed by hand.
 
 use goshawk_air::config::Vehicle;
-use goshawk_air::sensors;
+use goshawk_air::flight::sensors;
 use goshawk_core::{
     AutopilotStatus, Command, ControllerOutput, FlightController, FrameInput, FrameRecord, History, Mode,
     NetworkOutput, Odometry, OdometryFault, Plan, Planner, PlanningDemand, StepInput, Time, Vec3,

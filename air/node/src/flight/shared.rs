@@ -10,8 +10,8 @@ use goshawk_core::{
 use goshawk_policy::AnswerFault;
 use goshawk_proto::v1;
 
-use crate::sensors::{Frame, Refused};
-use crate::slot::{Latest, Slot};
+use crate::flight::sensors::{Frame, Refused};
+use crate::flight::slot::{Latest, Slot};
 
 /// A command on its way to the controller, with where its answer goes.
 pub struct PendingCommand {

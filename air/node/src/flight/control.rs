@@ -10,12 +10,13 @@ use goshawk_core::{
     AutopilotStatus, Command, ControllerOutput, FlightController, Odometry, Plan, PlanningDemand, StepInput, Time,
 };
 
+use crate::clock;
 use crate::config::OdometrySource;
 use crate::convert;
-use crate::sensors;
-use crate::shared::{PendingCommand, Report, Shared, Started};
-use crate::slot::try_lock;
-use crate::{clock, realtime};
+use crate::flight::realtime;
+use crate::flight::sensors;
+use crate::flight::shared::{PendingCommand, Report, Shared, Started};
+use crate::flight::slot::try_lock;
 
 /// What the thread begins with.
 pub struct Control {

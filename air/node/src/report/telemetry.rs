@@ -12,14 +12,14 @@ use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
 
-use crate::access::INSECURE;
-use crate::bus::{Bus, BusError, Publisher};
 use crate::config::OdometrySource;
-use crate::flightlog::FlightLog;
-use crate::health::{self, Facts};
-use crate::sensors::Frame;
-use crate::shared::{Planned, Report, Shared, Started};
-use crate::visitors::Visitors;
+use crate::flight::sensors::Frame;
+use crate::flight::shared::{Planned, Report, Shared, Started};
+use crate::network::access::INSECURE;
+use crate::network::bus::{Bus, BusError, Publisher};
+use crate::network::visitors::Visitors;
+use crate::report::flightlog::FlightLog;
+use crate::report::health::{self, Facts};
 use crate::{clock, convert, inputs};
 
 /// Reports are looked for so often; what one look finds leaves together, which is most of what sending costs. Waiting

@@ -8,9 +8,9 @@ use goshawk_core::{FrameInput, FrameRecord, Plan, Planner, PlanningDemand};
 use goshawk_policy::{AnswerMonitor, Policy, Preprocessor};
 
 use crate::clock;
-use crate::realtime::Schedule;
-use crate::sensors::Frame;
-use crate::shared::{Planned, Report, Shared, lock};
+use crate::flight::realtime::Schedule;
+use crate::flight::sensors::Frame;
+use crate::flight::shared::{Planned, Report, Shared, lock};
 
 /// What the thread owns.
 pub struct Planning {
