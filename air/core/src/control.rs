@@ -11,5 +11,3 @@ pub mod separation;
 pub mod thrust;
 pub mod trust;
 pub mod vehicle;
-pub mod view;
-pub mod yaw;

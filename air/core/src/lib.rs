@@ -1,10 +1,11 @@
 //! Goshawk's core: the mathematics of the paper and the flight logic, after YOPOv2-Tracker.
 //!
 //! Pure: no I/O, clock, thread, random number or global; time and configuration are arguments. Nothing is allocated
-//! after construction. Everything hangs on two functions: [`Planner::step`] once a camera frame, and
-//! [`Controller::step`] at a fixed rate.
+//! after construction. Everything hangs on two functions: [`Planner::see`], whose [`Asked::answer`] is a plan, once a
+//! camera frame, and [`FlightController::step`] at a fixed rate.
 
 pub mod control;
+pub mod gaze;
 pub mod mission;
 pub mod planning;
 pub mod policy;
@@ -19,18 +20,22 @@ pub use control::separation::SeparationConfig;
 pub use control::thrust::ThrustConfig;
 pub use control::trust::OdometryFault;
 pub use control::vehicle::VehicleModel;
-pub use control::view::ViewConfig;
-pub use control::yaw::YawConfig;
+pub use gaze::GazeConfig;
+pub use gaze::hidden::hidden_for;
+pub use gaze::view::ViewConfig;
+pub use gaze::yaw::YawConfig;
 pub use mission::config::{ControllerConfig, MissionConfig};
 pub use mission::controller::Controller;
+pub use mission::fresh::FlightController;
 pub use mission::interface::{
-    AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Request, Transition,
+    AutopilotStatus, Command, ControllerOutput, Profile, Refusal, Request, StepInput, Transition,
 };
 pub use mission::limits::LimitsConfig;
 pub use mission::modes::{Cause, Fallback, Mode, StopAction};
 pub use planning::aim::ChaseConfig;
+pub use planning::frame::{FrameInput, FrameRecord, PlanningDemand};
 pub use planning::plan::Plan;
-pub use planning::planner::{Planner, PlannerConfig, PlannerInput, PlanningConfig};
+pub use planning::planner::{Asked, Planner, PlannerConfig, PlanningConfig};
 pub use planning::select::SelectConfig;
 pub use planning::target::TargetConfig;
 pub use policy::model::{CameraModel, PolicyModel};

@@ -4,6 +4,7 @@ pub mod config;
 pub mod controller;
 mod detour;
 mod flight;
+pub mod fresh;
 pub mod interface;
 pub mod landing;
 pub mod limits;

@@ -1,8 +1,8 @@
 //! From a frame to a plan: what is chased, what is avoided, what is flown.
 
 pub mod aim;
-pub mod doubt;
 pub mod evade;
+pub mod frame;
 pub mod movers;
 pub mod nearest;
 pub mod obstacles;
@@ -11,4 +11,3 @@ pub mod planner;
 pub mod room;
 pub mod select;
 pub mod target;
-pub mod threat;

@@ -59,14 +59,14 @@ proptest! {
             let plan = Plan { seq: k as u64, stamp: now.plus(-plan_age), ..plan };
             // A mostly willing autopilot, so that flights get far.
             let climbing = k > 4;
-            let input = ControllerInput {
-                odometry: Some(&odometry),
-                plan: Some(&plan),
+            let input = StepInput {
+                odometry: Some(odometry),
+                plan_seq: Some(plan.seq),
                 autopilot: AutopilotStatus { connected: true, armed: climbing, offboard: climbing, landed: None, battery: Some(0.8), position: None },
                 command: match bits { 0..=9 => Some(Command::Stop), 10..=120 => Some(Command::Start(profile)), _ => None },
                 ready: true,
             };
-            let output = controller.step(now, &input);
+            let output = controller.step(now, &input, Some(&plan));
             prop_assert_eq!(output.setpoint.is_some(), output.mode.has_authority());
             if let Some(setpoint) = output.setpoint {
                 prop_assert!((0.0..=config.vehicle.max_thrust).contains(&setpoint.thrust.0));

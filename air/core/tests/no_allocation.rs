@@ -75,16 +75,8 @@ fn planner_steps_allocate_nothing() {
     for seq in 0..100 {
         network.values[0] = seq as f32 * 0.01;
         let odometry = Odometry { stamp: Time::from_secs(seq as f64 / 30.0), ..odometry };
-        let input = PlannerInput {
-            seq,
-            odometry: &odometry,
-            acc_world: Vec3::zeros(),
-            speed: 6.0,
-            goal_world: None,
-            network: &network,
-        };
-        planner.see(&odometry, &[3000 + seq as u16; COLUMNS * ROWS]);
-        chosen += usize::from(planner.step(&input).chosen.is_some());
+        let frame = FrameInput { nearest: [3000 + seq as u16; COLUMNS * ROWS], ..common::frame(seq, odometry) };
+        chosen += usize::from(planner.see(&frame).answer(&network).chosen.is_some());
     }
     assert_eq!(allocations() - before, 0);
     assert!(chosen > 90);

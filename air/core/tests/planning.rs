@@ -33,9 +33,7 @@ fn frames(planner: &mut Planner, from: u64, count: u64, network: &NetworkOutput)
     let mut plan = None;
     for seq in from..from + count {
         let odometry = odometry(seq as f64 / 30.0);
-        let input =
-            PlannerInput { seq, odometry: &odometry, acc_world: Vec3::zeros(), speed: 6.0, goal_world: None, network };
-        plan = Some(planner.step(&input));
+        plan = Some(planner.see(&common::frame(seq, odometry)).answer(network));
     }
     plan.unwrap()
 }
@@ -134,7 +132,8 @@ fn a_weak_detection_beside_a_strong_one_elsewhere_is_nothing() {
 fn a_hidden_target_is_pursued_to_where_it_should_be_and_not_for_ever() {
     let mut planner = planner(Task::Track);
     let at = |planner: &mut Planner, seq: u64| {
-        let state = planner.network_state(&odometry(seq as f64 / 30.0), Vec3::zeros(), 6.0, None);
+        let frame = common::frame(seq, odometry(seq as f64 / 30.0));
+        let state = *planner.see(&frame).state();
         Vec3::new(state[9].into(), state[10].into(), state[11].into())
     };
     assert_eq!(at(&mut planner, 0), Vec3::zeros(), "nobody is known");
@@ -156,34 +155,37 @@ fn a_missed_frame_keeps_the_target() {
 }
 
 /// Shows the planner, which looks along x, something 2.5 m ahead.
-fn show_a_thing_ahead(planner: &mut Planner, odometry: &Odometry) {
+fn show_a_thing_ahead(planner: &mut Planner, odometry: Odometry) {
     let mut nearest = [9000; COLUMNS * ROWS];
     for row in 0..ROWS {
         nearest[row * COLUMNS + COLUMNS / 2 - 1..][..2].fill(2500);
     }
-    (0..3).for_each(|_| planner.see(odometry, &nearest));
+    let frame = FrameInput { nearest, ..common::frame(0, odometry) };
+    for _ in 0..3 {
+        let _ = planner.see(&frame);
+    }
 }
 
 #[test]
 fn what_would_meet_something_that_was_seen_is_not_flown() {
     let mut planner = planner(Task::Navigate);
     let output = network(&[(5, 2.0), (7, 0.2)]);
-    show_a_thing_ahead(&mut planner, &odometry(0.0));
+    show_a_thing_ahead(&mut planner, odometry(0.0));
     let plan = frames(&mut planner, 0, 1, &output);
     assert_eq!((plan.chosen, plan.candidates[7].rejection), (Some(5), Some(Rejection::Blocked)));
     assert_eq!(plan.candidates[0].rejection, Some(Rejection::Cost));
 }
 
 #[test]
-fn what_was_seen_before_a_jump_of_the_odometry_or_a_reset_is_forgotten() {
+fn what_was_seen_before_a_jump_of_the_odometry_or_a_flight_is_forgotten() {
     let output = network(&[(7, 0.2)]);
     let mut jumped = planner(Task::Navigate);
-    show_a_thing_ahead(&mut jumped, &Odometry { reset_counter: 1, ..odometry(0.0) });
+    show_a_thing_ahead(&mut jumped, Odometry { reset_counter: 1, ..odometry(0.0) });
     assert_eq!(frames(&mut jumped, 1, 1, &output).chosen, Some(7));
-    let mut reset = planner(Task::Navigate);
-    show_a_thing_ahead(&mut reset, &odometry(0.0));
-    reset.reset();
-    assert_eq!(frames(&mut reset, 1, 1, &output).chosen, Some(7));
+    let mut begun = planner(Task::Navigate);
+    show_a_thing_ahead(&mut begun, odometry(0.0));
+    let next = FrameInput { flight: 1, ..common::frame(1, odometry(1.0 / 30.0)) };
+    assert_eq!(begun.see(&next).answer(&output).chosen, Some(7));
 }
 
 #[test]
@@ -200,15 +202,8 @@ fn navigation_flies_the_cheapest_valid_candidate() {
 #[test]
 fn navigation_does_not_climb_over_the_roof_under_which_its_goal_lies() {
     let step = |output: &NetworkOutput, goal_world| {
-        let input = PlannerInput {
-            seq: 0,
-            odometry: &odometry(0.0),
-            acc_world: Vec3::zeros(),
-            speed: 6.0,
-            goal_world: Some(goal_world),
-            network: output,
-        };
-        planner(Task::Navigate).step(&input)
+        let frame = FrameInput { goal_world: Some(goal_world), ..common::frame(0, odometry(0.0)) };
+        planner(Task::Navigate).see(&frame).answer(output)
     };
     let level = odometry(0.0).pos_world + Vec3::new(40.0, 0.0, 0.0);
     let high = |index: usize| step(&network(&[]), level).candidates[index].end.pos.z - level.z;
@@ -230,12 +225,13 @@ fn a_network_of_nan_chooses_nothing() {
 
 #[test]
 fn the_state_is_seen_from_the_tilted_camera() {
-    let state = planner(Task::Navigate).network_state(
-        &odometry(0.0),
-        Vec3::new(0.0, 0.0, 1.5),
-        3.0,
-        Some(Vec3::new(1.0, 7.0, 3.0)),
-    );
+    let frame = FrameInput {
+        acc_world: Vec3::new(0.0, 0.0, 1.5),
+        speed: 3.0,
+        goal_world: Some(Vec3::new(1.0, 7.0, 3.0)),
+        ..common::frame(0, odometry(0.0))
+    };
+    let state = *planner(Task::Navigate).see(&frame).state();
     let (sin, cos) = (0.17_f32.sin(), 0.17_f32.cos());
     // alpha 0.5: velocity 2 / 3, acceleration 1.5 / (0.25 * 6) = 1; a camera looking up sees them below and ahead.
     let want = [2.0 / 3.0 * cos, 0.0, -2.0 / 3.0 * sin, sin, 0.0, cos, sin, 0.0, cos, 0.0, 0.5, 0.0, 1.0];
@@ -246,7 +242,8 @@ fn the_state_is_seen_from_the_tilted_camera() {
 
 #[test]
 fn the_faster_it_shall_fly_the_less_agile_it_is() {
-    let agility = |speed| planner(Task::Track).network_state(&odometry(0.0), Vec3::zeros(), speed, None)[12];
+    let frame = |speed| FrameInput { speed, ..common::frame(0, odometry(0.0)) };
+    let agility = |speed| planner(Task::Track).see(&frame(speed)).state()[12];
     assert_eq!(agility(6.0), 1.0);
     // alpha 2: 8 m/s² of 4 * 6.
     assert!((agility(12.0) - 1.0 / 3.0).abs() < 1e-6, "{}", agility(12.0));
@@ -260,15 +257,7 @@ fn an_odometry_jump_does_not_lose_the_target() {
     let mut jumped = odometry(0.2);
     jumped.pos_world += jumped.vel_world / 30.0 + Vec3::new(0.0, 50.0, 0.0);
     jumped.reset_counter = 1;
-    let input = PlannerInput {
-        seq: 6,
-        odometry: &jumped,
-        acc_world: Vec3::zeros(),
-        speed: 6.0,
-        goal_world: None,
-        network: &seen,
-    };
-    let plan = planner.step(&input);
+    let plan = planner.see(&common::frame(6, jumped)).answer(&seen);
     assert!(plan.chosen.is_some() && plan.target.unwrap().last_seen == plan.stamp);
 }
 
@@ -282,9 +271,8 @@ proptest! {
         let network = NetworkOutput { values: values.try_into().unwrap() };
         let odometry = Odometry { stamp: Time(stamp), pos_world: Vec3::from(pos), ..odometry(0.0) };
         for seq in 0..8 {
-            let acc_world = Vec3::from(pos);
-            let input = PlannerInput { seq, odometry: &odometry, acc_world, speed, goal_world: None, network: &network };
-            let plan = planner.step(&input);
+            let frame = FrameInput { acc_world: Vec3::from(pos), speed, ..common::frame(seq, odometry) };
+            let plan = planner.see(&frame).answer(&network);
             prop_assert!(plan.duration.is_finite() && plan.duration > 0.0);
         }
     }

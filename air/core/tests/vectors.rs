@@ -4,6 +4,7 @@
 use goshawk_core::control::disturbance::Observer;
 use goshawk_core::control::flatness::flat_command;
 use goshawk_core::control::lead::lead;
+use goshawk_core::planning::nearest::{COLUMNS, ROWS};
 use goshawk_core::planning::target::{Detection, TargetFilter};
 use goshawk_core::policy::decode::channels;
 use goshawk_core::policy::lattice::Lattice;
@@ -175,14 +176,15 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
     };
     let (acc_world, speed, goal_world) =
         (vector(&case["acc_3"]), number(&case["speed"]), Some(vector(&case["goal_3"])));
-    let network_state = planner.network_state(&odometry, acc_world, speed, goal_world);
-    for (at, (got, want)) in network_state.iter().zip(list(&case["state"])).enumerate() {
+    let nearest = [0; COLUMNS * ROWS];
+    let frame = FrameInput { flight: 0, seq: 1, odometry, acc_world, speed, goal_world, nearest };
+    let asked = planner.see(&frame);
+    for (at, (got, want)) in asked.state().iter().zip(list(&case["state"])).enumerate() {
         // The case's aim is a goal's; a tracker that has seen nobody has none.
         let want = if task == Task::Track && (9..12).contains(&at) { 0.0 } else { number(want) };
         assert!((f64::from(*got) - want).abs() <= DECODED * want.abs().max(1.0), "{got}, wanted {want}");
     }
-    let plan =
-        planner.step(&PlannerInput { seq: 1, odometry: &odometry, acc_world, speed, goal_world, network: &network });
+    let plan = asked.answer(&network);
     same("duration", plan.duration, &case["duration"]);
     same_rotation("camera", plan.world_from_cam, &case["world_from_cam_Q"]);
     for (got, want) in plan.candidates.iter().zip(list(&case["candidates_N"])) {

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use goshawk_core::{
-    CameraModel, ChaseConfig, ConfigError, ControllerConfig, HoldConfig, LadderConfig, LagConfig, LeadConfig,
-    LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PlanningConfig, PolicyModel, Profile, Rot,
+    CameraModel, ChaseConfig, ConfigError, ControllerConfig, GazeConfig, HoldConfig, LadderConfig, LagConfig,
+    LeadConfig, LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PlanningConfig, PolicyModel, Profile, Rot,
     SelectConfig, SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig,
     YawConfig, within,
 };
@@ -431,6 +431,10 @@ impl Vehicle {
                 along_velocity_speed: y.along_velocity_speed_mps,
             },
             view: ViewConfig { top: (self.camera.tilt_deg + 0.5 * self.camera.vfov_deg).to_radians() },
+            gaze: GazeConfig {
+                objectness: self.planner.confirm_objectness,
+                target_speed: self.planner.target_max_speed_mps,
+            },
             hold: HoldConfig {
                 kp: h.kp,
                 kv: h.kv,

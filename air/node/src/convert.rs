@@ -110,7 +110,7 @@ pub fn target(seq: u64, target: &core::TargetEstimate, now: core::Time) -> v1::T
         vel_world: Some(vec3(target.vel_world)),
         covariance: target.covariance.transpose().iter().map(|c| *c as f32).collect(),
         confirmed: target.confirmed,
-        since_seen_s: now.since(target.last_seen).max(0.0),
+        since_seen_s: core::hidden_for(target.last_seen, now),
     }
 }
 

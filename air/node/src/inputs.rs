@@ -1,112 +1,45 @@
-//! What planner and controller are given, as values that a log can hold and [`crate::replay`] gives back: a step is a
-//! function of these and of the steps before, on board, in lockstep and in a replay alike.
+//! What planner and controller are given, to and from the messages that a log holds and [`crate::replay`] gives back.
 
+use goshawk_core::planning::frame::STATE;
 use goshawk_core::planning::nearest::Nearest;
 use goshawk_core::{
-    AutopilotStatus, Command, ConfigError, Controller, ControllerConfig, ControllerInput, ControllerOutput, Mode,
-    NetworkOutput, Odometry, Plan, PlannerInput, PlanningDemand, Profile, Rot, Task, Time, Vec3,
+    AutopilotStatus, Command, FrameInput, FrameRecord, NetworkOutput, Odometry, Profile, Rot, StepInput, Task, Time,
+    Vec3,
 };
 use goshawk_proto::v1;
 
 use crate::convert::{odometry, vec3};
 
-/// What the planner is given for one frame.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrameInput {
-    /// Counts frames.
-    pub seq: u64,
-    /// At the frame's capture stamp.
-    pub odometry: Odometry,
-    /// Commanded then, m/s².
-    pub acc_world: Vec3,
-    /// Desired, m/s.
-    pub speed: f64,
-    /// Navigation's goal.
-    pub goal_world: Option<Vec3>,
-    /// The nearest depth in each block of the image.
-    pub nearest: Nearest,
-    /// The network's state input.
-    pub state: [f32; 13],
-    /// The network's raw answer.
-    pub network: NetworkOutput,
-}
-
-/// Protobuf does not tell -0 from 0, so neither may a step's input.
-fn plain(v: Vec3) -> Vec3 {
-    v.map(|x| x + 0.0)
-}
-
-/// `o` with no negative zero in it.
+/// All that a plan was made from, for the log.
 #[must_use]
-pub fn plain_odometry(o: &Odometry) -> Odometry {
-    Odometry {
-        stamp: o.stamp,
-        pos_world: plain(o.pos_world),
-        vel_world: plain(o.vel_world),
-        world_from_body: Rot::new_unchecked(o.world_from_body.into_inner().coords.map(|x| x + 0.0).into()),
-        ang_vel_body: plain(o.ang_vel_body),
-        reset_counter: o.reset_counter,
+pub fn planner_input(record: &FrameRecord) -> v1::PlannerInput {
+    let frame = &record.frame;
+    v1::PlannerInput {
+        seq: frame.seq,
+        odometry: Some(odometry(frame.seq, &frame.odometry)),
+        acc_world: Some(vec3(frame.acc_world)),
+        speed_mps: frame.speed,
+        goal_world: frame.goal_world.map(vec3),
+        state: record.state.to_vec(),
+        prediction: record.network.values.to_vec(),
+        nearest_mm: frame.nearest.iter().flat_map(|mm| mm.to_le_bytes()).collect(),
     }
 }
 
-impl FrameInput {
-    /// A frame that the network has yet to see: `state` and `network` are zero.
-    #[must_use]
-    pub fn new(seq: u64, at_stamp: &Odometry, acc_world: Vec3, demand: &PlanningDemand, nearest: Nearest) -> Self {
-        FrameInput {
-            seq,
-            odometry: plain_odometry(at_stamp),
-            acc_world: plain(acc_world),
-            speed: demand.speed,
-            goal_world: demand.goal_world.map(plain),
-            nearest,
-            state: [0.0; 13],
-            network: NetworkOutput { values: [0.0; goshawk_core::MAX_CHANNELS * goshawk_core::ANCHORS] },
-        }
-    }
-
-    /// For [`goshawk_core::Planner::step`].
-    #[must_use]
-    pub fn as_core(&self) -> PlannerInput<'_> {
-        PlannerInput {
-            seq: self.seq,
-            odometry: &self.odometry,
-            acc_world: self.acc_world,
-            speed: self.speed,
-            goal_world: self.goal_world,
-            network: &self.network,
-        }
-    }
-
-    /// For the log.
-    #[must_use]
-    pub fn to_proto(&self) -> v1::PlannerInput {
-        v1::PlannerInput {
-            seq: self.seq,
-            odometry: Some(odometry(self.seq, &self.odometry)),
-            acc_world: Some(vec3(self.acc_world)),
-            speed_mps: self.speed,
-            goal_world: self.goal_world.map(vec3),
-            state: self.state.to_vec(),
-            prediction: self.network.values.to_vec(),
-            nearest_mm: self.nearest.iter().flat_map(|mm| mm.to_le_bytes()).collect(),
-        }
-    }
-
-    /// From the log; none: a part is missing.
-    #[must_use]
-    pub fn from_proto(m: &v1::PlannerInput) -> Option<Self> {
-        Some(FrameInput {
-            seq: m.seq,
-            odometry: odometry_from(m.odometry.as_ref()?)?,
-            acc_world: vector(m.acc_world?),
-            speed: m.speed_mps,
-            goal_world: m.goal_world.map(vector),
-            nearest: nearest_from(&m.nearest_mm)?,
-            state: m.state.as_slice().try_into().ok()?,
-            network: NetworkOutput { values: m.prediction.as_slice().try_into().ok()? },
-        })
-    }
+/// All that a plan was made from, from the log; none: a part is missing.
+#[must_use]
+pub fn frame_record(m: &v1::PlannerInput) -> Option<FrameRecord> {
+    let state: [f32; STATE] = m.state.as_slice().try_into().ok()?;
+    let frame = FrameInput {
+        flight: 0,
+        seq: m.seq,
+        odometry: odometry_from(m.odometry.as_ref()?)?,
+        acc_world: vector(m.acc_world?),
+        speed: m.speed_mps,
+        goal_world: m.goal_world.map(vector),
+        nearest: nearest_from(&m.nearest_mm)?,
+    };
+    Some(FrameRecord { frame, state, network: NetworkOutput { values: m.prediction.as_slice().try_into().ok()? } })
 }
 
 fn nearest_from(bytes: &[u8]) -> Option<Nearest> {
@@ -133,182 +66,91 @@ pub fn odometry_from(m: &v1::Odometry) -> Option<Odometry> {
     })
 }
 
-/// What one controller step is given besides odometry and plan themselves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StepInput {
-    /// Of the newest odometry.
-    pub odometry_stamp: Option<Time>,
-    /// Of the newest plan.
-    pub plan_seq: Option<u64>,
-    /// The autopilot's state.
-    pub autopilot: AutopilotStatus,
-    /// A command.
-    pub command: Option<Command>,
-    /// The checks outside the core hold.
-    pub ready: bool,
-}
-
-impl StepInput {
-    /// The parts of `input` that are small.
-    #[must_use]
-    pub fn of(input: &ControllerInput) -> Self {
-        StepInput {
-            odometry_stamp: input.odometry.map(|o| o.stamp),
-            plan_seq: input.plan.map(|plan| plan.seq),
-            autopilot: input.autopilot,
-            command: input.command,
-            ready: input.ready,
-        }
-    }
-
-    /// With odometry and plan again.
-    #[must_use]
-    pub fn as_core<'a>(&self, odometry: Option<&'a Odometry>, plan: Option<&'a Plan>) -> ControllerInput<'a> {
-        ControllerInput { odometry, plan, autopilot: self.autopilot, command: self.command, ready: self.ready }
-    }
-
-    /// For the log.
-    #[must_use]
-    pub fn to_proto(&self, seq: u64, stamp: Time) -> v1::ControllerInput {
-        v1::ControllerInput {
-            seq,
-            stamp_ns: stamp.0,
-            plan_seq: self.plan_seq,
-            connected: self.autopilot.connected,
-            armed: self.autopilot.armed,
-            offboard: self.autopilot.offboard,
-            landed: self.autopilot.landed,
-            ready: self.ready,
-            start: match &self.command {
-                Some(Command::Start(profile)) => Some(v1::StartProfile {
-                    navigate: profile.task == Task::Navigate,
-                    speed_mps: profile.speed,
-                    height_m: profile.height,
-                    goal_m: profile.goal.map(vec3),
-                }),
-                _ => None,
-            },
-            stop: self.command == Some(Command::Stop),
-            odometry_ns: self.odometry_stamp.map(|stamp| stamp.0),
-            battery: self.autopilot.battery,
-            position: self.autopilot.position,
-        }
-    }
-
-    /// From the log.
-    #[must_use]
-    pub fn from_proto(m: &v1::ControllerInput) -> Self {
-        let start = m.start.as_ref().map(|start| {
-            Command::Start(Profile {
-                task: if start.navigate { Task::Navigate } else { Task::Track },
-                speed: start.speed_mps,
-                height: start.height_m,
-                goal: start.goal_m.map(vector),
-            })
-        });
-        StepInput {
-            odometry_stamp: m.odometry_ns.map(Time),
-            plan_seq: m.plan_seq,
-            autopilot: AutopilotStatus {
-                connected: m.connected,
-                armed: m.armed,
-                offboard: m.offboard,
-                landed: m.landed,
-                battery: m.battery,
-                position: m.position,
-            },
-            command: start.or(m.stop.then_some(Command::Stop)),
-            ready: m.ready,
-        }
+/// What a step of the controller was given at `stamp`, for the log.
+#[must_use]
+pub fn controller_input(input: &StepInput, seq: u64, stamp: Time) -> v1::ControllerInput {
+    v1::ControllerInput {
+        seq,
+        stamp_ns: stamp.0,
+        plan_seq: input.plan_seq,
+        connected: input.autopilot.connected,
+        armed: input.autopilot.armed,
+        offboard: input.autopilot.offboard,
+        landed: input.autopilot.landed,
+        ready: input.ready,
+        start: match &input.command {
+            Some(Command::Start(profile)) => Some(v1::StartProfile {
+                navigate: profile.task == Task::Navigate,
+                speed_mps: profile.speed,
+                height_m: profile.height,
+                goal_m: profile.goal.map(vec3),
+            }),
+            _ => None,
+        },
+        stop: input.command == Some(Command::Stop),
+        odometry_ns: input.odometry.map(|o| o.stamp.0),
+        battery: input.autopilot.battery,
+        position: input.autopilot.position,
     }
 }
 
-/// The controller with the rule that makes a flight a function of its log: a start from `Ready` begins with a
-/// controller that knows nothing of what was before.
-#[derive(Clone, Debug)]
-pub struct FlightController {
-    fresh: Controller,
-    current: Controller,
-    /// Asked first whether it would start.
-    next: Controller,
-}
-
-impl FlightController {
-    /// In `Idle`.
-    ///
-    /// # Errors
-    /// A value that cannot be flown with.
-    pub fn new(config: ControllerConfig) -> Result<Self, ConfigError> {
-        let fresh = Controller::new(config)?;
-        Ok(FlightController { current: fresh.clone(), next: fresh.clone(), fresh })
-    }
-
-    /// One tick at `now`. Allocates nothing.
-    pub fn step(&mut self, now: Time, input: &ControllerInput) -> ControllerOutput {
-        if matches!(input.command, Some(Command::Start(_))) && self.current.mode() == Mode::Ready {
-            let uncommanded = ControllerInput { command: None, ..*input };
-            self.next.clone_from(&self.fresh);
-            self.next.step(now, &uncommanded); // to Ready, if it is
-            let output = self.next.step(now, input);
-            if output.reply == Some(Ok(())) {
-                std::mem::swap(&mut self.current, &mut self.next);
-                return output;
-            }
-            // A refused start changes nothing: what was still to be done is done, and a change of mode is told.
-            return ControllerOutput { reply: output.reply, ..self.current.step(now, &uncommanded) };
-        }
-        self.current.step(now, input)
+/// What a step of the controller was given, from the log: the message names its odometry by the stamp, and the last one
+/// before it in the log is `odometry`.
+#[must_use]
+pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>) -> StepInput {
+    let start = m.start.as_ref().map(|start| {
+        Command::Start(Profile {
+            task: if start.navigate { Task::Navigate } else { Task::Track },
+            speed: start.speed_mps,
+            height: start.height_m,
+            goal: start.goal_m.map(vector),
+        })
+    });
+    StepInput {
+        odometry,
+        plan_seq: m.plan_seq,
+        autopilot: AutopilotStatus {
+            connected: m.connected,
+            armed: m.armed,
+            offboard: m.offboard,
+            landed: m.landed,
+            battery: m.battery,
+            position: m.position,
+        },
+        command: start.or(m.stop.then_some(Command::Stop)),
+        ready: m.ready,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use goshawk_core::PlanningDemand;
     use prost::Message;
 
-    #[test]
-    fn a_frames_input_comes_back_from_the_log_bit_for_bit() {
-        let at_stamp = Odometry {
+    fn at_stamp() -> Odometry {
+        Odometry {
             stamp: Time(7),
             pos_world: Vec3::new(0.1, -0.0, 1e-310),
             vel_world: Vec3::new(-1.0 / 3.0, 0.0, f64::MIN_POSITIVE),
             world_from_body: Rot::from_euler_angles(0.1, -0.2, 3.0),
             ang_vel_body: Vec3::new(-0.0, 1.0, 2.0),
             reset_counter: 3,
-        };
-        let demand = PlanningDemand { task: Task::Navigate, speed: 6.1, goal_world: Some(Vec3::x()) };
-        let nearest = std::array::from_fn(|block| 7 * block as u16);
-        let mut input = FrameInput::new(5, &at_stamp, Vec3::new(-0.0, 0.7, 0.1), &demand, nearest);
-        input.state[3] = -0.0;
-        input.network.values[17] = -0.0;
-        let bytes = input.to_proto().encode_to_vec();
-        let back = FrameInput::from_proto(&v1::PlannerInput::decode(bytes.as_slice()).unwrap()).unwrap();
-        assert_eq!(format!("{back:?}"), format!("{input:?}"), "Debug tells -0 from 0");
+        }
     }
 
     #[test]
-    fn a_start_that_is_refused_in_ready_leaves_the_controller_as_it_is_and_tells_its_change_of_mode() {
-        let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../vehicles/sim.toml"));
-        let vehicle = crate::config::Vehicle::load(path).unwrap();
-        let mut controller = FlightController::new(vehicle.controller_config()).unwrap();
-        let zero = Vec3::zeros();
-        let odometry = Odometry {
-            stamp: Time(1_000_000_000),
-            pos_world: zero,
-            vel_world: zero,
-            world_from_body: Rot::identity(),
-            ang_vel_body: zero,
-            reset_counter: 0,
-        };
-        let autopilot = AutopilotStatus { connected: true, landed: Some(true), ..AutopilotStatus::default() };
-        let standing = ControllerInput { odometry: Some(&odometry), plan: None, autopilot, command: None, ready: true };
-        assert_eq!(controller.step(Time(1_000_000_000), &standing).mode, Mode::Ready);
-        let lost = AutopilotStatus { position: Some(false), ..autopilot };
-        let command = vehicle.profile(None).map(Command::Start);
-        let output = controller.step(Time(1_005_000_000), &ControllerInput { autopilot: lost, command, ..standing });
-        assert_eq!(output.reply, Some(Err(goshawk_core::Refusal::NoPosition)));
-        let told = output.transition.map(|t| (t.from, t.to, t.cause));
-        assert_eq!(told, Some((Mode::Ready, Mode::Idle, goshawk_core::Cause::CheckFailed)));
+    fn a_frames_input_comes_back_from_the_log_bit_for_bit() {
+        let demand = PlanningDemand { task: Task::Navigate, speed: 6.1, goal_world: Some(Vec3::x()) };
+        let nearest = std::array::from_fn(|block| 7 * block as u16);
+        let frame = FrameInput::new(0, 5, &at_stamp(), Vec3::new(-0.0, 0.7, 0.1), &demand, nearest);
+        let network = NetworkOutput { values: [0.0; goshawk_core::MAX_CHANNELS * goshawk_core::ANCHORS] };
+        let mut record = FrameRecord { frame, state: [0.0; STATE], network };
+        record.state[3] = -0.0;
+        record.network.values[17] = -0.0;
+        let bytes = planner_input(&record).encode_to_vec();
+        let back = frame_record(&v1::PlannerInput::decode(bytes.as_slice()).unwrap()).unwrap();
+        assert_eq!(format!("{back:?}"), format!("{record:?}"), "Debug tells -0 from 0");
     }
 
     #[test]
@@ -316,7 +158,7 @@ mod tests {
         let profile = Profile { task: Task::Navigate, speed: 5.0, height: 1.5, goal: Some(Vec3::x()) };
         for command in [None, Some(Command::Stop), Some(Command::Start(profile))] {
             let input = StepInput {
-                odometry_stamp: Some(Time(0)),
+                odometry: Some(at_stamp()),
                 plan_seq: Some(0),
                 autopilot: AutopilotStatus {
                     armed: true,
@@ -327,7 +169,9 @@ mod tests {
                 command,
                 ready: true,
             };
-            assert_eq!(StepInput::from_proto(&input.to_proto(1, Time(2))), input);
+            let message = controller_input(&input, 1, Time(2));
+            assert_eq!(message.odometry_ns, Some(7));
+            assert_eq!(step_input(&message, input.odometry), input);
         }
     }
 }

@@ -11,24 +11,24 @@ use color_eyre::eyre::{Result, WrapErr, bail};
 use goshawk_autopilot::{
     Address, AutopilotError, AutopilotLink, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates,
 };
-use goshawk_core::{Planner, PlanningDemand, Profile};
+use goshawk_core::{FlightController, Planner, PlanningDemand, Profile};
 use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
 
-use crate::access::{Access, Guard};
-use crate::bus::Bus;
-use crate::camera::CameraInput;
+use crate::clock;
 use crate::config::{OdometrySource, Vehicle};
-use crate::control::Control;
-use crate::flightlog::FlightLog;
-use crate::inputs::FlightController;
-use crate::planning::Planning;
-use crate::realtime::{self, Schedule};
-use crate::sensors;
-use crate::shared::Shared;
-use crate::telemetry::{Identity, Telemetry};
-use crate::visitors::Visitors;
-use crate::{clock, commands};
+use crate::flight::camera::CameraInput;
+use crate::flight::control::Control;
+use crate::flight::planning::Planning;
+use crate::flight::realtime::{self, Schedule};
+use crate::flight::sensors;
+use crate::flight::shared::Shared;
+use crate::network::access::{Access, Guard};
+use crate::network::bus::Bus;
+use crate::network::commands;
+use crate::network::visitors::Visitors;
+use crate::report::flightlog::FlightLog;
+use crate::report::telemetry::{Identity, Telemetry};
 
 /// What the command line may change of the vehicle file.
 #[derive(Clone, Debug, Default)]

@@ -18,15 +18,16 @@ use std::time::Duration;
 
 use goshawk_air::clock;
 use goshawk_air::config::{OdometrySource, Vehicle};
-use goshawk_air::control::Control;
-use goshawk_air::inputs::FlightController;
-use goshawk_air::realtime::Schedule;
-use goshawk_air::shared::{PendingCommand, Report, Shared, lock};
+use goshawk_air::flight::control::Control;
+use goshawk_air::flight::realtime::Schedule;
+use goshawk_air::flight::shared::{PendingCommand, Report, Shared, lock};
 use goshawk_autopilot::messages::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag};
 use goshawk_autopilot::wire::encode::Encoder;
 use goshawk_autopilot::{AutopilotLink, LinkConfig, Px4Mode};
 use goshawk_core::planning::room::HEADINGS;
-use goshawk_core::{ANCHORS, Candidate, Command, FlatState, Mode, Odometry, Plan, Rot, TargetEstimate, Time, Vec3};
+use goshawk_core::{
+    ANCHORS, Candidate, Command, FlatState, FlightController, Mode, Odometry, Plan, Rot, TargetEstimate, Time, Vec3,
+};
 
 thread_local! {
     static WATCHED: Cell<bool> = const { Cell::new(false) };

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! RGB-D bytes ─► Preprocessor::run ─► Policy::infer ─► goshawk_core::NetworkOutput
-//!                                        ▲ state (goshawk_core::Planner::network_state)
+//!                                        ▲ state (goshawk_core::Asked::state)
 //! ```
 //! Knows nothing of transports, autopilots or logs.
 

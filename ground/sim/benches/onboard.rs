@@ -17,13 +17,11 @@ use std::time::Instant;
 use common::{core_seconds, quantile, record, row, verdict};
 use goshawk_air::clock;
 use goshawk_air::config::Vehicle;
-use goshawk_air::convert;
-use goshawk_air::inputs::{FlightController, FrameInput, StepInput};
-use goshawk_air::planning::answer;
-use goshawk_air::realtime::Schedule;
-use goshawk_air::sensors;
+use goshawk_air::flight::realtime::Schedule;
+use goshawk_air::flight::sensors;
+use goshawk_air::{convert, inputs};
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
-use goshawk_core::{ControllerOutput, Odometry, Plan, Planner, Task, Time};
+use goshawk_core::{ControllerOutput, FlightController, FrameInput, FrameRecord, Plan, Planner, StepInput, Task, Time};
 use goshawk_policy::{AnswerMonitor, Arrival, Policy, Preprocessor, StreamMonitor};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
@@ -40,15 +38,15 @@ use prost::Message;
 #[derive(Default)]
 struct Flight {
     frames: Vec<(v1::Rgbd, RgbdImage)>,
-    plans: Vec<(Time, Plan, FrameInput)>,
-    steps: Vec<(Time, StepInput, ControllerOutput, Option<Odometry>)>,
+    plans: Vec<(Time, Plan, FrameRecord)>,
+    steps: Vec<(Time, StepInput, ControllerOutput)>,
     fov: (f64, f64),
 }
 
 impl Witness for Flight {
     fn control(&mut self, now: Time, output: &ControllerOutput, onboard: &dyn Pilot) {
         if let Some(input) = onboard.step_input() {
-            self.steps.push((now, *input, *output, onboard.odometry().copied()));
+            self.steps.push((now, *input, *output));
         }
     }
 
@@ -66,9 +64,9 @@ impl Witness for Flight {
         self.frames.push((message, image.clone()));
     }
 
-    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
-        if let Some(input) = input {
-            self.plans.push((ready, plan.clone(), input.clone()));
+    fn plan(&mut self, ready: Time, plan: &Plan, record: Option<&FrameRecord>) {
+        if let Some(record) = record {
+            self.plans.push((ready, plan.clone(), record.clone()));
         }
     }
 }
@@ -122,22 +120,22 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
     let mut times = Times::default();
     let mut steps = flight.steps.iter().peekable();
     for (ready, _, logged) in &flight.plans {
-        let Some((message, _)) = flight.frames.iter().find(|(m, _)| m.stamp_ns == logged.odometry.stamp.0) else {
+        let Some((message, _)) = flight.frames.iter().find(|(m, _)| m.stamp_ns == logged.frame.odometry.stamp.0) else {
             continue;
         };
         // The controller as it was when this plan came.
         let mut last = None;
-        while let Some((now, input, _, odometry)) = steps.next_if(|(now, ..)| now <= ready) {
-            controller.step(*now, &input.as_core(odometry.as_ref(), None));
-            last = odometry.as_ref();
+        while let Some((now, input, _)) = steps.next_if(|(now, ..)| now <= ready) {
+            controller.step(*now, input, None);
+            last = input.odometry;
         }
-        let Some((now, input, _, _)) = steps.peek() else { break };
+        let Some((now, input, _)) = steps.peek() else { break };
         let bytes = message.encode_to_vec();
         let begun = Instant::now();
         let frame = sensors::frame(&bytes, Time(message.stamp_ns))?;
         let decoded = Instant::now();
         let arrival = Arrival { seq: frame.seq, stamp: frame.stamp, source: 0 };
-        black_box(stream.judge(&arrival, &frame.rgb, &frame.depth_mm, &sensors::moving(true, &logged.odometry)));
+        black_box(stream.judge(&arrival, &frame.rgb, &frame.depth_mm, &sensors::moving(true, &logged.frame.odometry)));
         let print = stream.print();
         let judged = Instant::now();
         let preparing = match preprocessor.take() {
@@ -148,18 +146,17 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
         let nearest = preparing.nearest(&frame.depth_mm)?;
         let image = preparing.run(&frame.rgb, &frame.depth_mm)?;
         let prepared = Instant::now();
-        let mut input_of_frame = FrameInput { nearest, ..logged.clone() };
-        let mut remembering = planner.clone();
-        let cloned = Instant::now();
-        remembering.see(&input_of_frame.odometry, &input_of_frame.nearest);
+        let seen = FrameInput { nearest, ..logged.frame.clone() };
+        let asked = planner.see(&seen);
         let remembered = Instant::now();
-        answer(&mut planner, policy, image, &mut input_of_frame)?;
+        let network = policy.infer(image, asked.state())?;
         let answered = Instant::now();
-        let plan = planner.step(&input_of_frame.as_core());
+        let plan = asked.answer(&network);
         let planned = Instant::now();
-        black_box(answers.judge(plan.stamp, print, &input_of_frame.network));
+        black_box(answers.judge(plan.stamp, print, &network));
         let believed = Instant::now();
-        let output = controller.step(*now, &input.as_core(last, Some(&plan)));
+        let taking = StepInput { odometry: last, plan_seq: Some(plan.seq), ..*input };
+        let output = controller.step(*now, &taking, Some(&plan));
         let controlled = Instant::now();
         let datagram = output.setpoint.map(|setpoint| link.setpoint_frame(&setpoint)).transpose()?;
         let ended = Instant::now();
@@ -167,16 +164,15 @@ fn frames(vehicle: &Vehicle, policy: &mut Policy, flight: &Flight) -> color_eyre
             continue; // on the ground nothing is sent
         }
         let ms = |from: Instant, to: Instant| (to - from).as_secs_f64() * 1e3;
-        // Without what was measured beside it.
-        times.whole_ms.push(ms(begun, prepared) + ms(remembered, ended));
-        times.memory_ms.push(ms(cloned, remembered));
+        times.whole_ms.push(ms(begun, ended));
+        times.memory_ms.push(ms(prepared, remembered));
         times.decode_ms.push(ms(begun, decoded));
         let (stream_us, answers_us) = (1e3 * ms(decoded, judged), 1e3 * ms(planned, believed));
         times.stream_us.push(stream_us);
         times.answers_us.push(answers_us);
         times.monitors_us.push(stream_us + answers_us);
         times.prepare_ms.push(ms(judged, prepared));
-        times.network_ms.push(ms(remembered, answered) - ms(cloned, remembered));
+        times.network_ms.push(ms(remembered, answered));
         times.post_us.push(1e3 * ms(answered, ended) - answers_us);
         times.planner_us.push(1e3 * ms(answered, planned));
         times.controller_us.push(1e3 * ms(believed, controlled));
@@ -194,13 +190,15 @@ fn after_network(vehicle: &Vehicle, policy: &Policy, flight: &Flight) -> color_e
         let mut controller = FlightController::new(vehicle.controller_config())?;
         let mut steps = flight.steps.iter().peekable();
         for (ready, _, logged) in &flight.plans {
-            while let Some((now, input, _, odometry)) = steps.next_if(|(now, ..)| now < ready) {
-                controller.step(*now, &input.as_core(odometry.as_ref(), None));
+            while let Some((now, input, _)) = steps.next_if(|(now, ..)| now < ready) {
+                controller.step(*now, input, None);
             }
-            let Some((now, input, _, odometry)) = steps.next() else { break };
+            let Some((now, input, _)) = steps.next() else { break };
+            let asked = planner.see(&logged.frame);
             let begun = Instant::now();
-            let plan = planner.step(&logged.as_core());
-            let output = controller.step(*now, &input.as_core(odometry.as_ref(), Some(&plan)));
+            let plan = asked.answer(&logged.network);
+            let taking = StepInput { plan_seq: Some(plan.seq), ..*input };
+            let output = controller.step(*now, &taking, Some(&plan));
             let datagram = output.setpoint.map(|setpoint| link.setpoint_frame(&setpoint)).transpose()?;
             let us = begun.elapsed().as_secs_f64() * 1e6;
             if black_box(datagram).is_some() {
@@ -216,11 +214,11 @@ fn controller_steps(vehicle: &Vehicle, flight: &Flight) -> color_eyre::Result<Ve
     let mut times_us = Vec::new();
     for _ in 0..5 {
         let mut controller = FlightController::new(vehicle.controller_config())?;
-        for (now, input, _, odometry) in &flight.steps {
+        for (now, input, _) in &flight.steps {
             let plan = input.plan_seq.and_then(|seq| flight.plans.iter().find(|(_, plan, _)| plan.seq == seq));
-            let input = input.as_core(odometry.as_ref(), plan.map(|(_, plan, _)| plan));
+            let plan = plan.map(|(_, plan, _)| plan);
             let begun = Instant::now();
-            black_box(controller.step(*now, &input));
+            black_box(controller.step(*now, input, plan));
             times_us.push(begun.elapsed().as_secs_f64() * 1e6);
         }
     }
@@ -236,18 +234,22 @@ fn recorder(flight: &Flight) -> color_eyre::Result<(f64, f64)> {
         let png = goshawk_recorder::image::compress(&image.rgb, &image.depth_mm, message.width, message.height)?;
         log.write(Channel::RGBD, message.stamp_ns, &png.encode_to_vec())?;
     }
-    for (ready, plan, input) in &flight.plans {
-        log.write(Channel::PLANNER_INPUT, ready.0, &input.to_proto().encode_to_vec())?;
+    for (ready, plan, made_from) in &flight.plans {
+        log.write(Channel::PLANNER_INPUT, ready.0, &inputs::planner_input(made_from).encode_to_vec())?;
         log.write(channel(Key::Plan)?, ready.0, &convert::plan(plan, *ready).encode_to_vec())?;
         if let Some(target) = &plan.target {
             log.write(channel(Key::Target)?, ready.0, &convert::target(0, target, plan.stamp).encode_to_vec())?;
         }
     }
-    for (seq, (now, input, output, odometry)) in flight.steps.iter().enumerate() {
-        log.write(Channel::CONTROLLER_INPUT, now.0, &input.to_proto(seq as u64, *now).encode_to_vec())?;
-        let control = convert::control(seq as u64, *now, output, odometry.as_ref());
+    for (seq, (now, input, output)) in flight.steps.iter().enumerate() {
+        log.write(
+            Channel::CONTROLLER_INPUT,
+            now.0,
+            &inputs::controller_input(input, seq as u64, *now).encode_to_vec(),
+        )?;
+        let control = convert::control(seq as u64, *now, output, input.odometry.as_ref());
         log.write(channel(Key::Control)?, now.0, &control.encode_to_vec())?;
-        if let Some(odometry) = odometry.filter(|_| seq % 2 == 0) {
+        if let Some(odometry) = input.odometry.filter(|_| seq % 2 == 0) {
             log.write(Channel::ODOMETRY, now.0, &convert::odometry(0, &odometry).encode_to_vec())?;
         }
     }

@@ -15,12 +15,11 @@ use std::time::{Duration, Instant};
 use common::{quantile, record, row, verdict};
 use goshawk_air::clock;
 use goshawk_air::config::{OdometrySource, Vehicle};
-use goshawk_air::control::Control;
-use goshawk_air::inputs::FlightController;
-use goshawk_air::realtime::{Schedule, lock_memory};
-use goshawk_air::shared::{Report, Shared};
+use goshawk_air::flight::control::Control;
+use goshawk_air::flight::realtime::{Schedule, lock_memory};
+use goshawk_air::flight::shared::{Report, Shared};
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
-use goshawk_core::Time;
+use goshawk_core::{FlightController, Time};
 
 const SECONDS: u64 = 15;
 const TARGET_MS: f64 = 1.0;

@@ -11,9 +11,9 @@ pub mod onboard;
 pub mod scene;
 
 use goshawk_air::convert;
-use goshawk_air::inputs::{FrameInput, StepInput};
 use goshawk_core::{
-    AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, Mode, Odometry, Plan, Task, Time, Vec3,
+    AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, FrameRecord, Mode, Odometry, Plan, StepInput, Task,
+    Time, Vec3,
 };
 use goshawk_policy::stream::Arrival;
 use goshawk_policy::{PolicyError, PreprocessError};
@@ -105,7 +105,7 @@ pub trait Pilot {
     }
 
     /// What the last plan was made from; none: by something else than the planner alone.
-    fn frame_input(&self) -> Option<&FrameInput> {
+    fn frame_record(&self) -> Option<&FrameRecord> {
         None
     }
 
@@ -232,8 +232,8 @@ pub trait Witness {
         let _ = (seq, stamp, image);
     }
     /// A plan became available at `ready`.
-    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
-        let _ = (ready, plan, input);
+    fn plan(&mut self, ready: Time, plan: &Plan, record: Option<&FrameRecord>) {
+        let _ = (ready, plan, record);
     }
     /// The truth, 20 times a second.
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {

@@ -6,9 +6,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use goshawk_air::access::Identity;
 use goshawk_air::config::Vehicle;
-use goshawk_air::{commands, sensors};
+use goshawk_air::flight::sensors;
+use goshawk_air::network::access::Identity;
+use goshawk_air::network::commands;
 use goshawk_autopilot::wire::packet::for_each_frame;
 use goshawk_autopilot::{Firmware, Guided, View, messages};
 use goshawk_core::Time;

@@ -6,8 +6,8 @@
 //! pass too close: to the side on which it would pass anyway, or to the other if there is more room. Both take the
 //! target where the filter's covariance puts it at its worst.
 
+use crate::gaze::threat::{Pace, Threat};
 use crate::planning::room::{Room, toward};
-use crate::planning::threat::{Pace, Threat};
 use crate::values::error::{ConfigError, within};
 use crate::values::types::{Flat, Vec3};
 
@@ -114,7 +114,7 @@ impl SeparationConfig {
     #[must_use]
     pub fn stay_above(&self, acc_world: Vec3, [pos_world, vel_world]: [Vec3; 2], threat: &Threat) -> Vec3 {
         let (between, least) = (pos_world - threat.pos_world, self.min_distance + threat.pos_doubt);
-        if between.z < ABOVE || between.xy().norm() > least + STROLLS * threat.unseen {
+        if between.z < ABOVE || between.xy().norm() > least + STROLLS * threat.hidden_for {
             return acc_world;
         }
         let sinks = (OPENING.0 * (between.z - least)).max(0.0);
@@ -242,7 +242,7 @@ mod tests {
     const CONFIG: SeparationConfig = SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 };
 
     fn threat(pos_world: Vec3, vel_world: Vec3) -> Threat {
-        Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, unseen: 0.0 }
+        Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, hidden_for: 0.0 }
     }
 
     /// One step of a fresh rule for a vehicle in the origin.
@@ -320,7 +320,7 @@ mod tests {
         assert_eq!(stay(&threat(Vec3::new(1.0, 0.0, 0.0), Vec3::zeros())), -1.0, "it may come down to that");
         let beside = threat(Vec3::new(5.0, 0.0, 1.2), Vec3::zeros());
         assert_eq!(stay(&beside), -1.0);
-        assert!(stay(&Threat { unseen: 3.0, ..beside }) > 3.0);
+        assert!(stay(&Threat { hidden_for: 3.0, ..beside }) > 3.0);
         assert_eq!(stay(&threat(Vec3::new(1.0, 0.0, 2.5), Vec3::zeros())), -1.0, "the two are level");
     }
 

@@ -10,8 +10,9 @@ use crate::control::plans::LadderConfig;
 use crate::control::separation::SeparationConfig;
 use crate::control::thrust::{HoverThrust, ThrustConfig};
 use crate::control::vehicle::VehicleModel;
-use crate::control::view::ViewConfig;
-use crate::control::yaw::YawConfig;
+use crate::gaze::GazeConfig;
+use crate::gaze::view::ViewConfig;
+use crate::gaze::yaw::YawConfig;
 use crate::mission::limits::LimitsConfig;
 use crate::mission::modes::StopAction;
 use crate::values::error::{ConfigError, within};
@@ -33,6 +34,8 @@ pub struct ControllerConfig {
     pub yaw: YawConfig,
     /// What the camera shows.
     pub view: ViewConfig,
+    /// What is looked at while the target is hidden.
+    pub gaze: GazeConfig,
     /// Braking and position hold.
     pub hold: HoldConfig,
     /// The fallback ladder's timings.
@@ -211,6 +214,7 @@ pub(crate) mod tests {
                 along_velocity_speed: 1.0,
             },
             view: ViewConfig { top: 0.63 },
+            gaze: GazeConfig { objectness: 0.9, target_speed: 10.0 },
             hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
             ladder: LadderConfig {
                 missed_detection: 0.6,

@@ -7,16 +7,16 @@ use crate::control::hover::Hover;
 use crate::control::motion::{Commanded, Motion};
 use crate::control::plans::Plans;
 use crate::control::separation::Separation;
-use crate::control::yaw::YawPlanner;
+use crate::gaze::Gaze;
 use crate::mission::config::ControllerConfig;
 use crate::mission::detour::Detour;
-use crate::mission::interface::{
-    AutopilotStatus, Command, ControllerInput, ControllerOutput, PlanningDemand, Profile, Refusal, Transition,
-};
+use crate::mission::interface::{AutopilotStatus, Command, ControllerOutput, Profile, Refusal, StepInput, Transition};
 use crate::mission::landing::Landing;
 use crate::mission::modes::{Cause, Mode, StopAction};
 use crate::mission::takeoff::{Abandoned, Stage, Takeoff};
 use crate::mission::transitions::transition;
+use crate::planning::frame::PlanningDemand;
+use crate::planning::plan::Plan;
 use crate::values::error::ConfigError;
 use crate::values::geometry::yaw_of;
 use crate::values::types::{Odometry, Task, Time, Vec3};
@@ -31,14 +31,12 @@ pub struct Controller {
     pub(crate) last_step: Option<Time>,
     pub(crate) motion: Motion,
     pub(crate) plans: Plans,
-    pub(crate) yaw: YawPlanner,
+    pub(crate) gaze: Gaze,
     pub(crate) hover: Hover,
     pub(crate) separation: Separation,
     pub(crate) flight: Option<Flight>,
     /// Commanded in the last step.
     pub(crate) commanded: Commanded,
-    /// The sweep's direction; its sign counts.
-    pub(crate) sweep: f64,
     /// In Fault: the autopilot is asked to take over; when last.
     pub(crate) handing_back: bool,
     pub(crate) asked_back: Option<Time>,
@@ -72,8 +70,6 @@ pub(crate) struct Flight {
 
 /// A step longer than this is taken as this, s.
 const LONGEST_STEP: f64 = 0.1;
-/// A target counts as seen for this long, s: a few frames and the planner's time.
-const SEEN_NOW: f64 = 0.15;
 
 impl Flight {
     fn new(profile: Profile, start: &Odometry, now: Time) -> Self {
@@ -122,12 +118,11 @@ impl Controller {
             last_step: None,
             motion: config.motion(),
             plans: Plans::new(Time(0)),
-            yaw: YawPlanner::new(config.yaw),
+            gaze: Gaze::new(config.gaze, config.yaw, config.view),
             hover: Hover::default(),
             separation: Separation::default(),
             flight: None,
             commanded: Commanded::default(),
-            sweep: 1.0,
             handing_back: false,
             asked_back: None,
             position_lost: None,
@@ -148,8 +143,8 @@ impl Controller {
         self.mode
     }
 
-    /// One tick at `now`.
-    pub fn step(&mut self, now: Time, input: &ControllerInput) -> ControllerOutput {
+    /// One tick at `now`, with the plan that `input` names; one that it does not name is not looked at.
+    pub fn step(&mut self, now: Time, input: &StepInput, plan: Option<&Plan>) -> ControllerOutput {
         let dt = self.last_step.map_or(0.0, |last| now.since(last).clamp(0.0, LONGEST_STEP));
         self.last_step = Some(now);
         self.take_odometry(input);
@@ -158,8 +153,11 @@ impl Controller {
         if let Some(flight) = &mut self.flight {
             flight.observe(now, &input.autopilot, self.config.limits.battery_land);
         }
-        if let Some(plan) = input.plan.filter(|_| self.planning().is_some()) {
-            self.plans.take(plan);
+        let named = plan.filter(|plan| input.plan_seq == Some(plan.seq));
+        if let Some(plan) = named.filter(|_| self.planning().is_some())
+            && self.plans.take(plan)
+        {
+            self.gaze.take(plan.stamp, plan.target, &plan.candidates);
         }
         let readiness = self.readiness(now, input);
         let reply = input.command.map(|command| self.answer(&command, readiness));
@@ -174,13 +172,12 @@ impl Controller {
         output
     }
 
-    fn take_odometry(&mut self, input: &ControllerInput) {
-        let Some(odometry) = input.odometry else { return };
+    fn take_odometry(&mut self, input: &StepInput) {
+        let Some(odometry) = &input.odometry else { return };
         let Some(jump) = self.motion.take(odometry, &self.commanded) else { return };
         // The frame moved, the vehicle did not: move along whatever is remembered in it.
         self.hover.shift(jump.pos_world);
-        self.plans.shift(jump.pos_world);
-        self.yaw.shift(jump.yaw);
+        self.gaze.shift(&jump);
         if let Some(flight) = &mut self.flight {
             flight.start_world += jump.pos_world;
             flight.goal_world = flight.goal_world.map(|goal| goal + jump.pos_world);
@@ -194,7 +191,7 @@ impl Controller {
         self.motion.fresh(now, self.config.ladder.odometry_stale).filter(|_| self.position_lost.is_none())
     }
 
-    fn readiness(&self, now: Time, input: &ControllerInput) -> Result<(), Refusal> {
+    fn readiness(&self, now: Time, input: &StepInput) -> Result<(), Refusal> {
         let autopilot = &input.autopilot;
         if !autopilot.connected {
             Err(Refusal::AutopilotSilent)
@@ -240,6 +237,7 @@ impl Controller {
                     self.flight = Some(Flight::new(profile, odometry, now));
                 }
                 self.plans = Plans::new(now);
+                self.gaze.forget();
                 self.hover.reset();
             }
             Mode::Search | Mode::Navigate if from == Mode::Takeoff => {
@@ -263,22 +261,6 @@ impl Controller {
         self.handing_back = to == Mode::Fault && ours;
         self.asked_back = None;
         Transition { from, to, cause }
-    }
-
-    /// Remembers to which side a target would leave, as long as it is seen.
-    pub(crate) fn watch_side(&mut self, now: Time) {
-        if self.plans.target().is_some_and(|target| now.since(target.last_seen) < SEEN_NOW) {
-            self.sweep = self.sweep_direction();
-        }
-    }
-
-    /// Where the target is heading, seen from us; else the side where it is.
-    fn sweep_direction(&self) -> f64 {
-        let (Some(target), Some(odometry)) = (self.plans.target(), self.motion.last()) else { return self.sweep };
-        let line = target.pos_world - odometry.pos_world;
-        let crossing = line.x * target.vel_world.y - line.y * target.vel_world.x;
-        let side = (odometry.world_from_body.inverse() * line).y;
-        if crossing.abs() > 0.5 * line.xy().norm() { crossing } else { side }
     }
 
     /// What the planner should do in this mode.

@@ -4,19 +4,18 @@ use crate::control::flatness::{FlatCommand, flat_command};
 use crate::control::hover::brake;
 use crate::control::lead::lead;
 use crate::control::motion::Commanded;
-use crate::control::yaw::{YawGoal, toward};
+use crate::gaze::Look;
+use crate::gaze::threat::Threat;
 use crate::mission::controller::Controller;
-use crate::mission::interface::{ControllerInput, ControllerOutput, Request};
+use crate::mission::interface::{ControllerOutput, Request, StepInput};
 use crate::mission::landing::Phase;
 use crate::mission::modes::{Fallback, Mode};
 use crate::mission::takeoff::{Stage, repeat};
 use crate::planning::evade::Evasion;
-use crate::planning::threat::Threat;
-use crate::values::geometry::{wrap, yaw_of};
+use crate::values::geometry::yaw_of;
 use crate::values::types::{
     AttitudeThrust, FlatState, GRAVITY, Newtons, NormalisedThrust, Odometry, Rot, Task, Time, Vec3,
 };
-use std::f64::consts::TAU;
 
 /// What a mode wants to fly.
 struct Intent {
@@ -32,19 +31,12 @@ struct Intent {
 const LIFTED: (f64, f64) = (0.15, 0.3);
 /// The take-off's thrust rises to this, over the greatest hover thrust that the vehicle file allows.
 const RAMP_END: f64 = 1.25;
-/// A target unseen for longer than this, s, that should be nearer than this, m, has left the image at its side.
-const SLIPPED_AFTER: f64 = 0.3;
-const SLIPPED_WITHIN: f64 = 4.0;
-/// A target that has been hidden for longer than this, s, is looked for so far to the sides, rad, to and fro in this, s.
-const GLANCE_AFTER: f64 = 0.3;
-const GLANCE_ANGLE: f64 = 1.0;
-const GLANCE_PERIOD: f64 = 2.0;
 /// Stepping over a target ends so far below the ceiling, m.
 const BELOW_CEILING: f64 = 1.0;
 
 impl Controller {
     /// The output of the current mode; transition, reply and readiness are the caller's.
-    pub(crate) fn fly(&mut self, now: Time, dt: f64, input: &ControllerInput) -> ControllerOutput {
+    pub(crate) fn fly(&mut self, now: Time, dt: f64, input: &StepInput) -> ControllerOutput {
         let request = self.sequence(now, input);
         if !self.mode.has_authority() {
             self.rest();
@@ -65,10 +57,9 @@ impl Controller {
             self.rest();
             return self.spool(thrust, request);
         }
-        self.watch_side(now);
         self.find_way(now, &odometry);
-        let goal = self.yaw_goal(now, &odometry);
-        let yaw = self.yaw.step(dt, goal);
+        let look = self.look(now, &odometry);
+        let yaw = self.gaze.look(now, dt, look, &odometry);
         self.hold_apart(now);
         let mut intent = self.intent(now, &odometry);
         intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
@@ -83,7 +74,7 @@ impl Controller {
     }
 
     /// Take-off's, landing's, the fault's and a given-up take-off's requests.
-    fn sequence(&mut self, now: Time, input: &ControllerInput) -> Option<Request> {
+    fn sequence(&mut self, now: Time, input: &StepInput) -> Option<Request> {
         let mission = &self.config.mission;
         match self.mode {
             Mode::Takeoff => self.flight.as_mut()?.takeoff.step(mission, now, &input.autopilot),
@@ -109,7 +100,7 @@ impl Controller {
         self.motion.rest();
         self.commanded = Commanded::default();
         if let Some(odometry) = self.motion.last() {
-            self.yaw.reset(yaw_of(&odometry.world_from_body));
+            self.gaze.rest(yaw_of(&odometry.world_from_body));
         }
     }
 
@@ -156,11 +147,10 @@ impl Controller {
             let reference = flown.quintic.at(age);
             let led = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
             let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
-            let target = self.plans.target_at(now).filter(|_| task == Task::Track);
-            let acc_world = target.map_or(acc_world, |target| {
-                let disturbance = self.motion.observer().disturbance();
-                self.config.view.keeping(acc_world, disturbance, target.pos - pos)
-            });
+            let acc_world = match task {
+                Task::Track => self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos),
+                Task::Navigate => acc_world,
+            };
             return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
         }
         let reference = match (self.mode, self.flight.as_ref()) {
@@ -229,42 +219,22 @@ impl Controller {
     /// The target, where it may have to be kept away from.
     fn threat(&self, now: Time) -> Option<Threat> {
         let chases = self.flight.as_ref().is_some_and(|flight| flight.profile.task == Task::Track);
-        self.plans.target().filter(|_| chases).and_then(|target| Threat::of(target, now))
+        self.gaze.threat(now).filter(|_| chases)
     }
 
     fn hover_rung(&self) -> Fallback {
         if self.hover.is_stopped() { Fallback::HoldPosition } else { Fallback::PlanExpiredBrake }
     }
 
-    fn yaw_goal(&self, now: Time, odometry: &Odometry) -> YawGoal {
-        let Some(flight) = &self.flight else { return YawGoal::Keep };
-        let config = &self.config.yaw;
-        let at_target = || {
-            self.plans.target_at(now).map_or(YawGoal::Keep, |target| {
-                toward(target.pos - odometry.pos_world, target.vel - odometry.vel_world)
-            })
-        };
-        if let (Mode::Track | Mode::Hold | Mode::Search, Some(at)) = (self.mode, self.plans.glimpse(now)) {
-            return toward(at - odometry.pos_world, Vec3::zeros());
-        }
+    /// What the camera is to look for.
+    fn look(&self, now: Time, odometry: &Odometry) -> Look {
+        let Some(flight) = &self.flight else { return Look::Keep };
         match self.mode {
-            Mode::Search if now.since(self.entered) > config.search_delay => YawGoal::Sweep(self.sweep),
-            Mode::Track | Mode::Hold if self.slipped_by(now, odometry) => YawGoal::Sweep(self.sweep),
-            Mode::Track => self.glance(now, at_target()),
-            Mode::Search => at_target(),
-            Mode::Hold if flight.profile.task == Task::Track => at_target(),
-            Mode::Navigate => {
-                // Along the velocity when fast, to the waypoint when slow or on the way away from it, in between by their
-                // share: whoever only looks where they go does not find back.
-                let to_goal = flight.waypoint_world.map_or_else(Vec3::zeros, |way| way - odometry.pos_world);
-                let to_goal = Vec3::new(to_goal.x, to_goal.y, 0.0).try_normalize(1e-6).unwrap_or_default();
-                let vel = Vec3::new(odometry.vel_world.x, odometry.vel_world.y, 0.0);
-                let share = (vel.norm() / config.along_velocity_speed - 0.5).clamp(0.0, 1.0);
-                let along = vel.try_normalize(1e-6).unwrap_or_default();
-                let share = share.min((along.dot(&to_goal) + 0.5).max(0.0));
-                toward(along * share + to_goal * (1.0 - share), Vec3::zeros())
-            }
-            _ => YawGoal::Keep,
+            Mode::Track => Look::Chase,
+            Mode::Hold => Look::Hold,
+            Mode::Search => Look::Search { around: now.since(self.entered) > self.config.yaw.search_delay },
+            Mode::Navigate => Look::Way(flight.waypoint_world.unwrap_or(odometry.pos_world)),
+            _ => Look::Keep,
         }
     }
 
@@ -278,31 +248,12 @@ impl Controller {
         });
     }
 
-    /// Toward where a hidden target should be, with looks to both sides of it, first to the one it was heading for; at the
-    /// far end of a look the way ahead may leave the image for a moment.
-    fn glance(&self, now: Time, goal: YawGoal) -> YawGoal {
-        let hidden = self.plans.target().map_or(0.0, |target| now.since(target.last_seen)) - GLANCE_AFTER;
-        match goal {
-            YawGoal::Toward { yaw, rate } if hidden > 0.0 => {
-                let swing = GLANCE_ANGLE.copysign(self.sweep) * (TAU * hidden / GLANCE_PERIOD).sin();
-                YawGoal::Toward { yaw: wrap(yaw + swing), rate }
-            }
-            goal => goal,
-        }
-    }
-
-    /// The target vanished near by: it is beside us rather than behind something ahead.
-    fn slipped_by(&self, now: Time, odometry: &Odometry) -> bool {
-        let Some((target, at)) = self.plans.target().zip(self.plans.target_at(now)) else { return false };
-        now.since(target.last_seen) > SLIPPED_AFTER && (at.pos - odometry.pos_world).xy().norm() < SLIPPED_WITHIN
-    }
-
     /// Odometry is stale or not believed: brake by dead reckoning where there is any, then level, slightly below hover
     /// thrust.
     fn without_odometry(&mut self, now: Time, dt: f64, request: Option<Request>) -> ControllerOutput {
         // What is remembered of the place is worthless when odometry comes back.
         self.hover.reset();
-        let yaw = self.yaw.step(dt, YawGoal::Keep);
+        let yaw = self.gaze.keep(dt);
         let (ladder, hold) = (&self.config.ladder, &self.config.hold);
         let live = self.motion.age(now).is_some_and(|age| age <= ladder.odometry_stale);
         let distrust = self.motion.distrust().filter(|_| live);
@@ -366,7 +317,7 @@ impl Controller {
 
     /// Level on the ground, with a thrust that does not lift.
     fn spool(&self, thrust: NormalisedThrust, request: Option<Request>) -> ControllerOutput {
-        let world_from_body = Rot::from_axis_angle(&Vec3::z_axis(), self.yaw.yaw());
+        let world_from_body = Rot::from_axis_angle(&Vec3::z_axis(), self.gaze.yaw());
         let vehicle = self.motion.vehicle(&self.config.vehicle);
         let force = vehicle.force(thrust);
         ControllerOutput {
@@ -394,7 +345,7 @@ impl Controller {
             attitude_lag: self.motion.lead(&self.config.lead).tau,
             odometry_fault: self.motion.fault(),
             odometry_doubt: self.motion.doubt(),
-            yaw_des: self.yaw.yaw(),
+            yaw_des: self.gaze.yaw(),
             plan_seq: None,
             plan_age: None,
             planning: self.planning(),

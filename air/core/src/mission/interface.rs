@@ -2,7 +2,7 @@
 
 use crate::control::trust::OdometryFault;
 use crate::mission::modes::{Cause, Fallback, Mode};
-use crate::planning::plan::Plan;
+use crate::planning::frame::PlanningDemand;
 use crate::values::types::{AttitudeThrust, FlatState, Newtons, Odometry, Task, Vec3};
 
 /// What a flight is to be.
@@ -90,13 +90,13 @@ pub struct AutopilotStatus {
     pub position: Option<bool>,
 }
 
-/// What one step sees.
-#[derive(Clone, Copy, Debug)]
-pub struct ControllerInput<'a> {
+/// What one step sees, but for the plan itself: small enough that each step's is reported and logged as it was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepInput {
     /// Newest odometry. One that is not finite, or older than the last, is ignored.
-    pub odometry: Option<&'a Odometry>,
-    /// Newest plan; new when its `seq` changes.
-    pub plan: Option<&'a Plan>,
+    pub odometry: Option<Odometry>,
+    /// `seq` of the newest plan.
+    pub plan_seq: Option<u64>,
     /// The autopilot's state.
     pub autopilot: AutopilotStatus,
     /// A command, given in one step only.
@@ -116,17 +116,6 @@ pub enum Request {
     Disarm,
     /// Take over and land.
     HandBack,
-}
-
-/// What the planner should plan for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlanningDemand {
-    /// Chase or fly to a goal.
-    pub task: Task,
-    /// Desired largest speed, m/s.
-    pub speed: f64,
-    /// Navigation's goal, or where it flies on the way there.
-    pub goal_world: Option<Vec3>,
 }
 
 /// A change of mode.

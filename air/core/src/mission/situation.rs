@@ -1,7 +1,7 @@
 //! What the mission heeds: in every step the events are judged from odometry, plans, autopilot, command and clock.
 
 use crate::mission::controller::Controller;
-use crate::mission::interface::{Command, ControllerInput, Refusal};
+use crate::mission::interface::{Command, Refusal, StepInput};
 use crate::mission::landing::Phase;
 use crate::mission::modes::{Cause, Mode};
 use crate::mission::takeoff::Stage;
@@ -35,7 +35,7 @@ impl Controller {
     pub(crate) fn happened(
         &self,
         now: Time,
-        input: &ControllerInput,
+        input: &StepInput,
         readiness: Result<(), Refusal>,
         reply: Option<Result<(), Refusal>>,
     ) -> Happened {
@@ -50,7 +50,7 @@ impl Controller {
     }
 
     /// What ends a flight, and the take-off's.
-    fn flight_events(&self, now: Time, input: &ControllerInput, happened: Happened) -> Happened {
+    fn flight_events(&self, now: Time, input: &StepInput, happened: Happened) -> Happened {
         let Some(flight) = &self.flight else { return happened };
         let (autopilot, limits, hold) = (&input.autopilot, &self.config.limits, &self.config.hold);
         let odometry = self.believed(now);
@@ -92,13 +92,13 @@ impl Controller {
         // A goal that is held and a hover that was asked for need no plan and follow nobody.
         let planning = self.planning().is_some();
         let flyable = self.plans.flyable(ladder, flight.profile.task, now).is_some();
-        let confirmed = self.plans.target().is_some_and(|target| target.confirmed);
+        let confirmed = self.gaze.target().is_some_and(|target| target.confirmed);
         let gap = odometry.and_then(|o| self.gap(now, o)).filter(|_| confirmed && planning);
         let lost = match self.mode {
             Mode::Track => !flyable && self.hover.is_stopped(),
             _ => !confirmed,
         };
-        let last = self.plans.target().filter(|_| planning && !confirmed);
+        let last = self.gaze.target().filter(|_| planning && !confirmed);
         let ran = last.is_some_and(|target| target.vel_world.xy().norm() > RUNS);
         let moved_off = ran || gap.is_some_and(|(gap, _)| gap > mission.resume_distance);
         let at_goal =
@@ -115,7 +115,7 @@ impl Controller {
 
     /// Horizontal distance to the target (m) and how fast it opens (m/s).
     fn gap(&self, now: Time, odometry: &Odometry) -> Option<(f64, f64)> {
-        let target = self.plans.target_at(now)?;
+        let target = self.gaze.target_at(now)?;
         let line = (target.pos - odometry.pos_world).xy();
         let opening = (target.vel - odometry.vel_world).xy().dot(&line) / line.norm().max(1e-6);
         Some((line.norm(), opening))

@@ -1,7 +1,8 @@
 //! Where the trajectories should end: navigation's goal, or where the target will be by then (beyond the paper). The
 //! network gets it as the last vector of its state and is trained to end there.
 
-use crate::planning::target::{Expected, LONGEST_CARRY};
+use crate::gaze::expected::Expected;
+use crate::gaze::hidden;
 use crate::values::error::{ConfigError, within};
 use crate::values::quintic::Quintic;
 use crate::values::types::{Time, Vec3};
@@ -15,7 +16,7 @@ pub struct ChaseConfig {
     pub headway: f64,
     /// Above the target's centre, m (0.3).
     pub height: f64,
-    /// A target unseen for longer than this is not pursued any more, s (4).
+    /// A target hidden for longer than this is not pursued any more, s (4).
     pub pursue_until: f64,
     /// Trajectories that come nearer than this to where the target's centre may be cost more, m (2).
     pub keep_off: f64,
@@ -44,7 +45,7 @@ impl ChaseConfig {
     /// The target is worth going after.
     #[must_use]
     pub fn pursues(&self, target: &Expected) -> bool {
-        target.unseen <= self.pursue_until
+        target.hidden_for <= self.pursue_until
     }
 
     /// What a trajectory costs for coming near to the target, which the network was never taught to spare.
@@ -71,15 +72,11 @@ pub fn climbing(end: Vec3, goal: Vec3) -> f64 {
     CLIMBING * (end.z - goal.z - RISE).max(0.0)
 }
 
-/// A target that is not seen for longer than this went behind something, s.
-const HIDDEN_AFTER: f64 = 0.2;
 /// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where
 /// it would otherwise get there more slowly than the target ran.
 const BEYOND: f64 = 2.0;
 /// From so near to that place one sees what lies behind it, m.
 const PASSED_WITHIN: f64 = 2.5;
-/// No room is kept any more from a target that is hidden for so long, s.
-const ROOM_UNTIL: f64 = 1.0;
 
 /// The chase: where it aims, and whether it has been where the target vanished.
 #[derive(Clone, Copy, Debug)]
@@ -108,15 +105,15 @@ impl Chase {
         if corner.xy().norm() < PASSED_WITHIN {
             self.passed = Some(target.last_seen);
         }
-        if target.unseen > HIDDEN_AFTER && self.passed != Some(target.last_seen) {
+        if target.hidden_for > hidden::BEHIND && self.passed != Some(target.last_seen) {
             let beyond = (vel_world.norm() * duration - corner.xy().norm()).max(BEYOND);
             return corner + vel_world.try_normalize(1e-6).unwrap_or_default() * beyond + up;
         }
-        let lead = duration * (1.0 - target.unseen / LONGEST_CARRY).clamp(0.0, 1.0);
+        let lead = duration * (1.0 - target.hidden_for / hidden::CARRY).clamp(0.0, 1.0);
         let line = target.pos_world + vel_world * lead - pos_world;
         let room = self.config.standoff + self.config.headway * vel_world.norm();
         let flat = line.xy().norm();
-        let kept = (flat - room * (1.0 - target.unseen / ROOM_UNTIL).max(0.0)).max(0.0) / flat.max(1e-6);
+        let kept = (flat - room * (1.0 - target.hidden_for / hidden::ROOM).max(0.0)).max(0.0) / flat.max(1e-6);
         Vec3::new(line.x * kept, line.y * kept, line.z) + up
     }
 }
@@ -137,10 +134,10 @@ mod tests {
         ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 };
 
     /// It was seen last 1 m before where it should be.
-    fn target(unseen: f64) -> Expected {
+    fn target(hidden_for: f64) -> Expected {
         let pos_world = Vec3::new(6.0, 0.0, 1.0);
         let (last_seen, seen_world) = (Time::from_secs(7.0), pos_world - Vec3::x());
-        Expected { pos_world, vel_world: Vec3::new(2.0, 0.0, 0.4), unseen, last_seen, seen_world, pos_doubt: 0.0 }
+        Expected { pos_world, vel_world: Vec3::new(2.0, 0.0, 0.4), hidden_for, last_seen, seen_world, pos_doubt: 0.0 }
     }
 
     fn aim(config: ChaseConfig, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {

@@ -5,9 +5,9 @@
 //! So it is when a target comes that braking alone does not keep away from; then faster ways are tried as well, and ways
 //! over it: it runs as fast as the vehicle backs, but it does not fly.
 
+use crate::gaze::threat::{Pace, Threat};
 use crate::planning::movers::{Movers, meeting};
 use crate::planning::obstacles::{Ignored, Obstacles};
-use crate::planning::threat::{Pace, Threat};
 use crate::values::geometry::cap;
 use crate::values::quintic::Quintic;
 use crate::values::types::{Flat, FlatState, Rot, Time, Vec3};
@@ -300,7 +300,7 @@ mod tests {
     }
 
     fn target(pos_world: Vec3, vel_world: Vec3) -> Option<Threat> {
-        Some(Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, unseen: 0.0 })
+        Some(Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, hidden_for: 0.0 })
     }
 
     #[test]

@@ -173,7 +173,7 @@ impl Track {
         let dt = now.since(self.stamp).clamp(0.0, 1.0);
         self.stamp = now;
         self.pos += self.vel * dt;
-        if self.unseen() > FORGOTTEN.0 {
+        if self.unmatched() > FORGOTTEN.0 {
             self.vel *= (-dt / FADES).exp();
         }
         let [pos, cross, vel] = self.var;
@@ -200,12 +200,12 @@ impl Track {
         self.moves |= long && (self.pos - self.born.1).norm() >= way && self.vel.norm() >= speed;
     }
 
-    fn unseen(&self) -> f64 {
+    fn unmatched(&self) -> f64 {
         self.stamp.since(self.seen.0)
     }
 
     fn is_forgotten(&self) -> bool {
-        self.gone > GONE || self.unseen() > if self.moves { FORGOTTEN.1 } else { FORGOTTEN.0 }
+        self.gone > GONE || self.unmatched() > if self.moves { FORGOTTEN.1 } else { FORGOTTEN.0 }
     }
 }
 
@@ -271,7 +271,7 @@ impl Followed {
             pos_world: Vec3::new(track.pos.x, track.pos.y, z),
             vel_world: Vec3::new(track.vel.x, track.vel.y, 0.0),
             radius: track.radius,
-            pos_doubt: (STRAYS.0 * track.unseen()).min(STRAYS.1),
+            pos_doubt: (STRAYS.0 * track.unmatched()).min(STRAYS.1),
         };
         self.tracks.map(|track| track.filter(|track| track.moves).map(mover))
     }

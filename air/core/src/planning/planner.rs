@@ -1,14 +1,16 @@
-//! One camera frame in, one plan out.
+//! One camera frame in, one plan out: [`Planner::see`] takes a frame and says what to ask the network, [`Asked::answer`]
+//! takes what that answers and gives the plan. Each step's value is the next one's argument, so the order cannot be wrong.
 
+use crate::gaze::expected::Expected;
+use crate::gaze::threat::Threat;
 use crate::planning::aim::{Chase, ChaseConfig, climbing, within_reach};
-use crate::planning::evade::{Evader, Scene};
-use crate::planning::movers::meeting;
-use crate::planning::nearest::Nearest;
+use crate::planning::evade::{Evader, Evasion, Scene};
+use crate::planning::frame::{FrameInput, STATE};
+use crate::planning::movers::{Movers, meeting};
 use crate::planning::obstacles::{Ignored, Obstacles};
 use crate::planning::plan::Plan;
 use crate::planning::select::{SelectConfig, detect, select};
-use crate::planning::target::{Expected, TargetConfig, TargetFilter};
-use crate::planning::threat::Threat;
+use crate::planning::target::{TargetConfig, TargetFilter};
 use crate::policy::decode::{Decoder, FramePose};
 use crate::policy::model::{CameraModel, PolicyModel};
 use crate::values::error::{ConfigError, within};
@@ -60,23 +62,6 @@ impl PlanningConfig {
     }
 }
 
-/// One frame.
-#[derive(Clone, Copy, Debug)]
-pub struct PlannerInput<'a> {
-    /// Counts frames.
-    pub seq: u64,
-    /// Interpolated at the frame's capture stamp; its `stamp` is the frame's.
-    pub odometry: &'a Odometry,
-    /// Commanded acceleration at the stamp, m/s².
-    pub acc_world: Vec3,
-    /// Desired largest speed, m/s; sets alpha = speed / v_max.
-    pub speed: f64,
-    /// Navigation's goal; none while tracking.
-    pub goal_world: Option<Vec3>,
-    /// The network's raw answer to the frame.
-    pub network: &'a NetworkOutput,
-}
-
 /// Where the target is, nothing is an obstacle: [`ChaseConfig::crowding`] keeps away from it.
 fn about(target: &Expected) -> Ignored {
     Ignored { at_world: target.pos_world, radius: TARGET_RADIUS }
@@ -93,6 +78,18 @@ pub struct Planner {
     evader: Evader,
     /// The last frame's motion: stamp, position, velocity, reset counter.
     last: Option<Odometry>,
+    /// The last frame's flight.
+    flight: u64,
+}
+
+/// A frame that the planner has seen: what it asks the network, whose answer makes the plan.
+#[must_use = "a frame without an answer makes no plan"]
+#[derive(Debug)]
+pub struct Asked<'a> {
+    planner: &'a mut Planner,
+    frame: &'a FrameInput,
+    pose: FramePose,
+    state: [f32; STATE],
 }
 
 /// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s.
@@ -113,7 +110,7 @@ impl Planner {
         let filter = TargetFilter::new(config.planning.target);
         let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.planning.remember);
         let chase = Chase::new(config.planning.chase);
-        Ok(Self { config, decoder, filter, obstacles, chase, evader: Evader::default(), last: None })
+        Ok(Self { config, decoder, filter, obstacles, chase, evader: Evader::default(), last: None, flight: 0 })
     }
 
     /// The configuration that it plans with.
@@ -129,31 +126,48 @@ impl Planner {
         if alpha.is_finite() { alpha.clamp(0.05, 10.0) } else { 1.0 }
     }
 
+    /// Takes in a frame: what stands and moves in it, and what the network is to be asked.
+    pub fn see<'a>(&'a mut self, frame: &'a FrameInput) -> Asked<'a> {
+        if frame.flight != self.flight {
+            self.forget();
+            self.flight = frame.flight;
+        }
+        self.follow_jumps(&frame.odometry);
+        let (stamp, pose) = (frame.odometry.stamp, self.pose(&frame.odometry));
+        let ignored = self.target(stamp).map(|target| about(&target));
+        self.obstacles.see(stamp, (&pose.cam_world, &pose.world_from_cam), &frame.nearest, ignored.as_ref());
+        let state = self.network_state(frame, &pose);
+        Asked { planner: self, frame, pose, state }
+    }
+
+    /// Where the lens was, and how it looked.
+    fn pose(&self, odometry: &Odometry) -> FramePose {
+        let camera = &self.config.camera;
+        FramePose {
+            start_world: odometry.pos_world,
+            cam_world: odometry.pos_world + odometry.world_from_body * camera.pos_cam_body,
+            world_from_cam: odometry.world_from_body * camera.body_from_cam,
+        }
+    }
+
     /// The network's `state` input (eq. 5), camera frame: velocity / (alpha·v_max), acceleration / (alpha²·a_max), unit
     /// world-up, the aim / 2r, at most 1 long (the goal, or where the target will be; without either 0), and the
     /// agility: the share of alpha²·a_max that the vehicle can give, at most `max_agility`.
-    pub fn network_state(
-        &mut self,
-        odometry: &Odometry,
-        acc_world: Vec3,
-        speed: f64,
-        goal_world: Option<Vec3>,
-    ) -> [f32; 13] {
-        self.follow_jumps(odometry);
-        let (p, how) = (&self.config.policy, &self.config.planning);
-        let alpha = self.alpha(speed);
-        let cam_from_world = (odometry.world_from_body * self.config.camera.body_from_cam).inverse();
+    fn network_state(&mut self, frame: &FrameInput, pose: &FramePose) -> [f32; STATE] {
+        let (p, how, odometry) = (&self.config.policy, &self.config.planning, &frame.odometry);
+        let alpha = self.alpha(frame.speed);
+        let cam_from_world = pose.world_from_cam.inverse();
         let vel_cam = cam_from_world * odometry.vel_world / (alpha * p.v_max);
-        let acc_cam = cam_from_world * acc_world / (alpha * alpha * p.a_max);
+        let acc_cam = cam_from_world * frame.acc_world / (alpha * alpha * p.a_max);
         let up_cam = cam_from_world * Vec3::z();
         let aim_world = match p.task {
-            Task::Navigate => goal_world.map(|goal| goal - odometry.pos_world),
+            Task::Navigate => frame.goal_world.map(|goal| goal - odometry.pos_world),
             Task::Track => self
                 .target(odometry.stamp)
                 .map(|target| self.chase.aim(odometry.pos_world, &target, self.decoder.duration(alpha))),
         };
         let aim_cam = cam_from_world * within_reach(aim_world.unwrap_or_default(), 2.0 * p.radius);
-        let mut state = [0.0; 13];
+        let mut state = [0.0; STATE];
         for (i, v) in [vel_cam, acc_cam, up_cam, aim_cam].iter().enumerate() {
             for (axis, x) in v.iter().enumerate() {
                 state[3 * i + axis] = *x as f32;
@@ -163,75 +177,53 @@ impl Planner {
         state
     }
 
-    /// Plans from the actual state at the frame's stamp (§III-D).
-    pub fn step(&mut self, input: &PlannerInput) -> Plan {
-        let odometry = input.odometry;
-        self.follow_jumps(odometry);
-        let alpha = self.alpha(input.speed);
-        let world_from_cam = odometry.world_from_body * self.config.camera.body_from_cam;
-        let cam_world = odometry.pos_world + odometry.world_from_body * self.config.camera.pos_cam_body;
-        let pose = FramePose { start_world: odometry.pos_world, cam_world, world_from_cam };
-        let mut candidates = self.decoder.decode(input.network, alpha, &pose);
-        let stamp = odometry.stamp;
-        let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: input.acc_world };
-        let duration = self.decoder.duration(alpha);
-        let movers = self.obstacles.movers(odometry.pos_world.z);
-        let moving = |way: &Quintic| meeting(&movers, stamp, &|time| way.at(time).pos, way.duration());
-        let chosen = match self.config.policy.task {
-            Task::Navigate => {
-                let avoided = |c: &Candidate| {
-                    let climbing = input.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
-                    let trajectory = Quintic::new(&start, &c.end, duration);
-                    climbing + self.obstacles.meeting(&trajectory, None) + moving(&trajectory)
-                };
-                select(Some(avoided), &[None; ANCHORS], &mut candidates)
+    /// Takes in the candidates' detections, and chooses among their trajectories, which last `duration` s from `start`.
+    fn choose(
+        &mut self,
+        frame: &FrameInput,
+        cam_world: Vec3,
+        (start, duration): (&FlatState, f64),
+        movers: &Movers,
+        candidates: &mut [Candidate; ANCHORS],
+    ) -> Option<usize> {
+        let stamp = frame.odometry.stamp;
+        let moving = |way: &Quintic| meeting(movers, stamp, &|time| way.at(time).pos, way.duration());
+        if self.config.policy.task == Task::Navigate {
+            let avoided = |c: &Candidate| {
+                let climbing = frame.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
+                let trajectory = Quintic::new(start, &c.end, duration);
+                climbing + self.obstacles.meeting(&trajectory, None) + moving(&trajectory)
+            };
+            return select(Some(avoided), &[None; ANCHORS], candidates);
+        }
+        let unseen = detect(&self.config.planning.select, stamp, cam_world, &mut self.filter, candidates);
+        let crowding = self.target(stamp).map(|target| {
+            let (chase, obstacles, ignored) = (&self.config.planning.chase, &self.obstacles, about(&target));
+            move |c: &Candidate| {
+                let trajectory = Quintic::new(start, &c.end, duration);
+                chase.crowding(&trajectory, &target)
+                    + obstacles.meeting(&trajectory, Some(&ignored))
+                    + moving(&trajectory)
             }
-            Task::Track => {
-                let unseen = detect(&self.config.planning.select, stamp, cam_world, &mut self.filter, &candidates);
-                let crowding = self.target(stamp).map(|target| {
-                    let (chase, obstacles, moving) = (&self.config.planning.chase, &self.obstacles, &moving);
-                    let ignored = about(&target);
-                    move |c: &Candidate| {
-                        let trajectory = Quintic::new(&start, &c.end, duration);
-                        chase.crowding(&trajectory, &target)
-                            + obstacles.meeting(&trajectory, Some(&ignored))
-                            + moving(&trajectory)
-                    }
-                });
-                select(crowding, &unseen, &mut candidates)
-            }
-        };
-        let flown = chosen.map(|index| Quintic::new(&start, &candidates[index].end, duration));
+        });
+        select(crowding, &unseen, candidates)
+    }
+
+    /// What is flown instead of `flown`, out of the way of what moves.
+    fn evade(&mut self, stamp: Time, start: &FlatState, flown: Option<&Quintic>, movers: &Movers) -> Option<Evasion> {
         let ignored = self.target(stamp).map(|target| about(&target));
+        let chases = self.config.policy.task == Task::Track;
         let scene = Scene {
             stamp,
             obstacles: &self.obstacles,
-            movers: &movers,
+            movers,
             ignored: ignored.as_ref(),
-            chases: self.config.policy.task == Task::Track,
-            threat: self
-                .filter
-                .estimate()
-                .filter(|_| self.config.policy.task == Task::Track)
-                .and_then(|target| Threat::of(&target, stamp)),
+            chases,
+            threat: self.filter.estimate().filter(|_| chases).and_then(|target| Threat::of(&target, stamp)),
             keep_off: self.config.planning.chase.keep_off,
             target_acc: self.config.planning.target.max_acc,
         };
-        let evasion = self.evader.step(&start, flown.as_ref(), &scene);
-        Plan {
-            seq: input.seq,
-            stamp,
-            start,
-            world_from_cam,
-            duration,
-            alpha,
-            candidates,
-            chosen,
-            target: self.filter.estimate(),
-            room: self.is_near_target(odometry).then(|| self.obstacles.room(&odometry.pos_world)),
-            movers,
-            evasion,
-        }
+        self.evader.step(start, flown, &scene)
     }
 
     /// The target may be so near that the vehicle must make room.
@@ -240,22 +232,13 @@ impl Planner {
         self.config.policy.task == Task::Track && self.target(odometry.stamp).is_some_and(near)
     }
 
-    /// Takes in the nearest depths of a frame, before the network answers it; odometry at the frame's stamp.
-    pub fn see(&mut self, odometry: &Odometry, nearest: &Nearest) {
-        self.follow_jumps(odometry);
-        let world_from_cam = odometry.world_from_body * self.config.camera.body_from_cam;
-        let cam_world = odometry.pos_world + odometry.world_from_body * self.config.camera.pos_cam_body;
-        let ignored = self.target(odometry.stamp).map(|target| about(&target));
-        self.obstacles.see(odometry.stamp, (&cam_world, &world_from_cam), nearest, ignored.as_ref());
-    }
-
     /// The target, if it is worth going after at `now`.
     fn target(&self, now: Time) -> Option<Expected> {
         self.filter.expected(now).filter(|target| self.config.planning.chase.pursues(target))
     }
 
-    /// Forgets the target.
-    pub fn reset(&mut self) {
+    /// Forgets all that was seen.
+    fn forget(&mut self) {
         self.filter.reset();
         self.obstacles.reset();
         self.chase = Chase::new(self.config.planning.chase);
@@ -281,5 +264,41 @@ impl Planner {
             }
         }
         self.last = Some(*odometry);
+    }
+}
+
+impl Asked<'_> {
+    /// The network's `state` input, as the contract lays it out.
+    #[must_use]
+    pub fn state(&self) -> &[f32; STATE] {
+        &self.state
+    }
+
+    /// Plans from the actual state at the frame's stamp (§III-D), with the network's raw answer.
+    #[must_use]
+    pub fn answer(self, network: &NetworkOutput) -> Plan {
+        let Asked { planner, frame, pose, .. } = self;
+        let (odometry, alpha) = (&frame.odometry, planner.alpha(frame.speed));
+        let mut candidates = planner.decoder.decode(network, alpha, &pose);
+        let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: frame.acc_world };
+        let duration = planner.decoder.duration(alpha);
+        let movers = planner.obstacles.movers(odometry.pos_world.z);
+        let chosen = planner.choose(frame, pose.cam_world, (&start, duration), &movers, &mut candidates);
+        let flown = chosen.map(|index| Quintic::new(&start, &candidates[index].end, duration));
+        let evasion = planner.evade(odometry.stamp, &start, flown.as_ref(), &movers);
+        Plan {
+            seq: frame.seq,
+            stamp: odometry.stamp,
+            start,
+            world_from_cam: pose.world_from_cam,
+            duration,
+            alpha,
+            candidates,
+            chosen,
+            target: planner.filter.estimate(),
+            room: planner.is_near_target(odometry).then(|| planner.obstacles.room(&odometry.pos_world)),
+            movers,
+            evasion,
+        }
     }
 }

@@ -3,7 +3,8 @@
 //! The network knows better where in the image a target is than how far away, and both the better the surer it is that
 //! there is one. So a detection's covariance is long along its line of sight, and large where the objectness is low.
 
-use crate::planning::doubt::pos_doubt;
+use crate::gaze::expected::Expected;
+use crate::gaze::hidden::hidden_for;
 use crate::values::error::{ConfigError, within};
 use crate::values::types::{TargetEstimate, Time, Vec3};
 use nalgebra::{Matrix3, Matrix6};
@@ -109,26 +110,6 @@ struct Track {
     /// It began where the lost target can hardly have run.
     beyond_reach: bool,
 }
-
-/// A believed target at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Expected {
-    /// Where it should be, m.
-    pub pos_world: Vec3,
-    /// Its last known velocity, m/s.
-    pub vel_world: Vec3,
-    /// For how long it has not been seen, s.
-    pub unseen: f64,
-    /// When it was seen last,
-    pub last_seen: Time,
-    /// and where, m.
-    pub seen_world: Vec3,
-    /// It may be nearer by so much, m.
-    pub pos_doubt: f64,
-}
-
-/// How far a target that is out of sight is carried on at its last velocity, s.
-pub const LONGEST_CARRY: f64 = 1.5;
 
 /// The filter. One target, or none.
 #[derive(Clone, Copy, Debug)]
@@ -282,7 +263,7 @@ impl Track {
     /// Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
     fn is_forgotten(&self, config: &TargetConfig, now: Time) -> bool {
         let blank = self.history.trailing_zeros();
-        blank > config.confirm_of - config.confirm_hits || now.since(self.last_seen) > config.blind_time
+        blank > config.confirm_of - config.confirm_hits || hidden_for(self.last_seen, now) > config.blind_time
     }
 
     fn estimate(&self) -> TargetEstimate {
@@ -371,8 +352,7 @@ impl TargetFilter {
             track.confirmed = true;
             self.lost = None;
         }
-        let blind = now.since(track.last_seen);
-        if track.confirmed && blind > self.config.blind_time {
+        if track.confirmed && hidden_for(track.last_seen, now) > self.config.blind_time {
             track.confirmed = false;
             self.lost = Some(*track);
             self.track = None;
@@ -402,25 +382,19 @@ impl TargetFilter {
     /// The lost target, if there is one, can have run there.
     fn is_reachable(&self, now: Time, detection: &Detection) -> bool {
         self.lost.is_none_or(|lost| {
-            let (unseen, margin) = (now.since(lost.last_seen).max(0.0), self.config.reacquire_margin);
+            let (hidden, margin) = (hidden_for(lost.last_seen, now), self.config.reacquire_margin);
             let moved = detection.pos_world - lost.motion.pos;
             let turned = moved - lost.motion.vel * now.since(lost.stamp);
-            moved.norm() <= margin + self.config.max_speed * unseen
-                && turned.norm() <= margin + 0.5 * self.config.max_acc * unseen * unseen
+            moved.norm() <= margin + self.config.max_speed * hidden
+                && turned.norm() <= margin + 0.5 * self.config.max_acc * hidden * hidden
         })
     }
 
-    /// Where the target, believed now or until it was lost, should be at `now`. It is carried on at its last velocity
-    /// for [`LONGEST_CARRY`].
+    /// Where the target, believed now or until it was lost, should be at `now`.
     #[must_use]
     pub fn expected(&self, now: Time) -> Option<Expected> {
         let track = self.track.filter(|track| track.confirmed).or(self.lost)?;
-        let carry = now.since(track.stamp).clamp(0.0, LONGEST_CARRY);
-        let (pos_world, vel_world) = (track.motion.pos + track.motion.vel * carry, track.motion.vel);
-        let (last_seen, unseen) = (track.last_seen, now.since(track.last_seen));
-        let seen_world = track.motion.pos - vel_world * track.stamp.since(last_seen);
-        let pos_doubt = pos_doubt(&track.motion.pos_var);
-        Some(Expected { pos_world, vel_world, unseen, last_seen, seen_world, pos_doubt })
+        Some(Expected::of(&track.estimate(), now))
     }
 
     /// The target is believed.

@@ -66,6 +66,26 @@ pub struct Odometry {
     pub reset_counter: u32,
 }
 
+/// `v` with no negative zero in it: protobuf does not tell -0 from 0, so neither may what a log gives back.
+pub(crate) fn unsigned_zeros(v: Vec3) -> Vec3 {
+    v.map(|x| x + 0.0)
+}
+
+impl Odometry {
+    /// The same with no negative zero in it, as a log gives it back.
+    #[must_use]
+    pub fn with_unsigned_zeros(&self) -> Self {
+        Self {
+            stamp: self.stamp,
+            pos_world: unsigned_zeros(self.pos_world),
+            vel_world: unsigned_zeros(self.vel_world),
+            world_from_body: Rot::new_unchecked(self.world_from_body.into_inner().coords.map(|x| x + 0.0).into()),
+            ang_vel_body: unsigned_zeros(self.ang_vel_body),
+            reset_counter: self.reset_counter,
+        }
+    }
+}
+
 /// Number of anchors, row-major from the image's top left.
 pub const ANCHORS: usize = 15;
 

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, reason = "each test file uses its part of it")]
 
+use goshawk_core::planning::nearest::{COLUMNS, ROWS};
 use goshawk_core::*;
 
 pub const DT: f64 = 0.005;
@@ -28,6 +29,7 @@ pub fn config() -> ControllerConfig {
             along_velocity_speed: 1.0,
         },
         view: ViewConfig { top: 0.63 },
+        gaze: GazeConfig { objectness: 0.9, target_speed: 10.0 },
         hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
         ladder: LadderConfig {
             missed_detection: 0.6,
@@ -125,6 +127,12 @@ pub fn odometry() -> Odometry {
         ang_vel_body: Vec3::zeros(),
         reset_counter: 0,
     }
+}
+
+/// A frame that measured no depth, of a chase that is not accelerating.
+pub fn frame(seq: u64, odometry: Odometry) -> FrameInput {
+    let nearest = [0; COLUMNS * ROWS];
+    FrameInput { flight: 0, seq, odometry, acc_world: Vec3::zeros(), speed: 6.0, goal_world: None, nearest }
 }
 
 pub fn track() -> Profile {
@@ -289,14 +297,14 @@ impl Loop {
         if self.ticks.is_multiple_of(6) {
             self.plan = self.make_plan().or(self.plan.take());
         }
-        let input = ControllerInput {
-            odometry: self.odometry.as_ref(),
-            plan: self.plan.as_ref(),
+        let input = StepInput {
+            odometry: self.odometry,
+            plan_seq: self.plan.as_ref().map(|plan| plan.seq),
             autopilot: self.autopilot,
             command,
             ready: self.ready,
         };
-        let output = self.controller.step(self.now, &input);
+        let output = self.controller.step(self.now, &input, self.plan.as_ref());
         self.autopilot_takes(&output);
         self.move_vehicle(&output);
         self.transitions.extend(output.transition);

@@ -5,9 +5,10 @@ use std::os::unix::fs::PermissionsExt;
 use goshawk_autopilot::{AutopilotLink, Firmware, Parameter, Status};
 
 use super::Findings;
+use crate::clock;
 use crate::config::{OdometrySource, Vehicle};
+use crate::report::health;
 use crate::run::link_config;
-use crate::{clock, health};
 
 /// How long it may go on without us, s.
 const LOSS_TIME_S: std::ops::RangeInclusive<f32> = 0.1..=1.0;

@@ -11,7 +11,7 @@ use super::Findings;
 use crate::clock;
 use crate::config::Vehicle;
 use crate::errors::one_line;
-use crate::realtime::{self, Schedule};
+use crate::flight::realtime::{self, Schedule};
 use crate::run::{check_pin, idle_demand};
 
 /// A log grows by about this much, with the image of 160 x 96 at 30 Hz.

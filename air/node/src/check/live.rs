@@ -9,12 +9,12 @@ use goshawk_policy::{Policy, Preprocessor};
 use goshawk_proto::keys::Key;
 
 use super::{Findings, autopilot};
-use crate::access::{Access, Guard, INSECURE};
-use crate::bus::Bus;
 use crate::clock;
 use crate::config::{OdometrySource, Vehicle};
+use crate::flight::sensors::{self, Frame};
+use crate::network::access::{Access, Guard, INSECURE};
+use crate::network::bus::Bus;
 use crate::run::link_config;
-use crate::sensors::{self, Frame};
 
 const POLL: Duration = Duration::from_millis(5);
 /// Streams are counted for this long once the first sample is there, s.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use color_eyre::eyre::{Result, eyre};
-use goshawk_core::{Command, ControllerInput, Odometry, Plan, Time};
+use goshawk_core::{Command, FlightController, Odometry, Plan, StepInput, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
@@ -11,7 +11,7 @@ use goshawk_recorder::Channel;
 use super::compare::{Difference, keep_first};
 use super::{Outcome, Recording};
 use crate::convert;
-use crate::inputs::{FlightController, StepInput, odometry_from};
+use crate::inputs::{odometry_from, step_input};
 
 struct Again<'a> {
     plans: &'a BTreeMap<u64, Plan>,
@@ -24,20 +24,19 @@ struct Again<'a> {
 
 impl Again<'_> {
     fn step(&mut self, message: &v1::ControllerInput, missing: &mut Vec<String>) {
-        let (input, now) = (StepInput::from_proto(message), Time(message.stamp_ns));
+        let (input, now) = (step_input(message, self.odometry), Time(message.stamp_ns));
         if let Some(last) = self.last.filter(|last| message.seq != last + 1) {
             missing.push(format!("controller steps {} to {}", last + 1, message.seq.saturating_sub(1)));
         }
-        if input.odometry_stamp != self.odometry.map(|o| o.stamp) {
+        if message.odometry_ns != input.odometry.map(|o| o.stamp.0) {
             missing.push(format!("the odometry of controller step {}", message.seq));
         }
         let plan = input.plan_seq.and_then(|seq| self.plans.get(&seq));
-        let whole: ControllerInput<'_> = input.as_core(self.odometry.as_ref(), plan);
         if self.last.is_none() && matches!(input.command, Some(Command::Start(_))) {
             // On board the log begins with the start, which was accepted in Ready.
-            self.controller.step(now, &ControllerInput { command: None, ..whole });
+            self.controller.step(now, &StepInput { command: None, ..input }, plan);
         }
-        let output = self.controller.step(now, &whole);
+        let output = self.controller.step(now, &input, plan);
         self.last = Some(message.seq);
         self.answer = convert::control(message.seq, now, &output, self.odometry.as_ref());
     }

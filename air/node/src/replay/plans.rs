@@ -6,7 +6,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use color_eyre::eyre::{Result, WrapErr, bail, eyre};
-use goshawk_core::{Plan, Planner, Time};
+use goshawk_core::{FrameRecord, NetworkOutput, Plan, Planner, Time};
 use goshawk_policy::{Policy, Preprocessor, Source};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
@@ -17,8 +17,7 @@ use serde::Serialize;
 use super::compare::{Count, Difference, first_field, keep_first};
 use super::{Outcome, Recording};
 use crate::convert;
-use crate::inputs::FrameInput;
-use crate::planning::answer;
+use crate::inputs::frame_record;
 
 /// What another policy would have chosen.
 #[derive(Clone, Debug, Serialize)]
@@ -63,15 +62,13 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
             keep_first(first, Difference { stamp_ns, at_s, what, field, logged, replayed });
         };
         if let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) {
-            let input = FrameInput::from_proto(&message).ok_or_else(|| eyre!("frame {}: input cut", message.seq))?;
-            planner.see(&input.odometry, &input.nearest);
-            let state = planner.network_state(&input.odometry, input.acc_world, input.speed, input.goal_world);
-            if state.map(f32::to_bits) != input.state.map(f32::to_bits) {
-                let [field, logged, replayed] = first_field(&input.state, &state);
-                differs(format!("network state of plan {}", input.seq), [field, logged, replayed]);
+            let logged = whole(&message)?;
+            let asked = planner.see(&logged.frame);
+            if asked.state().map(f32::to_bits) != logged.state.map(f32::to_bits) {
+                differs(format!("network state of plan {}", message.seq), first_field(&logged.state, asked.state()));
             }
-            plans.insert(input.seq, planner.step(&input.as_core()));
-            last = Some(input.seq);
+            plans.insert(message.seq, asked.answer(&logged.network));
+            last = Some(message.seq);
         } else if let Some(logged) = entry.decode::<v1::Plan>(plan_channel) {
             let Some(plan) = plans.get(&logged.seq) else {
                 outcome.missing.push(format!("the input of plan {}", logged.seq));
@@ -91,6 +88,10 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
     Ok(plans)
 }
 
+fn whole(message: &v1::PlannerInput) -> Result<FrameRecord> {
+    frame_record(message).ok_or_else(|| eyre!("frame {}: input cut", message.seq))
+}
+
 /// Images wait here for the input that belongs to them.
 const IMAGES: usize = 8;
 
@@ -103,8 +104,8 @@ struct Rerun<'a> {
 }
 
 impl Rerun<'_> {
-    /// Takes images; answers each planner's input whose image is there with that input again, filled in by our network.
-    fn take(&mut self, entry: &Entry) -> Result<Option<(FrameInput, FrameInput)>> {
+    /// Takes images; of each planner's input whose image is there: the input, our network's answer, and our plan.
+    fn take(&mut self, entry: &Entry) -> Result<Option<(FrameRecord, NetworkOutput, Plan)>> {
         if let Some(image) = entry.decode::<v1::CompressedRgbd>(Channel::RGBD) {
             if self.images.len() == IMAGES {
                 self.images.pop_front();
@@ -113,8 +114,8 @@ impl Rerun<'_> {
             return Ok(None);
         }
         let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) else { return Ok(None) };
-        let logged = FrameInput::from_proto(&message).ok_or_else(|| eyre!("frame {}: input cut", message.seq))?;
-        let Some(image) = self.images.iter().find(|image| image.stamp_ns == logged.odometry.stamp.0) else {
+        let logged = whole(&message)?;
+        let Some(image) = self.images.iter().find(|image| image.stamp_ns == logged.frame.odometry.stamp.0) else {
             return Ok(None);
         };
         let (rgb, depth_mm) = goshawk_recorder::image::decompress(image)?;
@@ -125,9 +126,10 @@ impl Rerun<'_> {
             None => Preprocessor::new(self.policy.contract(), source)?,
         };
         let prepared = self.preprocessor.insert(preprocessor).run(&rgb, &depth_mm)?;
-        let mut input = logged.clone();
-        answer(&mut self.planner, &mut self.policy, prepared, &mut input)?;
-        Ok(Some((logged, input)))
+        let asked = self.planner.see(&logged.frame);
+        let network = self.policy.infer(prepared, asked.state())?;
+        let plan = asked.answer(&network);
+        Ok(Some((logged, network, plan)))
     }
 }
 
@@ -148,18 +150,17 @@ pub(super) fn with_policy(recording: &Recording, path: &Path, out: Option<&Path>
     let mut other = Choices::default();
     let mut network = Count::default();
     for entry in rerun.recording.log.entries() {
-        let Some((logged, input)) = rerun.take(&entry)? else { continue };
-        let plan = rerun.planner.step(&input.as_core());
-        other.count(&flown.step(&logged.as_core()), &plan);
+        let Some((logged, answer, plan)) = rerun.take(&entry)? else { continue };
+        other.count(&flown.see(&logged.frame).answer(&logged.network), &plan);
         if same_policy {
             network.of += 1;
-            let bits = |input: &FrameInput| input.network.values.map(f32::to_bits);
-            if bits(&input) == bits(&logged) {
+            let bits = |network: &NetworkOutput| network.values.map(f32::to_bits);
+            if bits(&answer) == bits(&logged.network) {
                 network.same += 1;
             } else {
-                let [field, logged, replayed] = first_field(&logged.network, &input.network);
+                let [field, logged, replayed] = first_field(&logged.network, &answer);
                 let (stamp_ns, at_s) = (entry.time_ns, recording.since_begin(entry.time_ns));
-                let what = format!("network's answer for plan {}", input.seq);
+                let what = format!("network's answer for plan {}", plan.seq);
                 keep_first(&mut outcome.first_difference, Difference { stamp_ns, at_s, what, field, logged, replayed });
             }
         }

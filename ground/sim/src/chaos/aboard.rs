@@ -2,12 +2,12 @@
 //! keeps between them, in one thread and on a clock that is told.
 
 use goshawk_air::config::{OdometrySource, Vehicle};
-use goshawk_air::control::concerning;
-use goshawk_air::inputs::{FlightController, FrameInput, StepInput, plain_odometry};
-use goshawk_air::sensors::{self, Frame};
+use goshawk_air::flight::control::concerning;
+use goshawk_air::flight::sensors::{self, Frame};
 use goshawk_autopilot::Status;
 use goshawk_core::{
-    Command, ControllerInput, ControllerOutput, History, Mode, Odometry, Plan, PlanningDemand, Profile, Time,
+    Command, ControllerOutput, FlightController, FrameRecord, History, Mode, Odometry, Plan, PlanningDemand, Profile,
+    StepInput, Time,
 };
 use goshawk_policy::{AnswerMonitor, Arrival, Moving, StreamMonitor};
 
@@ -27,10 +27,8 @@ struct Making {
 
 /// A plan with what it was made from.
 pub(super) struct Planned {
-    /// The flight that it was made in.
-    pub(super) flight: u64,
     pub(super) plan: Plan,
-    pub(super) input: FrameInput,
+    pub(super) record: FrameRecord,
 }
 
 /// One step of the controller, with all that it was given.
@@ -38,8 +36,7 @@ pub(super) struct Stepped {
     pub(super) seq: u64,
     pub(super) input: StepInput,
     pub(super) output: ControllerOutput,
-    pub(super) odometry: Option<Odometry>,
-    /// That odometry is new.
+    /// Its odometry is new.
     pub(super) fresh: bool,
     /// A flight begins.
     pub(super) started: bool,
@@ -59,9 +56,8 @@ pub(super) struct Aboard<'a> {
     plan: Option<Plan>,
     demand: PlanningDemand,
     mode: Mode,
-    /// Counts accepted starts; the planner's copy follows with its next frame.
+    /// Counts accepted starts.
     flight: u64,
-    planners_flight: u64,
     frame: Option<Frame>,
     making: Option<Making>,
     plans: u64,
@@ -91,7 +87,6 @@ impl<'a> Aboard<'a> {
             demand: PlanningDemand { task, speed, goal_world: None },
             mode: Mode::Idle,
             flight: 0,
-            planners_flight: 0,
             frame: None,
             making: None,
             plans: 0,
@@ -145,10 +140,6 @@ impl<'a> Aboard<'a> {
     }
 
     fn begin(&mut self, ready: Time, frame: Frame) -> Result<Option<Making>, TrialError> {
-        if self.planners_flight != self.flight {
-            self.planners_flight = self.flight;
-            self.planner.reset();
-        }
         if frame.fault.is_some() {
             return Ok(None);
         }
@@ -156,31 +147,29 @@ impl<'a> Aboard<'a> {
         self.plans += 1;
         let Some(odometry) = self.history.odometry_at(frame.stamp) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(frame.stamp);
-        let seen = Seen { seq, odometry: &odometry, acc_world, demand: &self.demand };
+        let seen = Seen { flight: self.flight, seq, odometry: &odometry, acc_world, demand: &self.demand };
         let image = RgbdImage { width: frame.width, height: frame.height, rgb: frame.rgb, depth_mm: frame.depth_mm };
-        let (plan, input) = self.planner.plan(&seen, &image)?;
-        let withheld = self.answers.judge(plan.stamp, frame.print, &input.network).is_some();
-        let planned = Planned { flight: self.planners_flight, plan, input };
-        Ok(Some(Making { ready, planned, withheld }))
+        let (plan, record) = self.planner.plan(&seen, &image)?;
+        let withheld = self.answers.judge(plan.stamp, frame.print, &record.network).is_some();
+        Ok(Some(Making { ready, planned: Planned { plan, record }, withheld }))
     }
 
     /// The controller's thread, one step.
     pub(super) fn control(&mut self, now: Time, status: &Status, command: Option<Command>, ready: bool) -> Stepped {
         let newer = self.arrived.filter(|o| self.odometry.is_none_or(|last| o.stamp > last.stamp));
-        let fresh = newer.and_then(|newest| sensors::plausible(newest).ok()).map(|good| plain_odometry(&good));
+        let fresh = newer.and_then(|newest| sensors::plausible(newest).ok()).map(|good| good.with_unsigned_zeros());
         if let Some(good) = fresh {
             self.odometry = Some(good);
             self.history.push_odometry(&good);
         }
         let input = StepInput {
-            odometry_stamp: self.odometry.map(|o| o.stamp),
+            odometry: self.odometry,
             plan_seq: self.plan.as_ref().map(|plan| plan.seq),
             autopilot: concerning(self.source, status),
             command,
             ready,
         };
-        let whole: ControllerInput<'_> = input.as_core(self.odometry.as_ref(), self.plan.as_ref());
-        let output = self.controller.step(now, &whole);
+        let output = self.controller.step(now, &input, self.plan.as_ref());
         self.history.push_acceleration(now, output.acc_des_world);
         let started = matches!(command, Some(Command::Start(_))) && output.reply == Some(Ok(()));
         self.flight += u64::from(started);
@@ -188,6 +177,6 @@ impl<'a> Aboard<'a> {
         self.mode = output.mode;
         let seq = self.steps;
         self.steps += 1;
-        Stepped { seq, input, output, odometry: self.odometry, fresh: fresh.is_some(), started }
+        Stepped { seq, input, output, fresh: fresh.is_some(), started }
     }
 }

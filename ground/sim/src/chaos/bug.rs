@@ -1,8 +1,8 @@
 //! Bugs put around the controller on purpose, to show that the properties find them. None of them is in flight code.
 
-use goshawk_air::inputs::FlightController;
 use goshawk_core::{
-    AttitudeThrust, Cause, Command, ControllerInput, ControllerOutput, Fallback, Mode, Rot, Time, Vec3,
+    AttitudeThrust, Cause, Command, ControllerOutput, Fallback, FlightController, Mode, Plan, Rot, StepInput, Time,
+    Vec3,
 };
 
 /// What is wrong with the controller as the chaos flight sees it.
@@ -49,11 +49,11 @@ impl<C> Bugged<C> {
 }
 
 impl Bugged<FlightController> {
-    pub(super) fn step(&mut self, now: Time, input: &ControllerInput) -> ControllerOutput {
+    pub(super) fn step(&mut self, now: Time, input: &StepInput, plan: Option<&Plan>) -> ControllerOutput {
         let stopped = input.command == Some(Command::Stop) && self.mode.has_authority();
         let deaf = stopped && self.bug == Some(Bug::DeafToStop);
-        let heard = ControllerInput { command: input.command.filter(|_| !deaf), ..*input };
-        let mut output = self.inner.step(now, &heard);
+        let heard = StepInput { command: input.command.filter(|_| !deaf), ..*input };
+        let mut output = self.inner.step(now, &heard, plan);
         if deaf {
             output.reply = Some(Ok(()));
         }

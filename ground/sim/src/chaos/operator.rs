@@ -3,8 +3,8 @@
 
 use std::collections::VecDeque;
 
-use goshawk_air::commands::{Decided, Desk, Parsed, Taken, WAIT};
 use goshawk_air::config::Vehicle;
+use goshawk_air::network::commands::{Decided, Desk, Parsed, Taken, WAIT};
 use goshawk_core::{Command, Refusal, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;

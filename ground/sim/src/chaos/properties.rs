@@ -172,7 +172,7 @@ impl Judge {
         let (stepped, autopilot) = (facts.stepped, &facts.stepped.input.autopilot);
         if stepped.started {
             (self.asked, self.followed, self.armed, self.stopped) = (false, false, false, None);
-            self.start_world = stepped.odometry.map(|o| (o.pos_world, facts.truth.pos_world));
+            self.start_world = stepped.input.odometry.map(|o| (o.pos_world, facts.truth.pos_world));
         }
         self.followed |= self.asked && autopilot.offboard;
         self.armed |= self.asked && autopilot.armed;
@@ -222,7 +222,8 @@ impl Judge {
     /// Fence, ceiling and speed, where the odometry is true.
     fn place(&self, facts: &Facts<'_>) -> Result<(), (Property, String)> {
         let (output, limits) = (&facts.stepped.output, &self.config.limits);
-        let (Some((start, true_start)), Some(odometry), true) = (self.start_world, facts.stepped.odometry, self.honest)
+        let (Some((start, true_start)), Some(odometry), true) =
+            (self.start_world, facts.stepped.input.odometry, self.honest)
         else {
             return Ok(());
         };

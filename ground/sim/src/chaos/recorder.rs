@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::io::{self, BufWriter, Write};
 use std::rc::Rc;
 
-use goshawk_air::convert;
+use goshawk_air::{convert, inputs};
 use goshawk_core::{Mode, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
@@ -117,16 +117,16 @@ impl Recorder {
 
     /// A step of the controller.
     pub(super) fn control(&mut self, now: Time, stepped: &Stepped) {
-        let Stepped { seq, input, output, odometry, fresh, started } = stepped;
+        let Stepped { seq, input, output, fresh, started } = stepped;
         if *started {
             self.begin(now);
         }
-        if let Some(odometry) = odometry.filter(|_| *fresh || *started) {
+        if let Some(odometry) = input.odometry.filter(|_| *fresh || *started) {
             self.odometry += 1;
             self.record(Channel::ODOMETRY, odometry.stamp, &convert::odometry(self.odometry, &odometry));
         }
-        self.record(Channel::CONTROLLER_INPUT, now, &input.to_proto(*seq, now));
-        self.tell(Key::Control, now, &convert::control(*seq, now, output, odometry.as_ref()));
+        self.record(Channel::CONTROLLER_INPUT, now, &inputs::controller_input(input, *seq, now));
+        self.tell(Key::Control, now, &convert::control(*seq, now, output, input.odometry.as_ref()));
         if let Some(open) = &mut self.open {
             open.ended = now;
             if output.transition.is_some() && matches!(output.mode, Mode::Landed | Mode::Idle | Mode::Ready) {
@@ -137,10 +137,10 @@ impl Recorder {
 
     /// A plan was handed over, in the log's flight or before it.
     pub(super) fn plan(&mut self, now: Time, flight: u64, planned: &Planned) {
-        if planned.flight != flight {
+        if planned.record.frame.flight != flight {
             return;
         }
-        self.record(Channel::PLANNER_INPUT, now, &planned.input.to_proto());
+        self.record(Channel::PLANNER_INPUT, now, &inputs::planner_input(&planned.record));
         self.tell(Key::Plan, now, &convert::plan(&planned.plan, now));
         if let Some(target) = &planned.plan.target {
             self.targets += 1;

@@ -2,8 +2,8 @@
 
 use goshawk_air::config::Vehicle;
 use goshawk_core::{
-    ANCHORS, AutopilotStatus, Candidate, Command, Controller, ControllerInput, ControllerOutput, FlatState, History,
-    Odometry, Plan, PlanningDemand, Rejection, TargetEstimate, Task, Time, Vec3,
+    ANCHORS, AutopilotStatus, Candidate, Command, Controller, ControllerOutput, FlatState, History, Odometry, Plan,
+    PlanningDemand, Rejection, StepInput, TargetEstimate, Task, Time, Vec3, hidden_for,
 };
 
 use goshawk_policy::stream::Arrival;
@@ -133,7 +133,7 @@ impl<'a> Classical<'a> {
     fn expected(&self, target: &TargetEstimate, now: Time, after_s: f64) -> Option<(Vec3, Vec3)> {
         let until = self.detector.as_ref()?.pursue_until_s();
         let known = target.confirmed || target.last_seen != target.stamp;
-        if !known || now.since(target.last_seen) > until {
+        if !known || hidden_for(target.last_seen, now) > until {
             return None;
         }
         let carry = (now.since(target.stamp) + after_s).clamp(0.0, CARRY_S);
@@ -218,7 +218,7 @@ impl Pilot for Classical<'_> {
         self.frames += 1;
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);
-        let seen = Seen { seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
+        let seen = Seen { flight: 0, seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
         let mut plan = self.seen(&seen, image)?;
         let pose = CameraPose {
             pos_world: odometry.pos_world + odometry.world_from_body * self.mount.pos_cam_body,
@@ -257,16 +257,9 @@ impl Pilot for Classical<'_> {
     }
 
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
-        let mut output = self.controller.step(
-            now,
-            &ControllerInput {
-                odometry: self.odometry.as_ref(),
-                plan: self.plan.as_ref(),
-                autopilot,
-                command,
-                ready: true,
-            },
-        );
+        let plan_seq = self.plan.as_ref().map(|plan| plan.seq);
+        let input = StepInput { odometry: self.odometry, plan_seq, autopilot, command, ready: true };
+        let mut output = self.controller.step(now, &input, self.plan.as_ref());
         self.flying = output.plan_seq.is_some();
         let reference = self.flown.as_ref().filter(|_| self.flying).map(|flown| flown.at(now));
         self.tracker.command(now, reference.as_ref(), &mut output);

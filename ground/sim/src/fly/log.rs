@@ -5,9 +5,8 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use goshawk_air::config::Vehicle;
-use goshawk_air::convert;
-use goshawk_air::inputs::FrameInput;
-use goshawk_core::{ControllerOutput, Plan, Time};
+use goshawk_air::{convert, inputs};
+use goshawk_core::{ControllerOutput, FrameRecord, Plan, Time};
 use goshawk_policy::Policy;
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
@@ -112,7 +111,7 @@ impl Witness for FlightLog {
             self.write(Channel::ODOMETRY, now, &convert::odometry(self.controls, fresh));
         }
         if let Some(input) = onboard.step_input() {
-            self.write(Channel::CONTROLLER_INPUT, now, &input.to_proto(self.controls, now));
+            self.write(Channel::CONTROLLER_INPUT, now, &inputs::controller_input(input, self.controls, now));
         }
         self.tell(Key::Control, now, &convert::control(self.controls, now, output, odometry));
         if let Some(t) = output.transition {
@@ -143,9 +142,9 @@ impl Witness for FlightLog {
         }
     }
 
-    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
-        if let Some(input) = input {
-            self.write(Channel::PLANNER_INPUT, ready, &input.to_proto());
+    fn plan(&mut self, ready: Time, plan: &Plan, record: Option<&FrameRecord>) {
+        if let Some(record) = record {
+            self.write(Channel::PLANNER_INPUT, ready, &inputs::planner_input(record));
         }
         self.tell(Key::Plan, ready, &convert::plan(plan, ready));
         if let Some(target) = &plan.target {

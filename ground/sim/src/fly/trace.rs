@@ -1,7 +1,6 @@
 //! What a campaign's page needs of a flight: where vehicle and target were, 20 times a second, and what stood about.
 
-use goshawk_air::inputs::FrameInput;
-use goshawk_core::{ControllerOutput, Mode, Plan, Time, Vec3};
+use goshawk_core::{ControllerOutput, FrameRecord, Mode, Plan, Time, Vec3};
 use serde::Serialize;
 
 use super::Pick;
@@ -180,8 +179,8 @@ impl Witness for Tracer<'_> {
         self.inner.frame(seq, stamp, image);
     }
 
-    fn plan(&mut self, ready: Time, plan: &Plan, input: Option<&FrameInput>) {
-        self.inner.plan(ready, plan, input);
+    fn plan(&mut self, ready: Time, plan: &Plan, record: Option<&FrameRecord>) {
+        self.inner.plan(ready, plan, record);
     }
 
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {

@@ -1,11 +1,10 @@
 //! The vehicle's software in lockstep: the same planner and controller as on board, fed by hand.
 
 use goshawk_air::config::Vehicle;
-use goshawk_air::inputs::{FlightController, FrameInput, StepInput, plain_odometry};
-use goshawk_air::sensors;
+use goshawk_air::flight::sensors;
 use goshawk_core::{
-    AutopilotStatus, Command, ControllerInput, ControllerOutput, History, Mode, NetworkOutput, Odometry, OdometryFault,
-    Plan, Planner, PlanningDemand, Time, Vec3,
+    AutopilotStatus, Command, ControllerOutput, FlightController, FrameInput, FrameRecord, History, Mode,
+    NetworkOutput, Odometry, OdometryFault, Plan, Planner, PlanningDemand, StepInput, Time, Vec3,
 };
 use goshawk_policy::{
     AnswerMonitor, Arrival, Contract, Moving, Policy, PolicyError, Preprocessor, Source, StreamMonitor,
@@ -43,6 +42,8 @@ impl Network for Policy {
 /// A frame with what the vehicle knows of its exposure.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
+    /// Counts flights: the planner forgets what was before another one.
+    pub flight: u64,
     /// Counts frames.
     pub seq: u64,
     /// At the exposure.
@@ -80,11 +81,6 @@ impl<'a> PolicyPlanner<'a> {
         })
     }
 
-    /// Forgets what was before: a flight begins.
-    pub fn reset(&mut self) {
-        self.planner.reset();
-    }
-
     /// A target unseen for longer than this is not pursued any more, s.
     #[must_use]
     pub fn pursue_until_s(&self) -> f64 {
@@ -95,16 +91,16 @@ impl<'a> PolicyPlanner<'a> {
     ///
     /// # Errors
     /// If the network fails.
-    pub fn plan(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<(Plan, FrameInput), TrialError> {
-        let Seen { seq, odometry, acc_world, demand } = *seen;
+    pub fn plan(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<(Plan, FrameRecord), TrialError> {
+        let Seen { flight, seq, odometry, acc_world, demand } = *seen;
         let nearest = self.preprocessor.nearest(&image.depth_mm)?;
-        let mut input = FrameInput::new(seq, odometry, acc_world, demand, nearest);
-        self.planner.see(&input.odometry, &input.nearest);
-        input.state = self.planner.network_state(&input.odometry, input.acc_world, input.speed, input.goal_world);
+        let frame = FrameInput::new(flight, seq, odometry, acc_world, demand, nearest);
         let rgbd = self.preprocessor.run(&image.rgb, &image.depth_mm)?;
-        let state_len = self.network.contract().state_len();
-        input.network = self.network.infer(rgbd, &input.state[..state_len])?;
-        Ok((self.planner.step(&input.as_core()), input))
+        let asked = self.planner.see(&frame);
+        let state = *asked.state();
+        let network = self.network.infer(rgbd, &state)?;
+        let plan = asked.answer(&network);
+        Ok((plan, FrameRecord { frame, state, network }))
     }
 }
 
@@ -117,7 +113,7 @@ pub struct Onboard<'a> {
     demand: Option<PlanningDemand>,
     plan: Option<Plan>,
     frames: u64,
-    frame_input: Option<FrameInput>,
+    frame_record: Option<FrameRecord>,
     step_input: Option<StepInput>,
     stream: StreamMonitor,
     answers: AnswerMonitor,
@@ -142,7 +138,7 @@ impl<'a> Onboard<'a> {
             demand: None,
             plan: None,
             frames: 0,
-            frame_input: None,
+            frame_record: None,
             step_input: None,
             stream: StreamMonitor::new(vehicle.camera.rates()),
             answers,
@@ -159,7 +155,7 @@ impl Pilot for Onboard<'_> {
     }
 
     fn take_odometry(&mut self, odometry: &Odometry) {
-        let odometry = plain_odometry(odometry);
+        let odometry = odometry.with_unsigned_zeros();
         self.history.push_odometry(&odometry);
         self.odometry = Some(odometry);
     }
@@ -174,11 +170,11 @@ impl Pilot for Onboard<'_> {
         }
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);
-        let seen = Seen { seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
-        let (plan, input) = self.planner.plan(&seen, image)?;
-        let dead = self.answers.judge(stamp, self.stream.print(), &input.network);
+        let seen = Seen { flight: 0, seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
+        let (plan, record) = self.planner.plan(&seen, image)?;
+        let dead = self.answers.judge(stamp, self.stream.print(), &record.network);
         self.withheld = dead.map(|_| plan.seq);
-        self.frame_input = Some(input);
+        self.frame_record = Some(record);
         Ok(Some(plan))
     }
 
@@ -193,10 +189,10 @@ impl Pilot for Onboard<'_> {
     }
 
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
-        let (odometry, plan) = (self.odometry.as_ref(), self.plan.as_ref());
-        let input = ControllerInput { odometry, plan, autopilot, command, ready: true };
-        let output = self.controller.step(now, &input);
-        self.step_input = Some(StepInput::of(&input));
+        let plan_seq = self.plan.as_ref().map(|plan| plan.seq);
+        let input = StepInput { odometry: self.odometry, plan_seq, autopilot, command, ready: true };
+        let output = self.controller.step(now, &input, self.plan.as_ref());
+        self.step_input = Some(input);
         self.history.push_acceleration(now, output.acc_des_world);
         self.demand = output.planning;
         self.mode = output.mode;
@@ -210,8 +206,8 @@ impl Pilot for Onboard<'_> {
         stream.into_iter().chain(answers).chain(self.odometry_fault.map(OdometryFault::name)).collect()
     }
 
-    fn frame_input(&self) -> Option<&FrameInput> {
-        self.frame_input.as_ref()
+    fn frame_record(&self) -> Option<&FrameRecord> {
+        self.frame_record.as_ref()
     }
 
     fn step_input(&self) -> Option<&StepInput> {

@@ -50,7 +50,7 @@ impl Lockstep<'_> {
         let there = FRAME_AT_PLANNER_S + self.onboard.compute_s();
         while let Some(frame) = self.pending.pop_front_if(|frame| now >= frame.arrival.stamp.plus(there)) {
             if let Some(plan) = frame.plan {
-                witness.plan(now, &plan, self.onboard.frame_input());
+                witness.plan(now, &plan, self.onboard.frame_record());
                 self.judge.plan(&plan, &frame.exposure, self.in_task(now));
                 self.onboard.take_plan(plan);
             }

@@ -1,7 +1,8 @@
 //! The target at its worst: as near and as fast as the filter's covariance and its own legs allow.
 
-use crate::planning::doubt::{level_deviation, pos_doubt};
-use crate::planning::target::LONGEST_CARRY;
+use crate::gaze::doubt::{level_deviation, pos_doubt};
+use crate::gaze::expected::{carried, carry};
+use crate::gaze::hidden::{ANYWHERE, hidden_for};
 use crate::values::types::{Flat, TargetEstimate, Time, Vec3};
 use nalgebra::Matrix3;
 
@@ -11,8 +12,6 @@ const FASTER: (f64, f64) = (0.5, 2.0);
 const LATE: f64 = 0.25;
 /// A target counts as running in full at this speed, m/s, and as calming down at this rate after it, m/s².
 const RUNS: (f64, f64) = (3.0, 1.5);
-/// A target unseen for longer may be anywhere, s.
-const FORGOTTEN: f64 = 4.0;
 /// The most that one standard deviation of the velocity comes to, m/s.
 const MOST_SPEED_DOUBT: f64 = 1.0;
 
@@ -27,27 +26,28 @@ pub struct Threat {
     pub pos_doubt: f64,
     /// and faster by so much, m/s.
     pub vel_doubt: f64,
-    /// For how long it has not been seen, s.
-    pub unseen: f64,
+    /// For how long it has been hidden, s.
+    pub hidden_for: f64,
 }
 
 impl Threat {
-    /// An estimate carried on to `now`; none: the target has not been seen for so long that it may be anywhere.
+    /// An estimate carried on to `now`; none: the target has been hidden for so long that it may be anywhere.
     #[must_use]
     pub fn of(target: &TargetEstimate, now: Time) -> Option<Self> {
-        if !target.covariance.iter().all(|x| x.is_finite()) || now.since(target.last_seen) > FORGOTTEN {
+        let hidden_for = hidden_for(target.last_seen, now);
+        if !target.covariance.iter().all(|x| x.is_finite()) || hidden_for > ANYWHERE {
             return None;
         }
-        let carry = now.since(target.stamp).clamp(0.0, LONGEST_CARRY);
+        let carry = carry(target, now);
         let block = |row, column| -> Matrix3<f64> { target.covariance.fixed_view::<3, 3>(row, column).into() };
         let (pos, cross, vel) = (block(0, 0), block(0, 3), block(3, 3));
-        let carried = pos + (cross + cross.transpose()) * carry + vel * (carry * carry);
+        let pos_covariance = pos + (cross + cross.transpose()) * carry + vel * (carry * carry);
         Some(Self {
-            pos_world: target.pos_world + target.vel_world * carry,
+            pos_world: carried(target, now),
             vel_world: target.vel_world,
-            pos_doubt: pos_doubt(&carried),
+            pos_doubt: pos_doubt(&pos_covariance),
             vel_doubt: level_deviation(&vel).min(MOST_SPEED_DOUBT),
-            unseen: now.since(target.last_seen).max(0.0),
+            hidden_for,
         })
     }
 }

@@ -13,10 +13,10 @@ use prost::Message;
 use zenoh::Wait;
 use zenoh::query::Query;
 
-use crate::bus::{Bus, BusError};
 use crate::clock;
 use crate::config::{OnStop, Vehicle};
-use crate::shared::{PendingCommand, Report, Shared, lock};
+use crate::flight::shared::{PendingCommand, Report, Shared, lock};
+use crate::network::bus::{Bus, BusError};
 
 const REMEMBERED: usize = 64;
 /// The controller's answer is waited for so long.

@@ -7,9 +7,9 @@ use prost::Message;
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 
-use crate::access::Access;
 use crate::clock;
-use crate::visitors::Visitors;
+use crate::network::access::Access;
+use crate::network::visitors::Visitors;
 
 /// Why the network could not be set up.
 #[derive(Debug, thiserror::Error)]

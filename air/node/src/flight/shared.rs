@@ -4,13 +4,14 @@ use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use goshawk_core::{Command, ControllerOutput, History, Odometry, Plan, PlanningDemand, Refusal, Time};
+use goshawk_core::{
+    Command, ControllerOutput, FrameRecord, History, Odometry, Plan, PlanningDemand, Refusal, StepInput, Time,
+};
 use goshawk_policy::AnswerFault;
 use goshawk_proto::v1;
 
-use crate::inputs::{FrameInput, StepInput};
-use crate::sensors::{Frame, Refused};
-use crate::slot::{Latest, Slot};
+use crate::flight::sensors::{Frame, Refused};
+use crate::flight::slot::{Latest, Slot};
 
 /// A command on its way to the controller, with where its answer goes.
 pub struct PendingCommand {
@@ -32,12 +33,10 @@ pub struct Started {
 
 /// A plan with all that it was made from.
 pub struct Planned {
-    /// The flight that it was made in; 0 before the first.
-    pub flight: u64,
     /// The answer.
     pub plan: Plan,
-    /// What the planner was given.
-    pub input: FrameInput,
+    /// What it was made from.
+    pub record: FrameRecord,
     /// When the plan was handed to the controller.
     pub ready: Time,
     /// Time in the network, s.
@@ -67,8 +66,6 @@ pub enum Report {
         input: StepInput,
         /// What it decided.
         output: ControllerOutput,
-        /// What it saw.
-        odometry: Option<Odometry>,
         /// A flight begins with this step.
         started: Option<Started>,
         /// Its duration, s.

@@ -7,8 +7,8 @@ use goshawk_core::Time;
 use goshawk_policy::{Arrival, Moving, RateLimits, StreamMonitor};
 use goshawk_proto::v1;
 
-use crate::sensors;
-use crate::shared::{Shared, lock};
+use crate::flight::sensors;
+use crate::flight::shared::{Shared, lock};
 
 /// Takes what the camera sends.
 pub struct CameraInput {

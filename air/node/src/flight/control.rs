@@ -6,15 +6,17 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use goshawk_autopilot::{AutopilotLink, Glance, Status};
-use goshawk_core::{AutopilotStatus, Command, ControllerOutput, Odometry, Plan, PlanningDemand, Time};
+use goshawk_core::{
+    AutopilotStatus, Command, ControllerOutput, FlightController, Odometry, Plan, PlanningDemand, StepInput, Time,
+};
 
+use crate::clock;
 use crate::config::OdometrySource;
 use crate::convert;
-use crate::inputs::{FlightController, StepInput, plain_odometry};
-use crate::sensors;
-use crate::shared::{PendingCommand, Report, Shared, Started};
-use crate::slot::try_lock;
-use crate::{clock, realtime};
+use crate::flight::realtime;
+use crate::flight::sensors;
+use crate::flight::shared::{PendingCommand, Report, Shared, Started};
+use crate::flight::slot::try_lock;
 
 /// What the thread begins with.
 pub struct Control {
@@ -81,7 +83,7 @@ impl Control {
         if let Some(newest) = newest.filter(|o| held.odometry.is_none_or(|last| o.stamp > last.stamp)) {
             match sensors::plausible(newest) {
                 Ok(good) => {
-                    let good = plain_odometry(&good);
+                    let good = good.with_unsigned_zeros();
                     (held.odometry, held.unpushed) = (Some(good), Some(good));
                     shared.report(Report::Odometry(good));
                 }
@@ -99,13 +101,13 @@ impl Control {
     fn step(&mut self, shared: &Shared, seq: u64, now: Time, held: &mut Held, late_s: f64) {
         let pending: Option<PendingCommand> = try_lock(&shared.command).and_then(|mut slot| slot.take());
         let input = StepInput {
-            odometry_stamp: held.odometry.map(|o| o.stamp),
+            odometry: held.odometry,
             plan_seq: held.plan.as_ref().map(|plan| plan.seq),
             autopilot: held.glance.map_or_else(Default::default, |glance| concerning(self.source, &glance.status)),
             command: pending.as_ref().map(|pending| pending.command),
             ready: shared.ready.load(Ordering::Relaxed),
         };
-        let output = self.controller.step(now, &input.as_core(held.odometry.as_ref(), held.plan.as_ref()));
+        let output = self.controller.step(now, &input, held.plan.as_ref());
         self.act(held, &output);
         shared.mode.store(convert::mode(output.mode).into(), Ordering::Relaxed);
         if let Some(mut history) = try_lock(&shared.history) {
@@ -116,8 +118,8 @@ impl Control {
         let flight = held.flight;
         let started = pending.as_ref().filter(|_| start);
         let started = started.map(|pending| Started { flight, profile: Arc::clone(&pending.profile) });
-        let (odometry, step_s) = (held.odometry, clock::now().since(now));
-        shared.report(Report::Control { seq, stamp: now, input, output, odometry, started, step_s, late_s });
+        let step_s = clock::now().since(now);
+        shared.report(Report::Control { seq, stamp: now, input, output, started, step_s, late_s });
         if start {
             // After the report: in the log, all that the planner answers in this flight comes after its first step.
             shared.flight.store(flight, Ordering::Release);

@@ -18,7 +18,7 @@ use tracing_subscriber::layer::Context;
 use zenoh_link_tls::REFUSED;
 
 use crate::clock;
-use crate::shared::lock;
+use crate::flight::shared::lock;
 
 /// Different lines that are told apart at a time; further ones share one.
 const KEPT: usize = 64;

@@ -13,7 +13,7 @@ use prost::Message;
 
 use crate::clock;
 use crate::config::Vehicle;
-use crate::sensors::Frame;
+use crate::flight::sensors::Frame;
 
 /// How long to go on recording after the landing, s.
 const TAIL_S: f64 = 1.0;

@@ -12,15 +12,15 @@ use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
 
-use crate::access::INSECURE;
-use crate::bus::{Bus, BusError, Publisher};
 use crate::config::OdometrySource;
-use crate::flightlog::FlightLog;
-use crate::health::{self, Facts};
-use crate::sensors::Frame;
-use crate::shared::{Planned, Report, Shared, Started};
-use crate::visitors::Visitors;
-use crate::{clock, convert};
+use crate::flight::sensors::Frame;
+use crate::flight::shared::{Planned, Report, Shared, Started};
+use crate::network::access::INSECURE;
+use crate::network::bus::{Bus, BusError, Publisher};
+use crate::network::visitors::Visitors;
+use crate::report::flightlog::FlightLog;
+use crate::report::health::{self, Facts};
+use crate::{clock, convert, inputs};
 
 /// Reports are looked for so often; what one look finds leaves together, which is most of what sending costs. Waiting
 /// for them instead would make whoever reports wake this thread, under a lock.
@@ -169,15 +169,15 @@ impl Telemetry {
                 self.facts.odometry_rate.tick();
                 self.record_odometry(&odometry);
             }
-            Report::Control { seq, stamp, input, output, odometry, started, step_s, late_s } => {
+            Report::Control { seq, stamp, input, output, started, step_s, late_s } => {
                 self.facts.controller_rate.tick();
                 self.facts.controller_step.push(step_s);
                 self.facts.controller_late.push(late_s);
                 if let Some(started) = started {
-                    self.begin_flight(&started, odometry.as_ref());
+                    self.begin_flight(&started, input.odometry.as_ref());
                 }
-                self.log.record_on(Channel::CONTROLLER_INPUT, stamp, input.to_proto(seq, stamp));
-                self.take_control(seq, stamp, &output, odometry.as_ref());
+                self.log.record_on(Channel::CONTROLLER_INPUT, stamp, inputs::controller_input(&input, seq, stamp));
+                self.take_control(seq, stamp, &output, input.odometry.as_ref());
             }
             Report::Command(record) => self.take_command(record),
             Report::Event(severity, kind, text) => self.event(severity, kind, text),
@@ -209,7 +209,7 @@ impl Telemetry {
     }
 
     fn take_plan(&mut self, planned: &Planned) {
-        let Planned { flight, plan, input, ready, inference_s, fault } = planned;
+        let Planned { plan, record, ready, inference_s, fault } = planned;
         self.facts.answer_fault = *fault;
         self.facts.plan = Some(*ready);
         self.facts.plan_failed = None;
@@ -217,9 +217,9 @@ impl Telemetry {
         self.facts.frame_to_plan.push(ready.since(plan.stamp));
         self.facts.inference.push(*inference_s);
         // A plan that was in the making when the flight began is of the time before.
-        let of_flight = *flight == self.flight;
+        let of_flight = record.frame.flight == self.flight;
         if of_flight {
-            self.log.record_on(Channel::PLANNER_INPUT, *ready, input.to_proto());
+            self.log.record_on(Channel::PLANNER_INPUT, *ready, inputs::planner_input(record));
         }
         let message = convert::plan(plan, *ready);
         self.publishers.plan.put(&message);

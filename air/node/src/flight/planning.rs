@@ -4,14 +4,13 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use goshawk_core::{Plan, Planner, PlanningDemand};
-use goshawk_policy::{AnswerMonitor, Policy, PolicyError, Preprocessor};
+use goshawk_core::{FrameInput, FrameRecord, Plan, Planner, PlanningDemand};
+use goshawk_policy::{AnswerMonitor, Policy, Preprocessor};
 
 use crate::clock;
-use crate::inputs::FrameInput;
-use crate::realtime::Schedule;
-use crate::sensors::Frame;
-use crate::shared::{Planned, Report, Shared, lock};
+use crate::flight::realtime::Schedule;
+use crate::flight::sensors::Frame;
+use crate::flight::shared::{Planned, Report, Shared, lock};
 
 /// What the thread owns.
 pub struct Planning {
@@ -33,18 +32,12 @@ impl Planning {
     /// Plans from each new frame until the process stops.
     pub fn run(mut self, shared: &Shared) {
         self.schedule.apply("planner");
-        let (mut seen, mut seq, mut flight) = (0, 0, 0);
+        let (mut seen, mut seq) = (0, 0);
         while !shared.stopping() {
             let Some((frame, missed)) = shared.frame.wait_newer(&mut seen, Duration::from_millis(100)) else {
                 continue;
             };
             shared.skipped_frames.fetch_add(missed, Ordering::Relaxed);
-            // A flight's first frame is the first that its planner sees, so that the log holds all that it knows.
-            let flying = shared.flight.load(Ordering::Acquire);
-            if flying != flight {
-                flight = flying;
-                self.planner.reset();
-            }
             if frame.fault.is_some() {
                 // What is not to be believed is shown and logged, and not flown: the last plan expires.
                 shared.report(Report::Frame(frame));
@@ -54,12 +47,12 @@ impl Planning {
             let print = frame.print;
             shared.report(Report::Frame(frame));
             match planned {
-                Ok((plan, input, inference_s)) => {
-                    let fault = self.answers.judge(plan.stamp, print, &input.network);
+                Ok((plan, record, inference_s)) => {
+                    let fault = self.answers.judge(plan.stamp, print, &record.network);
                     if fault.is_none() {
                         shared.plan.put(plan.clone());
                     }
-                    let planned = Planned { flight, plan, input, ready: clock::now(), inference_s, fault };
+                    let planned = Planned { plan, record, ready: clock::now(), inference_s, fault };
                     shared.report(Report::Plan(Box::new(planned)));
                 }
                 Err(why) => shared.report(Report::PlanFailed(why)),
@@ -68,7 +61,8 @@ impl Planning {
         }
     }
 
-    fn plan(&mut self, shared: &Shared, frame: &Frame, seq: u64) -> Result<(Plan, FrameInput, f64), String> {
+    fn plan(&mut self, shared: &Shared, frame: &Frame, seq: u64) -> Result<(Plan, FrameRecord, f64), String> {
+        let flight = shared.flight.load(Ordering::Acquire);
         let (odometry, acc_world) = {
             let history = lock(&shared.history);
             (history.odometry_at(frame.stamp), history.acceleration_at(frame.stamp))
@@ -82,27 +76,14 @@ impl Planning {
         };
         let preprocessor = self.preprocessor.insert(preprocessor);
         let nearest = preprocessor.nearest(&frame.depth_mm).map_err(|e| e.to_string())?;
-        let mut input = FrameInput::new(seq, &odometry, acc_world, &demand, nearest);
         let image = preprocessor.run(&frame.rgb, &frame.depth_mm).map_err(|e| e.to_string())?;
+        let frame = FrameInput::new(flight, seq, &odometry, acc_world, &demand, nearest);
         let begun = clock::now();
-        answer(&mut self.planner, &mut self.policy, image, &mut input).map_err(|e| e.to_string())?;
+        let asked = self.planner.see(&frame);
+        let state = *asked.state();
+        let network = self.policy.infer(image, &state).map_err(|e| e.to_string())?;
         let inference_s = clock::now().since(begun);
-        Ok((self.planner.step(&input.as_core()), input, inference_s))
+        let plan = asked.answer(&network);
+        Ok((plan, FrameRecord { frame, state, network }, inference_s))
     }
-}
-
-/// Shows the frame to the planner, then to the network: fills in `state` and `network` of `input`.
-///
-/// # Errors
-/// The network failed.
-pub fn answer(
-    planner: &mut Planner,
-    policy: &mut Policy,
-    image: &[f32],
-    input: &mut FrameInput,
-) -> Result<(), PolicyError> {
-    planner.see(&input.odometry, &input.nearest);
-    input.state = planner.network_state(&input.odometry, input.acc_world, input.speed, input.goal_world);
-    input.network = policy.infer(image, &input.state[..policy.state_len()])?;
-    Ok(())
 }

@@ -59,11 +59,29 @@ pub fn toward(line_world: Vec3, vel_world: Vec3) -> YawGoal {
     YawGoal::Toward { yaw: line_world.y.atan2(line_world.x), rate: if rate.is_finite() { rate } else { 0.0 } }
 }
 
+/// Where to look on a way whose next place lies along `line_world` (m), flown with `vel_world` (m/s): along the velocity
+/// when fast, to the place when slow or on the way away from it, in between by their share. Whoever only looks where they
+/// go does not find back.
+pub(crate) fn along(config: &YawConfig, line_world: Vec3, vel_world: Vec3) -> YawGoal {
+    let to_place = Vec3::new(line_world.x, line_world.y, 0.0).try_normalize(1e-6).unwrap_or_default();
+    let vel = Vec3::new(vel_world.x, vel_world.y, 0.0);
+    let share = (vel.norm() / config.along_velocity_speed - 0.5).clamp(0.0, 1.0);
+    let along = vel.try_normalize(1e-6).unwrap_or_default();
+    let share = share.min((along.dot(&to_place) + 0.5).max(0.0));
+    toward(along * share + to_place * (1.0 - share), Vec3::zeros())
+}
+
 impl YawPlanner {
     /// At rest at yaw 0.
     #[must_use]
     pub fn new(config: YawConfig) -> Self {
         Self { config, yaw: 0.0, rate: 0.0 }
+    }
+
+    /// The configuration that it turns with.
+    #[must_use]
+    pub fn config(&self) -> &YawConfig {
+        &self.config
     }
 
     /// At rest at `yaw` (rad): on the ground the plan follows the vehicle.

@@ -1,0 +1,319 @@
+//! Where the camera looks, and what is believed of a target that it does not see (beyond the paper).
+//!
+//! For how long a target has been hidden, and what that changes, stands in [`hidden`]. From the filter's estimate the
+//! planner makes an [`expected::Expected`] to chase, and both planner and controller a [`threat::Threat`] to keep away
+//! from. [`Gaze`] is the controller's: it holds the newest estimate, turns the camera, and looks for a target that hides.
+
+pub mod doubt;
+pub mod expected;
+pub mod hidden;
+pub mod threat;
+pub mod view;
+pub mod yaw;
+
+use crate::gaze::expected::carried;
+use crate::gaze::hidden::hidden_for;
+use crate::gaze::threat::Threat;
+use crate::gaze::view::ViewConfig;
+use crate::gaze::yaw::{YawConfig, YawGoal, YawPlanner, along, toward};
+use crate::values::geometry::wrap;
+use crate::values::jump::Jump;
+use crate::values::types::{Candidate, FlatState, Odometry, TargetEstimate, Time, Vec3};
+use std::f64::consts::TAU;
+
+/// What is looked at while the target is hidden. Both values are the target filter's, which checks them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GazeConfig {
+    /// Least objectness of what may be the target, 0..=1: `planner.confirm_objectness`.
+    pub objectness: f64,
+    /// Largest speed of the target, m/s: `planner.target_max_speed_mps`.
+    pub target_speed: f64,
+}
+
+/// What the camera is to look for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Look {
+    /// Nothing: it keeps its heading.
+    Keep,
+    /// The target that is chased.
+    Chase,
+    /// The target beside which the vehicle holds.
+    Hold,
+    /// The target that is lost: where it was lost, or all around.
+    Search {
+        /// It has been looked for long enough where it was lost.
+        around: bool,
+    },
+    /// The way to this place, world frame, m.
+    Way(Vec3),
+}
+
+/// What looked like the target so long ago is looked at no more, s.
+const GLIMPSE_LASTS: f64 = 0.2;
+/// A glimpse may be this much farther from where the target was than it can have run, m.
+const GLIMPSE_MARGIN: f64 = 1.0;
+/// A hidden target that should be nearer than this, m, has left the image at its side.
+const SLIPPED_WITHIN: f64 = 4.0;
+/// One that is farther off is looked for so far to the sides, rad, to and fro in this, s.
+const GLANCE_ANGLE: f64 = 1.0;
+const GLANCE_PERIOD: f64 = 2.0;
+
+/// The camera's heading, and what is believed of the target.
+#[derive(Clone, Copy, Debug)]
+pub struct Gaze {
+    config: GazeConfig,
+    view: ViewConfig,
+    yaw: YawPlanner,
+    target: Option<TargetEstimate>,
+    /// When and where something last looked like the target.
+    glimpse: Option<(Time, Vec3)>,
+    /// The side to which the target would leave the image; its sign counts, positive to the left.
+    side: f64,
+}
+
+impl Gaze {
+    /// At rest at yaw 0, with nothing seen.
+    #[must_use]
+    pub fn new(config: GazeConfig, yaw: YawConfig, view: ViewConfig) -> Self {
+        Self { config, view, yaw: YawPlanner::new(yaw), target: None, glimpse: None, side: 1.0 }
+    }
+
+    /// A flight begins: what was seen before it is of another one.
+    pub fn forget(&mut self) {
+        (self.target, self.glimpse) = (None, None);
+    }
+
+    /// What a frame of `stamp` shows: the filter's estimate, and what its cells hold.
+    pub fn take(&mut self, stamp: Time, target: Option<TargetEstimate>, candidates: &[Candidate]) {
+        self.target = target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
+        let likely = |candidate: &&Candidate| candidate.objectness >= self.config.objectness;
+        let seen = candidates.iter().filter(likely).max_by(|a, b| a.objectness.total_cmp(&b.objectness));
+        if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
+            self.glimpse = Some((stamp, pos_world));
+        }
+    }
+
+    /// Moves what is known along: the odometry's frame jumped, the vehicle and the target did not.
+    pub fn shift(&mut self, jump: &Jump) {
+        if let Some(target) = &mut self.target {
+            target.pos_world += jump.pos_world;
+        }
+        if let Some((_, pos_world)) = &mut self.glimpse {
+            *pos_world += jump.pos_world;
+        }
+        self.yaw.shift(jump.yaw);
+    }
+
+    /// The newest target estimate.
+    #[must_use]
+    pub fn target(&self) -> Option<&TargetEstimate> {
+        self.target.as_ref()
+    }
+
+    /// The target at `now`, carried on at its velocity; velocity 0 once it is not believed.
+    #[must_use]
+    pub fn target_at(&self, now: Time) -> Option<FlatState> {
+        self.target.map(|t| {
+            let vel = if t.confirmed { t.vel_world } else { Vec3::zeros() };
+            FlatState { pos: carried(&t, now), vel, acc: Vec3::zeros() }
+        })
+    }
+
+    /// The target as it may be at its worst.
+    #[must_use]
+    pub fn threat(&self, now: Time) -> Option<Threat> {
+        self.target.as_ref().and_then(|target| Threat::of(target, now))
+    }
+
+    /// For how long the target has been hidden, s; none: there is none.
+    #[must_use]
+    pub fn hidden_for(&self, now: Time) -> Option<f64> {
+        self.target.map(|target| hidden_for(target.last_seen, now))
+    }
+
+    /// `acc_world` (m/s²) of a vehicle at `pos_world` with as much less of it as keeps the target in the image.
+    #[must_use]
+    pub fn keeping_in_view(&self, now: Time, acc_world: Vec3, acc_disturbance_world: Vec3, pos_world: Vec3) -> Vec3 {
+        self.target_at(now)
+            .map_or(acc_world, |target| self.view.keeping(acc_world, acc_disturbance_world, target.pos - pos_world))
+    }
+
+    /// The yaw plan, rad.
+    #[must_use]
+    pub fn yaw(&self) -> f64 {
+        self.yaw.yaw()
+    }
+
+    /// On the ground the plan follows the vehicle, whose yaw this is, rad.
+    pub fn rest(&mut self, yaw: f64) {
+        self.yaw.reset(yaw);
+    }
+
+    /// `dt` s later, without odometry: the yaw to command, rad.
+    pub fn keep(&mut self, dt: f64) -> f64 {
+        self.yaw.step(dt, YawGoal::Keep)
+    }
+
+    /// `dt` s later: the yaw to command, rad.
+    pub fn look(&mut self, now: Time, dt: f64, look: Look, odometry: &Odometry) -> f64 {
+        if let Some(target) = self.target.filter(|_| self.hidden_for(now) < Some(hidden::SIDE)) {
+            self.side = leaves_to(&target, odometry);
+        }
+        let goal = self.goal(now, look, odometry);
+        self.yaw.step(dt, goal)
+    }
+
+    fn goal(&self, now: Time, look: Look, odometry: &Odometry) -> YawGoal {
+        let (pos, vel) = (odometry.pos_world, odometry.vel_world);
+        let at_target =
+            || self.target_at(now).map_or(YawGoal::Keep, |target| toward(target.pos - pos, target.vel - vel));
+        let glimpse = || self.glimpse(now).map(|at| toward(at - pos, Vec3::zeros()));
+        match look {
+            Look::Keep => YawGoal::Keep,
+            Look::Way(place) => along(self.yaw.config(), place - pos, vel),
+            Look::Chase => glimpse().unwrap_or_else(|| match self.slipped(now, pos) {
+                true => YawGoal::Sweep(self.side),
+                false => self.glancing(now, at_target()),
+            }),
+            Look::Hold if self.slipped(now, pos) => glimpse().unwrap_or(YawGoal::Sweep(self.side)),
+            Look::Search { around: true } => glimpse().unwrap_or(YawGoal::Sweep(self.side)),
+            Look::Hold | Look::Search { .. } => glimpse().unwrap_or_else(at_target),
+        }
+    }
+
+    /// Where something has just looked like the target, which itself is hidden: it may be the target.
+    fn glimpse(&self, now: Time) -> Option<Vec3> {
+        let ((stamp, pos_world), target) = self.glimpse.zip(self.target)?;
+        let hidden = self.hidden_for(now)?;
+        let reach = GLIMPSE_MARGIN + self.config.target_speed * hidden;
+        let fits = hidden > hidden::GLIMPSES && (pos_world - target.pos_world).norm() < reach;
+        (fits && now.since(stamp) < GLIMPSE_LASTS).then_some(pos_world)
+    }
+
+    /// Toward where a hidden target should be, with looks to both sides of it, first to the one it was heading for; at the
+    /// far end of a look the way ahead may leave the image for a moment.
+    fn glancing(&self, now: Time, goal: YawGoal) -> YawGoal {
+        let hidden = self.hidden_for(now).unwrap_or(0.0) - hidden::ASIDE;
+        match goal {
+            YawGoal::Toward { yaw, rate } if hidden > 0.0 => {
+                let swing = GLANCE_ANGLE.copysign(self.side) * (TAU * hidden / GLANCE_PERIOD).sin();
+                YawGoal::Toward { yaw: wrap(yaw + swing), rate }
+            }
+            goal => goal,
+        }
+    }
+
+    /// The target vanished near by: it is beside us rather than behind something ahead.
+    fn slipped(&self, now: Time, pos_world: Vec3) -> bool {
+        let (Some(hidden), Some(target)) = (self.hidden_for(now), self.target_at(now)) else { return false };
+        hidden > hidden::ASIDE && (target.pos - pos_world).xy().norm() < SLIPPED_WITHIN
+    }
+}
+
+/// Where the target is heading, seen from us; else the side where it is.
+fn leaves_to(target: &TargetEstimate, odometry: &Odometry) -> f64 {
+    let line = target.pos_world - odometry.pos_world;
+    let crossing = line.x * target.vel_world.y - line.y * target.vel_world.x;
+    let side = (odometry.world_from_body.inverse() * line).y;
+    if crossing.abs() > 0.5 * line.xy().norm() { crossing } else { side }
+}
+
+fn finite(v: &Vec3) -> bool {
+    v.iter().all(|x| x.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::values::types::{Rejection, Rot};
+
+    const YAW: YawConfig = YawConfig {
+        max_rate: 2.5,
+        max_acc: 10.0,
+        lag: 0.0,
+        search_rate: 1.0,
+        search_delay: 1.5,
+        along_velocity_speed: 1.0,
+    };
+
+    fn target(x: f64) -> TargetEstimate {
+        TargetEstimate {
+            stamp: Time::from_secs(1.0),
+            pos_world: Vec3::new(x, 0.0, 1.0),
+            vel_world: Vec3::zeros(),
+            covariance: nalgebra::Matrix6::identity(),
+            confirmed: true,
+            last_seen: Time::from_secs(1.0),
+        }
+    }
+
+    fn gaze() -> Gaze {
+        Gaze::new(GazeConfig { objectness: 0.9, target_speed: 10.0 }, YAW, ViewConfig { top: 0.63 })
+    }
+
+    fn odometry() -> Odometry {
+        Odometry {
+            stamp: Time::from_secs(1.0),
+            pos_world: Vec3::new(0.0, 0.0, 1.0),
+            vel_world: Vec3::zeros(),
+            world_from_body: Rot::identity(),
+            ang_vel_body: Vec3::zeros(),
+            reset_counter: 0,
+        }
+    }
+
+    /// What is glimpsed `lateral` m beside a target that has been hidden for so long, `later` s after the frame.
+    fn glimpsed(objectness: f64, lateral: f64, hidden: f64, later: f64) -> Option<Vec3> {
+        let stamp = Time::from_secs(1.0 + hidden);
+        let candidate = Candidate {
+            end: FlatState::default(),
+            cost: 0.0,
+            objectness,
+            target_world: Some(Vec3::new(5.0, lateral, 1.0)),
+            rejection: Some(Rejection::Cost),
+        };
+        let mut gaze = gaze();
+        gaze.take(stamp, Some(target(5.0)), &[Candidate { objectness: 0.0, ..candidate }, candidate]);
+        gaze.glimpse(stamp.plus(later))
+    }
+
+    #[test]
+    fn what_looks_like_the_target_is_glimpsed_while_that_is_hidden_and_where_it_can_be() {
+        assert_eq!(glimpsed(0.95, 2.0, 0.2, 0.0), Some(Vec3::new(5.0, 2.0, 1.0)));
+        assert_eq!(glimpsed(0.85, 2.0, 0.2, 0.0), None, "unlikely");
+        assert_eq!(glimpsed(0.95, 2.0, 0.0, 0.0), None, "the target itself is seen");
+        assert_eq!(glimpsed(0.95, 4.0, 0.2, 0.0), None, "too far");
+        assert_eq!(glimpsed(0.95, 2.0, 0.2, 0.3), None, "too old");
+        assert_eq!(glimpsed(0.95, f64::NAN, 0.2, 0.0), None);
+        assert_eq!(glimpsed(f64::NAN, 2.0, 0.2, 0.0), None);
+    }
+
+    #[test]
+    fn a_hidden_target_is_looked_for_to_the_side_for_which_it_was_heading() {
+        let crossing = TargetEstimate { vel_world: Vec3::new(0.0, -3.0, 0.0), ..target(9.0) };
+        let mut gaze = gaze();
+        gaze.take(crossing.stamp, Some(crossing), &[]);
+        gaze.look(crossing.stamp, 0.005, Look::Chase, &odometry());
+        assert!(gaze.side < 0.0, "it runs to the right");
+        let heading = |gaze: &Gaze, hidden: f64| gaze.goal(Time::from_secs(1.0 + hidden), Look::Chase, &odometry());
+        let bearing = |hidden: f64| toward(Vec3::new(9.0, -3.0 * hidden, 0.0), crossing.vel_world);
+        assert_eq!(heading(&gaze, 0.2), bearing(0.2));
+        let (YawGoal::Toward { yaw: glance, .. }, YawGoal::Toward { yaw, .. }) = (heading(&gaze, 0.8), bearing(0.8))
+        else {
+            panic!("expected bearings");
+        };
+        assert!((glance - (yaw - GLANCE_ANGLE)).abs() < 1e-9, "a quarter of the period later: {glance} {yaw}");
+        gaze.take(crossing.stamp, Some(TargetEstimate { pos_world: Vec3::x(), ..crossing }), &[]);
+        assert_eq!(heading(&gaze, 0.4), YawGoal::Sweep(gaze.side), "near by it slipped out of the image");
+    }
+
+    #[test]
+    fn how_long_a_target_is_hidden_is_never_negative_and_a_new_flight_knows_of_none() {
+        let mut gaze = gaze();
+        gaze.take(Time::from_secs(1.0), Some(target(5.0)), &[]);
+        assert_eq!(gaze.hidden_for(Time::from_secs(0.5)), Some(0.0));
+        assert_eq!(gaze.hidden_for(Time::from_secs(3.0)), Some(2.0));
+        gaze.forget();
+        assert_eq!((gaze.hidden_for(Time::from_secs(3.0)), gaze.target_at(Time::from_secs(3.0))), (None, None));
+    }
+}

@@ -1,0 +1,29 @@
+//! For how long a target has not been seen, and what changes after how long.
+//!
+//! [`hidden_for`] is the one answer, wherever it is asked. What follows from it differs, and each time has its name here,
+//! the shortest first. Three more are the vehicle file's, since they say how sure one is of a target and not what to do:
+//! `planner.blind_time_s` (the filter gives up), `planner.pursue_until_s` (the chase does), and
+//! `planner.target_max_speed_mps`, by which a hidden target's place grows.
+
+use crate::values::types::Time;
+
+/// For how long a target that was seen last at `last_seen` has been hidden at `now`, s.
+#[must_use]
+pub fn hidden_for(last_seen: Time, now: Time) -> f64 {
+    now.since(last_seen).max(0.0)
+}
+
+/// What looks like the target is looked at, s: three frames without the target itself.
+pub const GLIMPSES: f64 = 0.1;
+/// The side to which it leaves is known no more, s: a few frames and the planner's time.
+pub const SIDE: f64 = 0.15;
+/// It went behind something, s: the chase follows the way that it took.
+pub const BEHIND: f64 = 0.2;
+/// It is looked for to the sides, s: near by it slipped out of the image there, farther off it may come out on either.
+pub const ASIDE: f64 = 0.3;
+/// The chase keeps no room from it any more, s.
+pub const ROOM: f64 = 1.0;
+/// It is not carried on any farther at its last velocity, s.
+pub const CARRY: f64 = 1.5;
+/// It may be anywhere, s: no distance is kept from it.
+pub const ANYWHERE: f64 = 4.0;
