@@ -266,7 +266,7 @@ def load(path: Path) -> Campaign:
     if not file.cells:
         raise CampaignError(f"{path} has no cells: nothing was flown")
     common = set(file.cells[0].parts).intersection(*(cell.parts for cell in file.cells))
-    pools = []
+    pools: list[Pool] = []
     for place, cell in enumerate(file.cells):
         number = cell.cell if cell.cell >= 0 else place
         own = ", ".join(part for part in cell.parts if part not in common)

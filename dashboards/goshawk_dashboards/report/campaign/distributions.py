@@ -92,7 +92,7 @@ QUANTITIES = (
 
 def distribution_figures(campaign: Campaign) -> list[Figure]:
     """One for each quantity of which the file has any value."""
-    found = []
+    found: list[Figure] = []
     for quantity in QUANTITIES:
         rows = [quantity.values(pool) for pool in campaign.pools]
         if any(len(row) for row in rows):
@@ -190,7 +190,7 @@ def _dots(axes: Axes, palette: Palette, row: int, middles: Array, counts: Array)
     stacks = counts.reshape(-1, 2).sum(axis=1).astype(int)
     step = min(0.13, (TALL - 0.2) / max(int(stacks.max(initial=1)), 1))
     x = np.repeat(middles.reshape(-1, 2)[:, 0], stacks)
-    levels = np.concatenate([np.arange(n) for n in stacks]) if len(x) else np.zeros(0)
+    levels: Array = np.concatenate([np.arange(int(n), dtype=np.float64) for n in stacks]) if len(x) else np.zeros(0)
     axes.plot(x, row - 0.22 - step * levels, "o", color=palette.vehicle, mec="none", alpha=0.6, ms=3.4)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -80,14 +81,18 @@ def _paths(axes: Axes, palette: Palette, path: FlightPath, top_mps: float) -> No
             axes.plot([own[0], other[0]], [own[1], other[1]], color=palette.soft, lw=0.8, alpha=0.4)
         for begin, end in _runs(np.array(path.target.visible, dtype=int)):
             seen = path.target.visible[begin]
-            look = {"color": palette.ink, "lw": 1.2} if seen else {"color": palette.soft, "lw": 1.2, "ls": (0, (1, 2))}
+            look: dict[str, Any] = (
+                {"color": palette.ink, "lw": 1.2} if seen else {"color": palette.soft, "lw": 1.2, "ls": (0, (1, 2))}
+            )
             axes.plot(target_S3[begin : end + 1, 0], target_S3[begin : end + 1, 1], **look)
         axes.plot(*target_S3[-1, :2], "o", color=palette.ink, ms=5)
     shade_S = np.minimum(SHADES * np.array(path.speed_mps) / max(top_mps, 1e-9), SHADES - 1).astype(int)
     colors = speed_colors_P3((np.arange(SHADES) + 0.5) / SHADES, 1.0) / 255.0
     for begin, end in _runs(shade_S):
-        look = {"lw": 2.6, "solid_capstyle": "round", "solid_joinstyle": "round"}
-        axes.plot(pos_S3[begin : end + 1, 0], pos_S3[begin : end + 1, 1], color=tuple(colors[shade_S[begin]]), **look)
+        axes.plot(
+            pos_S3[begin : end + 1, 0], pos_S3[begin : end + 1, 1],
+            color=tuple(colors[shade_S[begin]]), lw=2.6, solid_capstyle="round", solid_joinstyle="round",
+        )  # fmt: skip
 
 
 def _runs(kind_S: Array) -> Iterator[tuple[int, int]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from matplotlib.figure import Figure as Canvas
 
 from goshawk_dashboards.report.campaign.data import OUTCOMES, Campaign, Pool
@@ -34,7 +36,13 @@ def success_figure(campaign: Campaign) -> Figure:
             # At the ends of the scale an interval's edge may lie a rounding beyond the share.
             reach = [[max(s - x, 0.0) for s, x in zip(share, low, strict=True)],
                      [max(x - s, 0.0) for s, x in zip(share, high, strict=True)]]  # fmt: skip
-            look = {"fmt": f"{MARKERS[series % len(MARKERS)]}-", "capsize": 3, "ms": 5, "lw": 1.6, "elinewidth": 1.1}
+            look: dict[str, Any] = {
+                "fmt": f"{MARKERS[series % len(MARKERS)]}-",
+                "capsize": 3,
+                "ms": 5,
+                "lw": 1.6,
+                "elinewidth": 1.1,
+            }
             axes.errorbar(at, share, yerr=reach, color=color, mec=palette.paper, label=_words(pools[0]), **look)
             if len(places) == 1:
                 for pool, x, y in zip(pools, at, share, strict=True):
@@ -80,8 +88,8 @@ def endings_figure(campaign: Campaign) -> Figure:
             for row, (count, share) in enumerate(zip(counts, shares, strict=True)):
                 if share > 4.0:
                     ink = palette.ink if outcome == "success" else palette.paper
-                    words = {"ha": "center", "va": "center", "fontsize": 8.5, "color": ink}
-                    axes.text(left[row] + share / 2, row, str(count), **words)
+                    place = left[row] + share / 2
+                    axes.text(place, row, str(count), ha="center", va="center", fontsize=8.5, color=ink)
             left = [a + b for a, b in zip(left, shares, strict=True)]
         axes.set_yticks(rows, [plain(pool.label) for pool in pools])
         axes.tick_params(axis="y", length=0, labelcolor=palette.ink)

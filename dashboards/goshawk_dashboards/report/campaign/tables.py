@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from html import escape
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -124,7 +124,7 @@ def _flat(before: str, of: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     for key, value in of.items():
         name = f"{before}_{key}" if before else key
         if isinstance(value, Mapping):
-            yield from _flat(name, value)
+            yield from _flat(name, cast("Mapping[str, Any]", value))
         elif key in _ENDS:
             yield from ((f"{name}_{end}", part) for end, part in zip(_ENDS[key], value, strict=True))
         elif key not in _LISTS:
