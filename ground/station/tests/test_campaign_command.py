@@ -85,7 +85,7 @@ def test_a_page_is_drawn_without_the_trainer(tmp_path: Path) -> None:
     code = (
         "import sys\n"
         "for name in ('torch', 'goshawk_train', 'scipy', 'onnx'): sys.modules[name] = None\n"
-        "from goshawk_ground import trainer\n"
+        "from goshawk_ground.commands import trainer\n"
         "trainer.trainer_installed = lambda: False\n"
         "from goshawk_ground.cli import main\n"
         "main()\n"
