@@ -5,7 +5,7 @@ mod contour;
 pub mod failures;
 pub mod files;
 pub mod log;
-pub mod map;
+pub mod path;
 pub mod pick;
 pub(crate) mod progress;
 pub mod report;
@@ -33,10 +33,11 @@ use crate::trial::{
 };
 use files::Files;
 use log::{FlightLog, LogError};
+use path::FlightPath;
 pub use pick::Pick;
 use report::{Cell, CellConfig, Report, Timing};
 pub use table::table;
-use trace::{FlightPath, Tracer};
+use trace::Tracer;
 
 /// What to fly.
 #[derive(Clone, Debug)]

@@ -1,19 +1,16 @@
-//! What a campaign's page needs of a flight: where vehicle and target were, 20 times a second, and what stood about.
+//! Where vehicle and target were in a flight, 20 times a second.
 
 use goshawk_core::{ControllerOutput, FrameRecord, Mode, Plan, Time, Vec3};
-use serde::Serialize;
 
-use super::Pick;
-use super::map::Map;
 use crate::sense::rgbd::RgbdImage;
 use crate::trial::airframe::Mount;
-use crate::trial::{Contact, Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
+use crate::trial::{Contact, Outcome, Pilot, Truth, Witness};
 use crate::world::World;
 
 /// A trace holds no more samples than this (two minutes, 120 kB); a longer flight is sampled less often.
 pub const MOST_SAMPLES: usize = 2400;
 /// Truths a second.
-const TRUTHS_HZ: f64 = 20.0;
+pub(super) const TRUTHS_HZ: f64 = 20.0;
 
 /// One instant of the task.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,77 +43,6 @@ pub struct Trace {
     pub samples: Vec<Sample>,
     /// Every how many-th truth is in it.
     pub stride: usize,
-}
-
-/// A flight as the report's JSON has it: columns of one length for its samples, rounded to 1 mm.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FlightPath {
-    /// Which flight.
-    pub cell: usize,
-    /// See `cell`.
-    pub trial: usize,
-    /// Between samples, s; the first one is the task's beginning.
-    pub period_s: f64,
-    /// The vehicle, world frame.
-    pub pos_m: Vec<[f64; 3]>,
-    /// Its speed.
-    pub speed_mps: Vec<f64>,
-    /// From its sphere to the nearest obstacle; below 0: it touched.
-    pub clearance_m: Vec<f64>,
-    /// The target; none in navigation.
-    pub target: Option<TargetPath>,
-    /// Errors of the target's estimate across the line of sight, one a frame with an estimate.
-    pub lateral_m: Vec<f64>,
-    /// And along it.
-    pub longitudinal_m: Vec<f64>,
-    /// What stood about.
-    pub map: Map,
-}
-
-/// The target at the samples.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TargetPath {
-    /// Its centre, world frame.
-    pub pos_m: Vec<[f64; 3]>,
-    /// Where the camera has the centre (u, v), also outside the image; none: behind it.
-    pub pixel: Vec<Option<[f64; 2]>>,
-    /// The last frame showed it well enough to count as seen.
-    pub visible: Vec<bool>,
-}
-
-/// Rounded to a thousandth: what reads well in JSON.
-pub(super) fn milli(value: f64) -> f64 {
-    (1e3 * value).round() / 1e3
-}
-
-impl FlightPath {
-    /// Of a flight; grows its world again.
-    ///
-    /// # Errors
-    /// If the world cannot be had again.
-    pub fn of(pick: Pick, config: &TrialConfig, flight: &Flight, trace: &Trace) -> Result<Self, TrialError> {
-        let single = |value: f32| milli(f64::from(value));
-        let samples = &trace.samples;
-        let targets: Vec<TargetSample> = samples.iter().filter_map(|s| s.target).collect();
-        let target = (!targets.is_empty()).then(|| TargetPath {
-            pos_m: targets.iter().map(|t| t.pos_world.map(single)).collect(),
-            pixel: targets.iter().map(|t| t.pixel.map(|p| p.map(single))).collect(),
-            visible: targets.iter().map(|t| t.visible).collect(),
-        });
-        let rounded = |values: &[f64]| values.iter().copied().map(milli).collect();
-        Ok(Self {
-            cell: pick.cell,
-            trial: pick.trial,
-            period_s: trace.stride as f64 / TRUTHS_HZ,
-            pos_m: samples.iter().map(|s| s.pos_world.map(single)).collect(),
-            speed_mps: samples.iter().map(|s| single(s.speed_mps)).collect(),
-            clearance_m: samples.iter().map(|s| single(s.clearance_m)).collect(),
-            target,
-            lateral_m: rounded(&flight.metrics.lateral_m),
-            longitudinal_m: rounded(&flight.metrics.longitudinal_m),
-            map: Map::of(config, flight, samples)?,
-        })
-    }
 }
 
 /// Records a trace and passes everything on to another witness.

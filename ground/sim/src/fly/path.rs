@@ -1,11 +1,13 @@
-//! What stood about a flight's path, cut at one height: the map that the report's JSON carries.
+//! What a campaign's page needs of a flight, as the report's JSON has it: its path, and what stood about, cut at one
+//! height.
 
 use goshawk_core::{Task, Vec3};
 use serde::Serialize;
 
+use super::Pick;
 use super::contour::{outlines, simplified};
 use super::stats::quantile;
-use super::trace::{Sample, milli};
+use super::trace::{Sample, TRUTHS_HZ, TargetSample, Trace};
 use crate::trial::{Flight, Outcome, TrialConfig, TrialError};
 
 /// Shown around the paths, m; and at least so much, across and up.
@@ -16,6 +18,77 @@ const STEEPEST: f64 = 0.72;
 /// Fineness of the outlines, and what is left out of them, m.
 const OUTLINE_M: f64 = 0.05;
 const TOLERANCE_M: f64 = 0.02;
+
+/// A flight as the report's JSON has it: columns of one length for its samples, rounded to 1 mm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FlightPath {
+    /// Which flight.
+    pub cell: usize,
+    /// See `cell`.
+    pub trial: usize,
+    /// Between samples, s; the first one is the task's beginning.
+    pub period_s: f64,
+    /// The vehicle, world frame.
+    pub pos_m: Vec<[f64; 3]>,
+    /// Its speed.
+    pub speed_mps: Vec<f64>,
+    /// From its sphere to the nearest obstacle; below 0: it touched.
+    pub clearance_m: Vec<f64>,
+    /// The target; none in navigation.
+    pub target: Option<TargetPath>,
+    /// Errors of the target's estimate across the line of sight, one a frame with an estimate.
+    pub lateral_m: Vec<f64>,
+    /// And along it.
+    pub longitudinal_m: Vec<f64>,
+    /// What stood about.
+    pub map: Map,
+}
+
+/// The target at the samples.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TargetPath {
+    /// Its centre, world frame.
+    pub pos_m: Vec<[f64; 3]>,
+    /// Where the camera has the centre (u, v), also outside the image; none: behind it.
+    pub pixel: Vec<Option<[f64; 2]>>,
+    /// The last frame showed it well enough to count as seen.
+    pub visible: Vec<bool>,
+}
+
+/// Rounded to a thousandth: what reads well in JSON.
+fn milli(value: f64) -> f64 {
+    (1e3 * value).round() / 1e3
+}
+
+impl FlightPath {
+    /// Of a flight; grows its world again.
+    ///
+    /// # Errors
+    /// If the world cannot be had again.
+    pub fn of(pick: Pick, config: &TrialConfig, flight: &Flight, trace: &Trace) -> Result<Self, TrialError> {
+        let single = |value: f32| milli(f64::from(value));
+        let samples = &trace.samples;
+        let targets: Vec<TargetSample> = samples.iter().filter_map(|s| s.target).collect();
+        let target = (!targets.is_empty()).then(|| TargetPath {
+            pos_m: targets.iter().map(|t| t.pos_world.map(single)).collect(),
+            pixel: targets.iter().map(|t| t.pixel.map(|p| p.map(single))).collect(),
+            visible: targets.iter().map(|t| t.visible).collect(),
+        });
+        let rounded = |values: &[f64]| values.iter().copied().map(milli).collect();
+        Ok(Self {
+            cell: pick.cell,
+            trial: pick.trial,
+            period_s: trace.stride as f64 / TRUTHS_HZ,
+            pos_m: samples.iter().map(|s| s.pos_world.map(single)).collect(),
+            speed_mps: samples.iter().map(|s| single(s.speed_mps)).collect(),
+            clearance_m: samples.iter().map(|s| single(s.clearance_m)).collect(),
+            target,
+            lateral_m: rounded(&flight.metrics.lateral_m),
+            longitudinal_m: rounded(&flight.metrics.longitudinal_m),
+            map: Map::of(config, flight, samples)?,
+        })
+    }
+}
 
 /// A flight's surroundings in the plane, world frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
