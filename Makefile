@@ -18,7 +18,7 @@ help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 	@echo
 	@echo "  HEADLESS=1 make demo     fly without waiting: exit status 0 only if the flight succeeded"
-	@echo "  SEED=7 make demo         another forest, another runner"
+	@echo "  SEED=7 make demo         another forest, another target"
 
 $(UV):
 	@command -v cargo >/dev/null || { echo "cargo is missing: install Rust (see README)"; exit 1; }

@@ -45,7 +45,7 @@ def make_control(seq: int = 1, stamp_s: float = 1.0, mode: pb.Mode = pb.MODE_TRA
 
 
 def make_target() -> view.TargetView:
-    """A confirmed runner."""
+    """A confirmed target."""
     return view.TargetView(
         seq=1,
         stamp_ns=1,

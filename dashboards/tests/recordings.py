@@ -120,7 +120,7 @@ def plan(time_s: float, seq: int, chosen: int = 7) -> pb.Plan:
 
 
 def target(time_s: float, seq: int, seen: bool) -> pb.Target:
-    """The runner, 6 m ahead; out of sight since LOST_S where it is not seen."""
+    """The target, 6 m ahead; out of sight since LOST_S where it is not seen."""
     x, y, _ = position(time_s)
     return pb.Target(
         seq=seq,

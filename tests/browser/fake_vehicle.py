@@ -35,8 +35,8 @@ UNKNOWN = b"\xfa\x3f\x03new" + b"\xf0\x3f\x2a"
 """Fields 1023 and 1022 of a message that has grown: text and a number."""
 
 
-def runner_at(path_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Position (centre) and unit heading of a runner that weaves eastward."""
+def target_at(path_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Position (centre) and unit heading of a target that weaves eastward."""
     x = 6.0 + path_m
     y = 2.5 * math.sin(path_m / 6.0)
     heading = np.array([1.0, 2.5 / 6.0 * math.cos(path_m / 6.0), 0.0])
@@ -126,7 +126,7 @@ class FakeVehicle:
             return reply
 
     def motion(self, now_s: float) -> Motion:
-        """The pose follows the runner 5 m behind, at 1.6 m, and stands on the ground before and after."""
+        """The pose follows the target 5 m behind, at 1.6 m, and stands on the ground before and after."""
         held_s = now_s - self.since_s
         height = {
             pb.MODE_TAKEOFF: 1.6 * min(1.0, held_s / TAKEOFF_S),
@@ -135,8 +135,8 @@ class FakeVehicle:
         }.get(self.mode, 0.0)
         moving = self.mode in (pb.MODE_TRACK, pb.MODE_STOPPING)
         path_m = self.args.speed * self.flown_s
-        target, heading = runner_at(path_m)
-        behind, along = runner_at(path_m - 5.0)
+        target, heading = target_at(path_m)
+        behind, along = target_at(path_m - 5.0)
         behind = behind + np.array([0.0, 0.3 * math.sin(now_s), 0.0])
         pos = np.array([behind[0], behind[1], 0.05 + height])
         speed = self.args.speed if moving else 0.0
@@ -222,7 +222,7 @@ class FakeVehicle:
         )
 
     def target(self, m: Motion, seq: int, stamp_ns: int) -> pb.Target:
-        """The runner with some error."""
+        """The target with some error."""
         cov = np.diag([0.04, 0.02, 0.02, 0.4, 0.4, 0.2])
         cov[0, 1] = cov[1, 0] = 0.015
         return pb.Target(
@@ -265,7 +265,7 @@ class FakeVehicle:
         return health
 
     def preview(self, m: Motion, seq: int, stamp_ns: int) -> pb.Preview:
-        """A drawn picture: sky, ground, and the runner."""
+        """A drawn picture: sky, ground, and the target."""
         image = Image.new("RGB", (160, 96), (126, 160, 196))
         draw = ImageDraw.Draw(image)
         draw.rectangle((0, 50, 160, 96), fill=(92, 104, 72))
@@ -297,11 +297,11 @@ class FakeVehicle:
         )
 
     def world(self) -> pb.SimWorld:
-        """A forest that leaves the runner's way clear."""
+        """A forest that leaves the target's way clear."""
         world = pb.SimWorld(seed=self.args.seed, spacing_m=5.0)
         rng = np.random.default_rng(self.args.seed)
         for x, y in rng.uniform((-10, -20), (70, 20), (90, 2)):
-            if abs(y - runner_at(x - 6.0)[0][1]) < 1.4:
+            if abs(y - target_at(x - 6.0)[0][1]) < 1.4:
                 continue
             height = rng.uniform(4, 8)
             world.trees.add(
@@ -370,7 +370,7 @@ def main() -> None:
     parser.add_argument("--listen", required=True)
     parser.add_argument("--vehicle", default="goshawk")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--speed", type=float, default=3.0, help="the runner's, m/s")
+    parser.add_argument("--speed", type=float, default=3.0, help="the target's, m/s")
     parser.add_argument("--lose", type=float, default=0.0, help="share of samples not sent, their seq used up")
     parser.add_argument("--malformed", action="store_true", help="send rubbish beside the telemetry")
     parser.add_argument("--not-ready", action="store_true", help="stay idle")

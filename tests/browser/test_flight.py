@@ -85,7 +85,7 @@ def test_start_in_the_browser_begins_the_flight_and_stop_ends_it(
     for _ in range(3):
         page.get_by_role("button", name="Start", exact=True).click()
         page.get_by_role("button", name=re.compile("^Start (now|anyway)$")).click()
-        # The click may return late on a busy machine, with the take-off over and the runner already caught up with.
+        # The click may return late on a busy machine, with the take-off over and the target already caught up with.
         if link.wait_for(lambda s: s.mode in UNDER_WAY, 8):
             break
     assert link.snapshot().mode in UNDER_WAY

@@ -272,7 +272,7 @@ class Filter:
 
 
 def target() -> Json:
-    """A runner seen at irregular frames: some with a second detection of it, some with a false one, some blank."""
+    """A target seen at irregular frames: some with a second detection of it, some with a false one, some blank."""
     config, rng = Filter(), np.random.default_rng(4)
     lens = np.array([1.0, -2.0, 1.5])
     x: Array = np.zeros(6)

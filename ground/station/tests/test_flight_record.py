@@ -76,13 +76,13 @@ def test_clearance_counts_only_while_tracking() -> None:
     assert landed(flown(clearance_m=0.7)).min_clearance_m == pytest.approx(0.7)
 
 
-def test_a_runner_too_far_away_at_the_end_is_a_failure() -> None:
+def test_a_target_too_far_away_at_the_end_is_a_failure() -> None:
     summary = landed(flown(distance_m=12.5))
     assert not summary.succeeded
     assert "12.5 m away" in summary.problems[0]
 
 
-def test_a_runner_unseen_for_over_a_second_at_the_end_is_a_failure() -> None:
+def test_a_target_unseen_for_over_a_second_at_the_end_is_a_failure() -> None:
     record = FlightRecord(40.0)
     record.saw_mode(pb.MODE_TRACK)
     record.saw_truth(truth(0.0))
@@ -93,7 +93,7 @@ def test_a_runner_unseen_for_over_a_second_at_the_end_is_a_failure() -> None:
     assert "1.2 s" in summary.problems[0]
 
 
-def test_a_runner_unseen_for_less_than_a_second_is_fine() -> None:
+def test_a_target_unseen_for_less_than_a_second_is_fine() -> None:
     assert landed(flown(visible=False)).succeeded
 
 
@@ -137,7 +137,7 @@ def test_never_taking_off_is_a_failure_with_no_figures() -> None:
     assert summary.min_clearance_m is None
 
 
-def test_a_chase_cut_short_says_how_far_the_runner_got() -> None:
+def test_a_chase_cut_short_says_how_far_the_target_got() -> None:
     record = FlightRecord(40.0)
     record.saw_mode(pb.MODE_TRACK)
     record.saw_truth(truth(0.0))

@@ -101,19 +101,19 @@ def _say_if_pending(link: GroundLink) -> None:
 
 
 def demo(
-    seed: Annotated[int, typer.Option(min=0, help="Forest and runner.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Forest and target.")] = 1,
     headless: Annotated[
         bool, typer.Option("--headless", help="Do not wait at the end; the exit status tells.")
     ] = False,
-    speed: Annotated[float, typer.Option(min=0.5, help="The runner's speed, m/s.")] = 3.0,
+    speed: Annotated[float, typer.Option(min=0.5, help="The target's speed, m/s.")] = 3.0,
     spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
-    distance: Annotated[float, typer.Option(min=5.0, help="How far the runner runs, m.")] = 40.0,
+    distance: Annotated[float, typer.Option(min=5.0, help="How far the target runs, m.")] = 40.0,
     port: Port = 8080,
     bin_dir: BinDir = Path("target/release"),
     log_dir: Annotated[Path, typer.Option(help="Flight log and the processes' output.")] = Path("logs"),
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary to this file.")] = None,
 ) -> None:
-    """Fly: simulator, vehicle and ground station chase a runner through a forest. Exit status 0 only on success."""
+    """Fly: simulator, vehicle and ground station chase a target through a forest. Exit status 0 only on success."""
     from goshawk_ground.demo.run import DemoError, DemoOptions, run_demo
 
     options = DemoOptions(

@@ -79,7 +79,7 @@ class Director:
             if mode not in FLYING:
                 return self._abort(now_s, f"the chase ended by itself (mode {word})")
             if late_s > self._limits.chase_s:
-                return self._abort(now_s, f"the runner did not arrive within {self._limits.chase_s:.0f} s")
+                return self._abort(now_s, f"the target did not arrive within {self._limits.chase_s:.0f} s")
         elif self.phase is Phase.LANDING:
             if mode in DOWN:
                 return self._enter(Phase.ENDED, now_s, Action.END)

@@ -10,7 +10,7 @@ from goshawk_dashboards.state.views import HealthView, TruthView
 from goshawk_proto import goshawk_pb2 as pb
 
 MAX_TARGET_DISTANCE_M = 12.0
-"""When the runner arrives the vehicle must be within this of it …"""
+"""When the target arrives the vehicle must be within this of it …"""
 MAX_UNSEEN_S = 1.0
 """… and must have had it in view within this."""
 TRACKING = (pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD)
@@ -26,7 +26,7 @@ class Summary:
     problems: tuple[str, ...]
     """Each reason why it did not succeed, one line."""
     tracked_s: float
-    """From the first tracking mode to the runner's arrival (or to the last sample)."""
+    """From the first tracking mode to the target's arrival (or to the last sample)."""
     target_path_m: float
     vehicle_path_m: float
     mean_speed_mps: float | None
@@ -105,7 +105,7 @@ class FlightRecord:
 
     @property
     def arrived(self) -> bool:
-        """Whether the runner has run its distance while it was tracked."""
+        """Whether the target has run its distance while it was tracked."""
         return self.arrived_ns is not None
 
     @property
@@ -123,17 +123,17 @@ class FlightRecord:
         if self.collided:
             found.append(f"it collided {self._collisions} time{'s' if self._collisions != 1 else ''}")
         if not self.tracking:
-            found.append("it never tracked the runner")
+            found.append("it never tracked the target")
         elif not self.arrived:
-            found.append(f"the runner had run {self._path_m:.0f} of {self.distance_m:.0f} m when the flight ended")
+            found.append(f"the target had run {self._path_m:.0f} of {self.distance_m:.0f} m when the flight ended")
         else:
             end_m = self.tracking[-1][2]
             if end_m > MAX_TARGET_DISTANCE_M:
-                found.append(f"the runner arrived {end_m:.1f} m away, more than {MAX_TARGET_DISTANCE_M:.0f} m")
+                found.append(f"the target arrived {end_m:.1f} m away, more than {MAX_TARGET_DISTANCE_M:.0f} m")
             if self._unseen_at_end_s is None:
-                found.append("the runner was never in view")
+                found.append("the target was never in view")
             elif self._unseen_at_end_s > MAX_UNSEEN_S:
-                found.append(f"the runner had not been in view for {self._unseen_at_end_s:.1f} s when it arrived")
+                found.append(f"the target had not been in view for {self._unseen_at_end_s:.1f} s when it arrived")
         if not self.modes or self.modes[-1] not in DOWN:
             last = words.mode(self.modes[-1]) if self.modes else "unknown"
             found.append(f"it did not land: its last mode was {last}")

@@ -31,7 +31,7 @@ VEHICLE_FILE = Path("air/vehicles/sim.toml")
 ZENOH_PORT = 7447
 MAVLINK_PORT = 14540
 GOAL_BEYOND_M = 10.0
-"""The runner starts up to 6 m ahead of the vehicle, so its goal lies this much beyond the distance it is to run."""
+"""The target starts up to 6 m ahead of the vehicle, so its goal lies this much beyond the distance it is to run."""
 
 
 class DemoError(RuntimeError):
@@ -179,7 +179,7 @@ def _progress(phase: Phase, snap: Snapshot) -> str:
         words += ": " + ("; ".join(failing_checks(snap)) or "ready")
     elif phase is Phase.CHASING and snap.truth is not None:
         words += (
-            f": the runner has run {snap.truth.target_path_m:.0f} m, {snap.truth.target_distance_m:.1f} m ahead; "
+            f": the target has run {snap.truth.target_path_m:.0f} m, {snap.truth.target_distance_m:.1f} m ahead; "
             f"clearance {snap.truth.clearance_m:.2f} m"
         )
     return words.replace("[", r"\[")
@@ -204,12 +204,12 @@ def _rows(s: Summary) -> Iterator[tuple[str, str]]:
     yield "flight", "succeeded" if s.succeeded else "failed: " + "; ".join(s.problems)
     yield (
         "tracked",
-        f"{s.tracked_s:.1f} s, the runner ran {s.target_path_m:.1f} m, the vehicle {s.vehicle_path_m:.1f} m",
+        f"{s.tracked_s:.1f} s, the target ran {s.target_path_m:.1f} m, the vehicle {s.vehicle_path_m:.1f} m",
     )
     yield "speed", f"mean {number(s.mean_speed_mps, 'm/s')}, max {number(s.max_speed_mps, 'm/s')}"
     yield "clearance", f"min {number(s.min_clearance_m, 'm', 2)}, collisions {s.collisions}"
     seen = "-" if s.in_view_fraction is None else f"{100 * s.in_view_fraction:.0f} % of the time"
-    yield "runner in view", seen
+    yield "target in view", seen
     yield (
         "distance to it",
         f"median {number(s.target_distance_median_m, 'm')}, max {number(s.target_distance_max_m, 'm')}, "

@@ -15,7 +15,7 @@ TRIALS = 20
 SEED = 4_000_001
 """Forests of their own, so that what is chosen by score is judged by others."""
 CELLS = {"track": [4.0, 7.0], "navigate": [6.0, 10.0]}
-"""Speeds of the runner and of the vehicle, m/s."""
+"""Speeds of the target and of the vehicle, m/s."""
 SPACING_M = 4.0
 
 
