@@ -6,12 +6,11 @@ mod live;
 
 use std::path::Path;
 
-use color_eyre::eyre::Report;
 use goshawk_policy::Policy;
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::errors::one_line;
 use serde::Serialize;
 
-use crate::config::Vehicle;
-use crate::errors::one_line;
 use crate::run::Overrides;
 
 /// How a condition stands.
@@ -82,7 +81,7 @@ pub fn check(config: &Path, overrides: Overrides, wait_s: f64) -> Findings {
             board::log_folder(&log_dir, &mut findings);
             live::listen(&vehicle, policy.as_ref(), wait_s, &mut findings);
         }
-        Err(error) => findings.fail("vehicle file", one_line(&Report::new(error))),
+        Err(error) => findings.fail("vehicle file", one_line(&error)),
     }
     findings.ready = findings.conditions.iter().all(|condition| condition.level != Level::Failed);
     findings

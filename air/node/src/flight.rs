@@ -4,6 +4,5 @@ pub mod camera;
 pub mod control;
 pub mod planning;
 pub mod realtime;
-pub mod sensors;
 pub mod shared;
 pub mod slot;

@@ -2,14 +2,8 @@
 //! goshawk-core's; this crate gives it threads, a clock, a network and files.
 
 pub mod check;
-pub mod clock;
-pub mod config;
-pub mod convert;
-pub mod errors;
 pub mod flight;
-pub mod inputs;
 pub mod network;
 pub mod replay;
 pub mod report;
 pub mod run;
-pub mod stats;

@@ -6,11 +6,11 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
-use goshawk_air::config::Vehicle;
-use goshawk_air::errors::one_line;
 use goshawk_air::network::visitors::Visitors;
 use goshawk_air::run::{Overrides, run};
 use goshawk_air::{check, replay};
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::errors::one_line;
 use tracing_subscriber::Layer as _;
 use tracing_subscriber::filter::filter_fn;
 use tracing_subscriber::layer::SubscriberExt as _;
@@ -106,7 +106,7 @@ fn main() -> ExitCode {
     match start(visitors) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("goshawk-air: {}", one_line(&error));
+            eprintln!("goshawk-air: {}", one_line(error.as_ref()));
             ExitCode::FAILURE
         }
     }

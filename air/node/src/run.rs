@@ -14,14 +14,14 @@ use goshawk_autopilot::{
 use goshawk_core::{FlightController, Planner, PlanningDemand, Profile};
 use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::{OdometrySource, Vehicle};
+use goshawk_vehicle::sensors;
 
-use crate::clock;
-use crate::config::{OdometrySource, Vehicle};
 use crate::flight::camera::CameraInput;
 use crate::flight::control::Control;
 use crate::flight::planning::Planning;
 use crate::flight::realtime::{self, Schedule};
-use crate::flight::sensors;
 use crate::flight::shared::Shared;
 use crate::network::access::{Access, Guard};
 use crate::network::bus::Bus;
@@ -140,19 +140,11 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
 pub fn load_policy(vehicle: &Vehicle, model: &Path) -> Result<Policy, PolicyError> {
     let (asked, library) = (vehicle.policy.provider, vehicle.library());
     let policy = Policy::load_on(asked, model, library.as_deref(), vehicle.policy.threads)?;
-    check_pin(vehicle, model, &policy)?;
+    vehicle.check_pin(model, &policy)?;
     if let Some(why) = policy.why_not() {
         tracing::warn!("the network runs on the cpu, not on {}: {why}", asked.name());
     }
     Ok(policy)
-}
-
-/// The vehicle file's own model is the file that it pins; a model that was named instead of it is not pinned.
-///
-/// # Errors
-/// It is another file.
-pub fn check_pin(vehicle: &Vehicle, model: &Path, policy: &Policy) -> Result<(), PolicyError> {
-    if model == vehicle.resolve(&vehicle.policy.model) { policy.pinned(model, &vehicle.policy.sha256) } else { Ok(()) }
 }
 
 fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + 'static) -> Result<JoinHandle<()>> {

@@ -16,8 +16,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
-use goshawk_air::clock;
-use goshawk_air::config::{OdometrySource, Vehicle};
 use goshawk_air::flight::control::Control;
 use goshawk_air::flight::realtime::Schedule;
 use goshawk_air::flight::shared::{PendingCommand, Report, Shared, lock};
@@ -28,6 +26,8 @@ use goshawk_core::planning::room::HEADINGS;
 use goshawk_core::{
     ANCHORS, Candidate, Command, FlatState, FlightController, Mode, Odometry, Plan, Rot, TargetEstimate, Time, Vec3,
 };
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::{OdometrySource, Vehicle};
 
 thread_local! {
     static WATCHED: Cell<bool> = const { Cell::new(false) };

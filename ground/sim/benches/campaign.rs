@@ -8,13 +8,13 @@ mod common;
 use std::path::Path;
 
 use common::{core_seconds, median, record, tenths, verdict};
-use goshawk_air::config::Vehicle;
 use goshawk_core::{NetworkOutput, Task};
 use goshawk_policy::{Contract, Policy, PolicyError};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
+use goshawk_vehicle::config::Vehicle;
 
 const FLIGHTS: u64 = 6;
 const TARGET: f64 = 10.0;

@@ -15,11 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use common::{core_seconds, quantile, record, row, verdict};
-use goshawk_air::clock;
-use goshawk_air::config::Vehicle;
 use goshawk_air::flight::realtime::Schedule;
-use goshawk_air::flight::sensors;
-use goshawk_air::{convert, inputs};
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
 use goshawk_core::{ControllerOutput, FlightController, FrameInput, FrameRecord, Plan, Planner, StepInput, Task, Time};
 use goshawk_policy::{AnswerMonitor, Arrival, Policy, Preprocessor, StreamMonitor};
@@ -32,6 +28,10 @@ use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::sense::rgbd::RgbdImage;
 use goshawk_sim::trial::airframe::Mount;
 use goshawk_sim::trial::{Difference, Pilot, PilotKind, TrialConfig, Witness, WorldSource};
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::sensors;
+use goshawk_vehicle::{convert, inputs};
 use prost::Message;
 
 /// All that one flight's software was given.

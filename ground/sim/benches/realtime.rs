@@ -13,13 +13,13 @@ use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 use common::{quantile, record, row, verdict};
-use goshawk_air::clock;
-use goshawk_air::config::{OdometrySource, Vehicle};
 use goshawk_air::flight::control::Control;
 use goshawk_air::flight::realtime::{Schedule, lock_memory};
 use goshawk_air::flight::shared::{Report, Shared};
 use goshawk_autopilot::{AutopilotLink, LinkConfig};
 use goshawk_core::{FlightController, Time};
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::{OdometrySource, Vehicle};
 
 const SECONDS: u64 = 15;
 const TARGET_MS: f64 = 1.0;

@@ -9,10 +9,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, ensure};
-use goshawk_air::config::Vehicle;
-use goshawk_air::run::check_pin;
 use goshawk_core::Task;
 use goshawk_policy::Policy;
+use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::fly::Campaign;
@@ -112,7 +111,7 @@ impl FaultsArgs {
         let faults = if self.flights == 0 { Vec::new() } else { self.only.clone().unwrap_or_else(Fault::all) };
         let ordinary = self.ordinary_campaigns(&flying)?;
         let named = Policy::load(&flying.track, flying.vehicle.library().as_deref(), 1)?;
-        check_pin(&flying.vehicle, &flying.track, &named)?;
+        flying.vehicle.check_pin(&flying.track, &named)?;
         let progress = Progress::new(faults.len() * self.flights + ordinary.len() * self.ordinary)?;
         let files = Files::default();
         progress.end_on_signals(&files)?;

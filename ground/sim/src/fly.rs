@@ -17,9 +17,9 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::Task;
 use goshawk_proto::v1;
+use goshawk_vehicle::config::Vehicle;
 use rayon::prelude::*;
 use thiserror::Error;
 

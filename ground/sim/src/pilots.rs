@@ -1,7 +1,7 @@
 //! Flies a flight with the pilot that its configuration names.
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::Task;
+use goshawk_vehicle::config::Vehicle;
 
 use crate::classical::Classical;
 use crate::trial::airframe::Mount;

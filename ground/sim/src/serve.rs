@@ -15,10 +15,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, bail, ensure};
-use goshawk_air::clock;
-use goshawk_air::config::Vehicle;
 use goshawk_autopilot::{Address, Firmware};
 use goshawk_core::{NormalisedThrust, Rot, Time, Vec3};
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;

@@ -10,7 +10,6 @@ pub(crate) mod lockstep;
 pub mod onboard;
 pub mod scene;
 
-use goshawk_air::convert;
 use goshawk_core::{
     AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, FrameRecord, Mode, Odometry, Plan, StepInput, Task,
     Time, Vec3,
@@ -18,6 +17,7 @@ use goshawk_core::{
 use goshawk_policy::stream::Arrival;
 use goshawk_policy::{PolicyError, PreprocessError};
 use goshawk_proto::v1;
+use goshawk_vehicle::convert;
 use thiserror::Error;
 
 use crate::actors::evader::{Course, EvaderError, EvaderState};

@@ -1,12 +1,12 @@
 //! Whole flights of the classical pilot.
 #![allow(clippy::unwrap_used, reason = "test helpers too")]
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::Task;
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource};
+use goshawk_vehicle::config::Vehicle;
 use std::path::Path;
 
 fn fly(task: Task) -> Result<Flight, TrialError> {

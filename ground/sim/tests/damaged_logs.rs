@@ -14,7 +14,6 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use common::{Sectors, config, contract_json, vehicle};
-use goshawk_air::errors::one_line;
 use goshawk_air::replay::{Options, replay};
 use goshawk_core::Task;
 use goshawk_policy::Contract;
@@ -25,6 +24,7 @@ use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::log::{FlightLog, header};
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::trial::airframe::Mount;
+use goshawk_vehicle::errors::one_line;
 use proptest::prelude::*;
 
 /// A chunk of the largest size that is believed, and what a replay of this log needs besides.
@@ -125,7 +125,7 @@ fn survives(bytes: &[u8]) {
 
 fn read_all(path: &Path) {
     if let Err(error) = replay(path, &Options::default()) {
-        let line = one_line(&error);
+        let line = one_line(error.as_ref());
         assert!(!line.is_empty() && line.lines().count() == 1, "{line}");
     }
     let Ok(log) = LogReader::open(path) else { return };

@@ -4,10 +4,10 @@
 mod common;
 
 use common::{Constant, config, contract, vehicle};
-use goshawk_air::config::Vehicle;
 use goshawk_core::{ControllerOutput, Mode, Task, Time, Vec3};
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::trial::{Difference, Pilot, TrialConfig, Truth, Witness};
+use goshawk_vehicle::config::Vehicle;
 use std::path::Path;
 
 /// Where the vehicle was while it should have held its place.

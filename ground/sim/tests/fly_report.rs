@@ -6,7 +6,6 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::actors::evader::Course;
@@ -15,6 +14,7 @@ use goshawk_sim::fly::report::Report;
 use goshawk_sim::fly::{Campaign, CampaignError, Pick, table};
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, Network, PilotKind, WorldSource};
+use goshawk_vehicle::config::Vehicle;
 use serde_json::Value;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

@@ -5,7 +5,6 @@ mod common;
 
 use clap::Parser;
 use common::{config, forgetful_vehicle, sectors, vehicle};
-use goshawk_air::config::Vehicle;
 use goshawk_core::{Rot, Task, Vec3};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::actors::moving::{Body, Flat, MOST, Mover, clearance};
@@ -15,6 +14,7 @@ use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::render::{Camera, CameraPose, Class, Frame, Renderer};
 use goshawk_sim::trial::{Contact, Scene, SceneConfig, TrialConfig, Unwatched, WorldSource};
 use goshawk_sim::world::{Ground, Look, World, WorldParts};
+use goshawk_vehicle::config::Vehicle;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

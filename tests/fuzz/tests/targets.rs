@@ -6,8 +6,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use goshawk_air::config::Vehicle;
-use goshawk_air::flight::sensors;
 use goshawk_air::network::access::Identity;
 use goshawk_air::network::commands;
 use goshawk_autopilot::wire::packet::for_each_frame;
@@ -18,6 +16,8 @@ use goshawk_policy::Contract;
 use goshawk_proto::keys::{Key, VehicleName};
 use goshawk_recorder::LogReader;
 use goshawk_sim::world::cloud;
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::sensors;
 use mavlink::{Message, calculate_crc};
 
 /// What the seeds are stamped for.

@@ -3,10 +3,10 @@
 use std::os::unix::fs::PermissionsExt;
 
 use goshawk_autopilot::{AutopilotLink, Firmware, Parameter, Status};
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::{OdometrySource, Vehicle};
 
 use super::Findings;
-use crate::clock;
-use crate::config::{OdometrySource, Vehicle};
 use crate::report::health;
 use crate::run::link_config;
 

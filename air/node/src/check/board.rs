@@ -6,13 +6,13 @@ use color_eyre::eyre::Report;
 use goshawk_core::Planner;
 use goshawk_policy::library::{Places, find};
 use goshawk_policy::{Policy, Provider, golden};
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::errors::one_line;
 
 use super::Findings;
-use crate::clock;
-use crate::config::Vehicle;
-use crate::errors::one_line;
 use crate::flight::realtime::{self, Schedule};
-use crate::run::{check_pin, idle_demand};
+use crate::run::idle_demand;
 
 /// A log grows by about this much, with the image of 160 x 96 at 30 Hz.
 const LOG_MB_PER_MINUTE: f64 = 105.0;
@@ -36,11 +36,12 @@ pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -
     let mut policy = match Policy::load_on(asked, model, vehicle.library().as_deref(), vehicle.policy.threads) {
         Ok(policy) => policy,
         Err(error) => {
-            findings.fail("policy", one_line(&Report::new(error)));
+            findings.fail("policy", one_line(&error));
             return None;
         }
     };
-    let fits = check_pin(vehicle, model, &policy)
+    let fits = vehicle
+        .check_pin(model, &policy)
         .map_err(Report::new)
         .and_then(|()| golden::warm_up(&mut policy, model).map_err(Report::new))
         .and_then(|_| Planner::new(vehicle.planner_config(policy.contract().model())).map_err(Report::new))
@@ -49,7 +50,7 @@ pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -
     let task = policy.contract().model().task;
     findings.judge(
         "policy",
-        fits.map(|_| format!("{}: {task:?}, sha256 {sha}…", model.display())).map_err(|error| one_line(&error)),
+        fits.map(|_| format!("{}: {task:?}, sha256 {sha}…", model.display())).map_err(|error| one_line(error.as_ref())),
     );
     provider(asked, &policy, findings);
     let schedule = Schedule { priority: vehicle.realtime.planner_priority, core: None };

@@ -7,11 +7,11 @@ use goshawk_autopilot::AutopilotLink;
 use goshawk_core::{Odometry, Time};
 use goshawk_policy::{Policy, Preprocessor};
 use goshawk_proto::keys::Key;
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::{OdometrySource, Vehicle};
+use goshawk_vehicle::sensors::{self, Frame};
 
 use super::{Findings, autopilot};
-use crate::clock;
-use crate::config::{OdometrySource, Vehicle};
-use crate::flight::sensors::{self, Frame};
 use crate::network::access::{Access, Guard, INSECURE};
 use crate::network::bus::Bus;
 use crate::run::link_config;

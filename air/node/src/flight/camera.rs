@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use goshawk_core::Time;
 use goshawk_policy::{Arrival, Moving, RateLimits, StreamMonitor};
 use goshawk_proto::v1;
+use goshawk_vehicle::sensors;
 
-use crate::flight::sensors;
 use crate::flight::shared::{Shared, lock};
 
 /// Takes what the camera sends.

@@ -5,16 +5,16 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use goshawk_autopilot::{AutopilotLink, Glance, Status};
+use goshawk_autopilot::{AutopilotLink, Glance};
 use goshawk_core::{
     AutopilotStatus, Command, ControllerOutput, FlightController, Odometry, Plan, PlanningDemand, StepInput, Time,
 };
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::OdometrySource;
+use goshawk_vehicle::convert;
+use goshawk_vehicle::sensors;
 
-use crate::clock;
-use crate::config::OdometrySource;
-use crate::convert;
 use crate::flight::realtime;
-use crate::flight::sensors;
 use crate::flight::shared::{PendingCommand, Report, Shared, Started};
 use crate::flight::slot::try_lock;
 
@@ -103,7 +103,7 @@ impl Control {
         let input = StepInput {
             odometry: held.odometry,
             plan_seq: held.plan.as_ref().map(|plan| plan.seq),
-            autopilot: held.glance.map_or_else(Default::default, |glance| concerning(self.source, &glance.status)),
+            autopilot: held.glance.map_or_else(Default::default, |glance| self.source.concerning(&glance.status)),
             command: pending.as_ref().map(|pending| pending.command),
             ready: shared.ready.load(Ordering::Relaxed),
         };
@@ -144,28 +144,5 @@ impl Control {
         if let Some(request) = output.request {
             self.link.request(request);
         }
-    }
-}
-
-/// What concerns the controller of the autopilot's state. Of its position only where it is flown by: with odometry of
-/// our own, the autopilot may well have none.
-#[must_use]
-pub fn concerning(source: OdometrySource, status: &Status) -> AutopilotStatus {
-    let status = status.core();
-    let position = status.position.filter(|_| source == OdometrySource::Autopilot);
-    AutopilotStatus { position, ..status }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_autopilot_without_a_position_is_no_concern_where_odometry_is_our_own() {
-        let lost = Status { position: Some(false), armed: true, ..Status::default() };
-        let flown_by = concerning(OdometrySource::Autopilot, &lost);
-        let beside = concerning(OdometrySource::Zenoh, &lost);
-        assert_eq!((flown_by.position, beside.position), (Some(false), None));
-        assert!(flown_by.armed && beside.armed);
     }
 }

@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use goshawk_core::{FrameInput, FrameRecord, Plan, Planner, PlanningDemand};
 use goshawk_policy::{AnswerMonitor, Policy, Preprocessor};
+use goshawk_vehicle::clock;
+use goshawk_vehicle::sensors::Frame;
 
-use crate::clock;
 use crate::flight::realtime::Schedule;
-use crate::flight::sensors::Frame;
 use crate::flight::shared::{Planned, Report, Shared, lock};
 
 /// What the thread owns.

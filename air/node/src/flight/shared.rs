@@ -9,9 +9,26 @@ use goshawk_core::{
 };
 use goshawk_policy::AnswerFault;
 use goshawk_proto::v1;
+use goshawk_vehicle::sensors::Frame;
 
-use crate::flight::sensors::{Frame, Refused};
 use crate::flight::slot::{Latest, Slot};
+
+/// Counts what was refused.
+#[derive(Clone, Default)]
+pub struct Refused(Arc<AtomicU64>);
+
+impl Refused {
+    /// One more.
+    pub fn count(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How many since the start.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
 
 /// A command on its way to the controller, with where its answer goes.
 pub struct PendingCommand {

@@ -10,11 +10,10 @@ mod rules;
 use std::net::{IpAddr, SocketAddr};
 
 use goshawk_proto::keys::VehicleName;
+use goshawk_vehicle::config::Vehicle;
 use serde_json::{Value, json};
 
 pub use identity::{Identity, IdentityError};
-
-use crate::config::Vehicle;
 
 /// What `insecure = true` means.
 pub const INSECURE: &str = "INSECURE: whoever reaches the vehicle's port may start and stop it, for the vehicle file says \

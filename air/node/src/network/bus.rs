@@ -3,11 +3,11 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use goshawk_proto::keys::{Congestion, Key, Priority as KeyPriority, VehicleName};
+use goshawk_vehicle::clock;
 use prost::Message;
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
 
-use crate::clock;
 use crate::network::access::Access;
 use crate::network::visitors::Visitors;
 

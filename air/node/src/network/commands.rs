@@ -9,12 +9,12 @@ use std::time::Duration;
 use goshawk_core::{Command, Refusal};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::{OnStop, Vehicle};
 use prost::Message;
 use zenoh::Wait;
 use zenoh::query::Query;
 
-use crate::clock;
-use crate::config::{OnStop, Vehicle};
 use crate::flight::shared::{PendingCommand, Report, Shared, lock};
 use crate::network::bus::{Bus, BusError};
 

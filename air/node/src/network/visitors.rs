@@ -11,13 +11,13 @@ use std::sync::{Arc, Mutex};
 
 use goshawk_core::Time;
 use goshawk_proto::v1;
+use goshawk_vehicle::clock;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Metadata, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 use zenoh_link_tls::REFUSED;
 
-use crate::clock;
 use crate::flight::shared::lock;
 
 /// Different lines that are told apart at a time; further ones share one.

@@ -7,11 +7,11 @@ use goshawk_core::{Command, FlightController, Odometry, Plan, StepInput, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
+use goshawk_vehicle::convert;
+use goshawk_vehicle::inputs::{odometry_from, step_input};
 
 use super::compare::{Difference, keep_first};
 use super::{Outcome, Recording};
-use crate::convert;
-use crate::inputs::{odometry_from, step_input};
 
 struct Again<'a> {
     plans: &'a BTreeMap<u64, Plan>,

@@ -11,13 +11,13 @@ use goshawk_policy::{Policy, Preprocessor, Source};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Entry, LogWriter};
+use goshawk_vehicle::convert;
+use goshawk_vehicle::inputs::frame_record;
 use prost::Message;
 use serde::Serialize;
 
 use super::compare::{Count, Difference, first_field, keep_first};
 use super::{Outcome, Recording};
-use crate::convert;
-use crate::inputs::frame_record;
 
 /// What another policy would have chosen.
 #[derive(Clone, Debug, Serialize)]

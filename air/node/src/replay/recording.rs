@@ -6,8 +6,7 @@ use color_eyre::eyre::{Result, WrapErr, bail, eyre};
 use goshawk_policy::Contract;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Damage, LogReader};
-
-use crate::config::Vehicle;
+use goshawk_vehicle::config::Vehicle;
 
 /// An opened log with what its header says.
 pub struct Recording {

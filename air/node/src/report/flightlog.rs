@@ -9,11 +9,10 @@ use goshawk_policy::{Contract, Policy, Preprocessor};
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Recorder};
+use goshawk_vehicle::clock;
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::sensors::Frame;
 use prost::Message;
-
-use crate::clock;
-use crate::config::Vehicle;
-use crate::flight::sensors::Frame;
 
 /// How long to go on recording after the landing, s.
 const TAIL_S: f64 = 1.0;

@@ -5,9 +5,8 @@ use goshawk_core::{OdometryFault, Time};
 use goshawk_policy::{AnswerFault, StreamFault};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
-
-use crate::config::OdometrySource;
-use crate::stats::{RateMeter, Window};
+use goshawk_vehicle::config::OdometrySource;
+use goshawk_vehicle::stats::{RateMeter, Window};
 
 const FRAME_STALE_S: f64 = 0.3;
 const ODOMETRY_STALE_S: f64 = 0.15;

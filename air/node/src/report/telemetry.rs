@@ -11,16 +11,16 @@ use goshawk_core::{ControllerOutput, Mode, Odometry, OdometryFault, Time};
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
+use goshawk_vehicle::config::OdometrySource;
+use goshawk_vehicle::sensors::Frame;
+use goshawk_vehicle::{clock, convert, inputs};
 
-use crate::config::OdometrySource;
-use crate::flight::sensors::Frame;
 use crate::flight::shared::{Planned, Report, Shared, Started};
 use crate::network::access::INSECURE;
 use crate::network::bus::{Bus, BusError, Publisher};
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
 use crate::report::health::{self, Facts};
-use crate::{clock, convert, inputs};
 
 /// Reports are looked for so often; what one look finds leaves together, which is most of what sending costs. Waiting
 /// for them instead would make whoever reports wake this thread, under a lock.

@@ -1,15 +1,14 @@
 //! The vehicle's software in a chaos flight: its edges, its planner and its controller, with what the onboard process
 //! keeps between them, in one thread and on a clock that is told.
 
-use goshawk_air::config::{OdometrySource, Vehicle};
-use goshawk_air::flight::control::concerning;
-use goshawk_air::flight::sensors::{self, Frame};
 use goshawk_autopilot::Status;
 use goshawk_core::{
     Command, ControllerOutput, FlightController, FrameRecord, History, Mode, Odometry, Plan, PlanningDemand, Profile,
     StepInput, Time,
 };
 use goshawk_policy::{AnswerMonitor, Arrival, Moving, StreamMonitor};
+use goshawk_vehicle::config::{OdometrySource, Vehicle};
+use goshawk_vehicle::sensors::{self, Frame};
 
 use super::bug::Bugged;
 use crate::sense::rgbd::RgbdImage;
@@ -165,7 +164,7 @@ impl<'a> Aboard<'a> {
         let input = StepInput {
             odometry: self.odometry,
             plan_seq: self.plan.as_ref().map(|plan| plan.seq),
-            autopilot: concerning(self.source, status),
+            autopilot: self.source.concerning(status),
             command,
             ready,
         };

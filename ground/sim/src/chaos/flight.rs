@@ -3,9 +3,9 @@
 
 use std::rc::Rc;
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::{Cause, Mode, NormalisedThrust, Time, Vec3};
 use goshawk_proto::v1;
+use goshawk_vehicle::config::Vehicle;
 
 use super::aboard::Aboard;
 use super::acting::Acting;

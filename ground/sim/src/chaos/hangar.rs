@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use color_eyre::eyre::{Result, WrapErr, bail, eyre};
-use goshawk_air::config::Vehicle;
 use goshawk_core::Task as CoreTask;
 use goshawk_policy::{Contract, Policy};
 use goshawk_proto::v1;
+use goshawk_vehicle::config::Vehicle;
 
 use super::bug::Bug;
 use super::draw::SCENES;

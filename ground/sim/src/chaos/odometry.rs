@@ -1,8 +1,8 @@
 //! The odometry of a chaos flight: an estimator's errors, the autopilot's belief, and the samples on their way to the
 //! vehicle, false, late, swapped or lost.
 
-use goshawk_air::config::OdometrySource;
 use goshawk_core::{Odometry, Time};
+use goshawk_vehicle::config::OdometrySource;
 
 use super::aboard::Aboard;
 use super::acting::Acting;

@@ -6,11 +6,11 @@ use std::collections::VecDeque;
 use std::io::{self, BufWriter, Write};
 use std::rc::Rc;
 
-use goshawk_air::{convert, inputs};
 use goshawk_core::{Mode, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, LogWriter};
+use goshawk_vehicle::{convert, inputs};
 use prost::Message;
 
 use super::aboard::{Planned, Stepped};

@@ -1,9 +1,9 @@
 //! What the senses make of the truth: messages that are false, late, out of order, or not there.
 
-use goshawk_air::convert;
 use goshawk_core::{NetworkOutput, Odometry, Time, Vec3};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_proto::v1;
+use goshawk_vehicle::convert;
 use prost::Message;
 use std::cell::RefCell;
 use std::rc::Rc;

@@ -1,10 +1,10 @@
 //! The classical pilot: the vehicle's own mission, detector and target filter, its own map, trajectories and control.
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::{
     ANCHORS, AutopilotStatus, Candidate, Command, Controller, ControllerOutput, FlatState, History, Odometry, Plan,
     PlanningDemand, Rejection, StepInput, TargetEstimate, Task, Time, Vec3, hidden_for,
 };
+use goshawk_vehicle::config::Vehicle;
 
 use goshawk_policy::stream::Arrival;
 

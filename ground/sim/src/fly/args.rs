@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use color_eyre::eyre::{Result, WrapErr, ensure};
-use goshawk_air::config::Vehicle;
 use goshawk_core::Task;
 use goshawk_policy::Policy;
+use goshawk_vehicle::config::Vehicle;
 
 use super::files::Files;
 use super::log::header;
@@ -162,7 +162,7 @@ impl FlyArgs {
         let load = || needed.then(|| Policy::load(&model, library.as_deref(), 1)).transpose();
         let first = load()?;
         if let Some(policy) = first.as_ref().filter(|_| self.policy.is_none()) {
-            goshawk_air::run::check_pin(&vehicle, &model, policy)?;
+            vehicle.check_pin(&model, policy)?;
         }
         ensure!(
             first.as_ref().is_none_or(|policy| policy.contract().model().task == task),

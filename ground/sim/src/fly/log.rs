@@ -4,13 +4,13 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use goshawk_air::config::Vehicle;
-use goshawk_air::{convert, inputs};
 use goshawk_core::{ControllerOutput, FrameRecord, Plan, Time};
 use goshawk_policy::Policy;
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, LogWriter};
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::{convert, inputs};
 use prost::Message;
 
 use super::files::{Files, Unfinished};

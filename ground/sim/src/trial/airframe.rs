@@ -1,8 +1,8 @@
 //! The simulated airframe and camera of a vehicle file: what the file says where it says it, the paper's vehicle
 //! elsewhere.
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::{NormalisedThrust, Rot, Vec3};
+use goshawk_vehicle::config::Vehicle;
 
 use crate::vehicle::quadrotor::{QuadrotorParameters, QuadrotorState};
 use rand::{RngExt, SeedableRng};

@@ -6,8 +6,8 @@ mod verdict;
 
 use std::collections::VecDeque;
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::{Cause, Command, Mode, Profile, Rot, Task, Time, Vec3};
+use goshawk_vehicle::config::Vehicle;
 
 use super::airframe::{Mount, airframe};
 use super::autopilot::Obliging;

@@ -1,7 +1,5 @@
 //! The vehicle's software in lockstep: the same planner and controller as on board, fed by hand.
 
-use goshawk_air::config::Vehicle;
-use goshawk_air::flight::sensors;
 use goshawk_core::{
     AutopilotStatus, Command, ControllerOutput, FlightController, FrameInput, FrameRecord, History, Mode,
     NetworkOutput, Odometry, OdometryFault, Plan, Planner, PlanningDemand, StepInput, Time, Vec3,
@@ -9,6 +7,8 @@ use goshawk_core::{
 use goshawk_policy::{
     AnswerMonitor, Arrival, Contract, Moving, Policy, PolicyError, Preprocessor, Source, StreamMonitor,
 };
+use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::sensors;
 
 use super::airframe::Mount;
 use super::{Pilot, TrialError};

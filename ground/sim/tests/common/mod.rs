@@ -2,7 +2,6 @@
 
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, reason = "each test file uses its part of it")]
 
-use goshawk_air::config::Vehicle;
 use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::actors::evader::Course;
@@ -10,6 +9,7 @@ pub use goshawk_sim::chaos::standin::{Sectors, contract_json};
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, Flight, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
+use goshawk_vehicle::config::Vehicle;
 use std::path::Path;
 
 const VEHICLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../air/vehicles/sim.toml");

@@ -5,7 +5,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use goshawk_air::config::Vehicle;
+use goshawk_vehicle::config::Vehicle;
 
 /// One number in the file's text.
 struct Number {

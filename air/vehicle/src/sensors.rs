@@ -1,8 +1,5 @@
 //! What arrives from the camera and the odometry, validated once, here at the edge. Inside, values are good.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use goshawk_core::{Odometry, Rot, Time, Vec3};
 use goshawk_policy::{Moving, Source, StreamFault};
 use goshawk_proto::v1;
@@ -68,23 +65,6 @@ pub enum SampleError {
     /// The stamp is in the future by more than 50 ms, or over a second old: not this host's monotonic clock.
     #[error("the stamp is not of this host's monotonic clock")]
     Stamp,
-}
-
-/// Counts what was refused.
-#[derive(Clone, Default)]
-pub struct Refused(Arc<AtomicU64>);
-
-impl Refused {
-    /// One more.
-    pub fn count(&self) {
-        self.0.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// How many since the start.
-    #[must_use]
-    pub fn total(&self) -> u64 {
-        self.0.load(Ordering::Relaxed)
-    }
 }
 
 const MAX_PIXELS: usize = 1920 * 1200;

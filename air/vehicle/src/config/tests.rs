@@ -99,3 +99,12 @@ fn a_missing_file_is_named() {
     let error = Vehicle::load(Path::new("nowhere.toml")).unwrap_err().to_string();
     assert!(error.contains("nowhere.toml"), "{error}");
 }
+
+#[test]
+fn an_autopilot_without_a_position_is_no_concern_where_odometry_is_our_own() {
+    let lost = Status { position: Some(false), armed: true, ..Status::default() };
+    let flown_by = OdometrySource::Autopilot.concerning(&lost);
+    let beside = OdometrySource::Zenoh.concerning(&lost);
+    assert_eq!((flown_by.position, beside.position), (Some(false), None));
+    assert!(flown_by.armed && beside.armed);
+}

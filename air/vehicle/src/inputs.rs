@@ -1,4 +1,4 @@
-//! What planner and controller are given, to and from the messages that a log holds and [`crate::replay`] gives back.
+//! What planner and controller are given, to and from the messages that a log holds and a replay gives back.
 
 use goshawk_core::planning::frame::STATE;
 use goshawk_core::planning::nearest::Nearest;

@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use goshawk_autopilot::Status;
 use goshawk_core::{
-    CameraModel, ChaseConfig, ConfigError, ControllerConfig, GazeConfig, HoldConfig, LadderConfig, LagConfig,
-    LeadConfig, LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PlanningConfig, PolicyModel, Profile, Rot,
-    SelectConfig, SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel, ViewConfig,
-    YawConfig, within,
+    AutopilotStatus, CameraModel, ChaseConfig, ConfigError, ControllerConfig, GazeConfig, HoldConfig, LadderConfig,
+    LagConfig, LeadConfig, LimitsConfig, MissionConfig, ObserverConfig, PlannerConfig, PlanningConfig, PolicyModel,
+    Profile, Rot, SelectConfig, SeparationConfig, StopAction, TargetConfig, Task, ThrustConfig, Vec3, VehicleModel,
+    ViewConfig, YawConfig, within,
 };
-use goshawk_policy::{Provider, RateLimits};
+use goshawk_policy::{PolicyError, Provider, RateLimits};
 use serde::Deserialize;
 
 mod autopilot;
@@ -210,6 +211,17 @@ enum TaskName {
     Navigate,
 }
 
+impl OdometrySource {
+    /// What concerns the controller of the autopilot's state. Of its position only where it is flown by: with odometry
+    /// of our own, the autopilot may well have none.
+    #[must_use]
+    pub fn concerning(self, status: &Status) -> AutopilotStatus {
+        let status = status.core();
+        let position = status.position.filter(|_| self == OdometrySource::Autopilot);
+        AutopilotStatus { position, ..status }
+    }
+}
+
 impl Camera {
     /// How often its pictures may come.
     #[must_use]
@@ -323,6 +335,14 @@ impl Vehicle {
     #[must_use]
     pub fn resolve(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
+    }
+
+    /// The file's own model is the one that it pins; a model that was named instead of it is not pinned.
+    ///
+    /// # Errors
+    /// It is another file.
+    pub fn check_pin(&self, model: &Path, policy: &goshawk_policy::Policy) -> Result<(), PolicyError> {
+        if model == self.resolve(&self.policy.model) { policy.pinned(model, &self.policy.sha256) } else { Ok(()) }
     }
 
     /// Where ONNX Runtime is; none: to be searched for.
