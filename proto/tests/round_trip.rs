@@ -147,6 +147,7 @@ fn log_header() -> LogHeader {
     LogHeader {
         vehicle: "vehicle".into(),
         vehicle_toml: "vehicle_toml".into(),
+        tuning_toml: "tuning_toml".into(),
         policy_sha256: "policy_sha256".into(),
         policy_contract_json: "policy_contract_json".into(),
         version: "version".into(),

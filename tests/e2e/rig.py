@@ -17,6 +17,13 @@ BIN = ROOT / "target/release"
 VEHICLE = ROOT / "air/vehicles/sim.toml"
 
 
+
+def copied() -> str:
+    """The shipped vehicle file's text, to be written into another folder."""
+    text = VEHICLE.read_text().replace("../models", str(VEHICLE.parent.parent / "models"))
+    return text.replace('"tuning.toml"', f'"{VEHICLE.parent}/tuning.toml"')
+
+
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))

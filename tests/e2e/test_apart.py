@@ -26,7 +26,9 @@ def test_the_limit_keeps_the_vehicle_off_the_person(tmp_path: Path) -> None:
     careless = text.replace("min_target_distance_m = 2.0", "min_target_distance_m = 0.1")
     assert careless != text
     near = tmp_path / "careless.toml"
-    near.write_text(careless.replace('"../models', f'"{VEHICLE.parent.parent}/models'))
+    for old, new in [('"../models', f'"{VEHICLE.parent.parent}/models'), ('"tuning', f'"{VEHICLE.parent}/tuning')]:
+        careless = careless.replace(old, new)
+    near.write_text(careless)
     assert min(kept) > 1.5, kept
     assert min(least_distances(tmp_path, *flights, vehicle=near)) < 1.0
 

@@ -16,7 +16,7 @@ import pytest
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import GroundLink
 from goshawk_proto import goshawk_pb2 as pb
-from rig import BIN, VEHICLE, Rig
+from rig import BIN, VEHICLE, Rig, copied
 
 FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
 
@@ -215,7 +215,7 @@ def test_check_says_it_before_a_flight(
 def test_a_wrong_target_system_is_told_with_the_right_one(
     rig: Rig, figures: list[tuple[str, str]], tmp_path: Path
 ) -> None:
-    text = VEHICLE.read_text().replace("../models", str(VEHICLE.parent.parent / "models"))
+    text = copied()
     config = tmp_path / "vehicle.toml"
     config.write_text(re.sub(r"(?m)^target_system = \d+", "target_system = 7", text))
     assert "target_system = 7" in config.read_text()

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from rig import BIN, VEHICLE, Rig
+from rig import BIN, VEHICLE, Rig, copied
 
 
 def refused(*command: str | Path) -> str:
@@ -25,7 +25,7 @@ def air(*arguments: str | Path) -> str:
 
 
 def edited(tmp_path: Path, old: str, new: str) -> Path:
-    text = VEHICLE.read_text().replace("../models", str(VEHICLE.parent.parent / "models"))
+    text = copied()
     assert old in text
     path = tmp_path / "vehicle.toml"
     path.write_text(text.replace(old, new))

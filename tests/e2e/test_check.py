@@ -6,7 +6,7 @@ import json
 import subprocess
 from pathlib import Path
 
-from rig import BIN, VEHICLE, Rig
+from rig import BIN, VEHICLE, Rig, copied
 
 
 def check(rig: Rig, *arguments: str | Path, wait_s: float) -> tuple[int, dict[str, dict[str, str]], str]:
@@ -54,7 +54,7 @@ def test_a_policy_or_a_folder_that_is_not_there_is_named(rig: Rig) -> None:
 
 
 def test_an_accelerator_that_is_not_there_leaves_the_processor_and_says_why(rig: Rig, tmp_path: Path) -> None:
-    text = VEHICLE.read_text().replace("../models", str(VEHICLE.parent.parent / "models"))
+    text = copied()
     config = tmp_path / "vehicle.toml"
     for provider in ["tensorrt", "cuda", "openvino"]:
         config.write_text(text.replace('provider = "cpu"', f'provider = "{provider}"'))

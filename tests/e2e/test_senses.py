@@ -18,7 +18,7 @@ from goshawk_ground.link.dial import client_config
 from goshawk_proto import goshawk_pb2, key_expression
 from goshawk_proto import goshawk_pb2 as pb
 from onnx import numpy_helper
-from rig import VEHICLE, Rig
+from rig import VEHICLE, Rig, copied
 from test_bad_input import air
 
 MODELS = VEHICLE.parent.parent / "models"
@@ -118,7 +118,7 @@ def dead(kind: str, folder: Path) -> Path:
 
 def vehicle(folder: Path, model: Path, sha256: str) -> Path:
     """The shipped vehicle file with another policy."""
-    lines = VEHICLE.read_text().splitlines()
+    lines = copied().splitlines()
     new = {"model = ": f'model = "{model}"', "sha256 = ": f'sha256 = "{sha256}"'}
     text = "\n".join(next((to for key, to in new.items() if line.startswith(key)), line) for line in lines)
     path = folder / "vehicle.toml"

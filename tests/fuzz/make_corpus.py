@@ -113,7 +113,8 @@ def _clouds() -> None:
 
 def _texts() -> None:
     _put("contract", "contract", (ROOT / "air/policy/tests/contract.json").read_bytes())
-    _put("vehicle_file", "sim", (ROOT / "air/vehicles/sim.toml").read_bytes())
+    for name in ["sim", "tuning"]:
+        _put("vehicle_file", name, (ROOT / f"air/vehicles/{name}.toml").read_bytes())
     for name in ["goshawk/kite-1/tel/plan", "goshawk/kite/cmd/stop", "kite-1", "goshawk/*/tel/health"]:
         _put("keys", name.replace("/", ".").replace("*", "any"), name.encode())
 

@@ -187,6 +187,7 @@ def test_check_reads_what_ardupilot_is_set_to(
         ('link = "udpin:127.0.0.1:14540"', f'link = "{port.address}"'),
         ('firmware = "px4"', 'firmware = "ardupilot"'),
         ('"../models', f'"{ROOT / "air/models"}'),
+        ('"tuning.toml"', f'"{ROOT / "air/vehicles/tuning.toml"}"'),
         ("tcp/127.0.0.1:7447", "tcp/127.0.0.1:0"),
     ]:
         assert old in text

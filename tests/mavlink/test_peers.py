@@ -83,7 +83,8 @@ def vehicle_file(folder: Path, link: str) -> Path:
     text = (ROOT / "air/vehicles/sim.toml").read_text()
     assert LINK in text
     path = folder / "vehicle.toml"
-    path.write_text(text.replace(LINK, link).replace('"../models', f'"{ROOT / "air/models"}'))
+    text = text.replace(LINK, link).replace('"../models', f'"{ROOT / "air/models"}')
+    path.write_text(text.replace('"tuning.toml"', f'"{ROOT / "air/vehicles/tuning.toml"}"'))
     return path
 
 

@@ -164,6 +164,7 @@ def test_a_file_that_is_no_key_is_named(air: Path, tmp_path: Path, text: str) ->
     (tmp_path / "mavlink.key").write_text(text)
     config = tmp_path / "vehicle.toml"
     vehicle = (root / "air/vehicles/sim.toml").read_text().replace('"../models', f'"{root / "air/models"}')
+    vehicle = vehicle.replace('"tuning.toml"', f'"{root / "air/vehicles/tuning.toml"}"')
     config.write_text(vehicle.replace("# signing_key_file", "signing_key_file"))
     command = [str(air), "run", "--config", str(config), "--log-dir", str(tmp_path), "--mavlink-bind", "127.0.0.1:0"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30)

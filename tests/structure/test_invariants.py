@@ -23,8 +23,14 @@ def _dependencies() -> dict[str, set[str]]:
 DEPENDENCIES = _dependencies()
 
 
-def test_core_depends_on_nalgebra_and_thiserror_only() -> None:
-    assert DEPENDENCIES["goshawk-core"] == {"nalgebra", "thiserror"}
+def test_core_depends_on_mathematics_and_what_describes_its_parameters_only() -> None:
+    assert DEPENDENCIES["goshawk-core"] == {"nalgebra", "thiserror", "schemars", "serde"}
+
+
+def test_of_the_simulator_only_serve_and_chaos_know_the_onboard_process() -> None:
+    source = ROOT / "ground/sim/src"
+    knowing = {path.relative_to(source).parts[0] for path in source.rglob("*.rs") if "goshawk_air" in path.read_text()}
+    assert knowing == {"chaos", "serve"}
 
 
 @pytest.mark.parametrize(

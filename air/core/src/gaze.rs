@@ -24,9 +24,9 @@ use std::f64::consts::TAU;
 /// What is looked at while the target is hidden. Both values are the target filter's, which checks them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GazeConfig {
-    /// Least objectness of what may be the target, 0..=1: `planner.confirm_objectness`.
+    /// Least objectness of what may be the target, 0..=1: `planner.target.confirm_objectness`.
     pub objectness: f64,
-    /// Largest speed of the target, m/s: `planner.target_max_speed_mps`.
+    /// Largest speed of the target, m/s: `planner.target.max_speed_mps`.
     pub target_speed: f64,
 }
 
@@ -228,12 +228,12 @@ mod tests {
     use crate::values::types::{Rejection, Rot};
 
     const YAW: YawConfig = YawConfig {
-        max_rate: 2.5,
-        max_acc: 10.0,
-        lag: 0.0,
-        search_rate: 1.0,
-        search_delay: 1.5,
-        along_velocity_speed: 1.0,
+        max_rate_radps: 2.5,
+        max_acc_radps2: 10.0,
+        lag_s: 0.0,
+        search_rate_radps: 1.0,
+        search_delay_s: 1.5,
+        along_velocity_speed_mps: 1.0,
     };
 
     fn target(x: f64) -> TargetEstimate {

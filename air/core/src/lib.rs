@@ -11,20 +11,25 @@ pub mod planning;
 pub mod policy;
 pub mod values;
 
+#[cfg(test)]
+extern crate self as goshawk_core;
+#[cfg(test)]
+#[path = "../tests/common/shipped.rs"]
+#[allow(clippy::unwrap_used, unreachable_pub, reason = "tests share it with the crate's own")]
+mod shipped;
+
 pub use control::disturbance::ObserverConfig;
 pub use control::hover::HoldConfig;
-pub use control::lag::LagConfig;
 pub use control::lead::LeadConfig;
 pub use control::plans::LadderConfig;
 pub use control::separation::SeparationConfig;
-pub use control::thrust::ThrustConfig;
 pub use control::trust::OdometryFault;
-pub use control::vehicle::VehicleModel;
+pub use control::vehicle::Airframe;
 pub use gaze::GazeConfig;
 pub use gaze::hidden::hidden_for;
 pub use gaze::view::ViewConfig;
 pub use gaze::yaw::YawConfig;
-pub use mission::config::{ControllerConfig, MissionConfig};
+pub use mission::config::{ControllerConfig, MissionConfig, Tuning};
 pub use mission::controller::Controller;
 pub use mission::fresh::FlightController;
 pub use mission::interface::{

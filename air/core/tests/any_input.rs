@@ -69,12 +69,12 @@ proptest! {
             let output = controller.step(now, &input, Some(&plan));
             prop_assert_eq!(output.setpoint.is_some(), output.mode.has_authority());
             if let Some(setpoint) = output.setpoint {
-                prop_assert!((0.0..=config.vehicle.max_thrust).contains(&setpoint.thrust.0));
+                prop_assert!((0.0..=config.airframe.max_thrust).contains(&setpoint.thrust.0));
                 prop_assert!((setpoint.world_from_body.norm() - 1.0).abs() < 1e-9);
                 let up = (setpoint.world_from_body * Vec3::z()).z;
-                prop_assert!(up >= config.vehicle.max_tilt.cos() - 1e-9);
+                prop_assert!(up >= config.airframe.max_tilt_deg.to_radians().cos() - 1e-9);
             }
-            prop_assert!(output.yaw_des.is_finite() && output.acc_disturbance_world.norm() <= config.observer.limit + 1e-9);
+            prop_assert!(output.yaw_des.is_finite() && output.acc_disturbance_world.norm() <= config.observer.limit_mps2 + 1e-9);
         }
     }
 }

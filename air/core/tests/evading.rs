@@ -13,13 +13,13 @@ fn level(vel_world: Vec3) -> Option<Evasion> {
 
 /// Holds beside a target; no vehicle may fly faster than `max_speed`, m/s.
 fn holding(max_speed: f64) -> Loop {
-    holding_below(max_speed, common::config().limits.ceiling)
+    holding_below(max_speed, common::config().limits.ceiling_m)
 }
 
 /// And none higher than the ceiling, m.
 fn holding_below(max_speed: f64, ceiling: f64) -> Loop {
     let mut config = common::config();
-    (config.limits.max_speed, config.limits.ceiling) = (max_speed, ceiling);
+    (config.limits.max_speed_mps, config.limits.ceiling_m) = (max_speed, ceiling);
     let mut sim = Loop::with(config);
     sim.frames = Frames::Blank;
     sim.start(Profile { speed: max_speed.min(4.0), ..track() });

@@ -50,13 +50,13 @@ fn every_rung_takes_over_within_two_steps_of_its_deadline() {
     let mut sim = navigating();
     sim.odometry_works = false;
     let since = sim.seconds();
-    late(&mut sim, ladder.odometry_stale, since, &|s| s.out().fallback == Fallback::OdometryStaleDescend);
-    late(&mut sim, ladder.odometry_stale + ladder.hand_back, since, &|s| s.out().fallback == Fallback::HandBack);
+    late(&mut sim, ladder.odometry_stale_s, since, &|s| s.out().fallback == Fallback::OdometryStaleDescend);
+    late(&mut sim, ladder.odometry_stale_s + ladder.hand_back_s, since, &|s| s.out().fallback == Fallback::HandBack);
     let mut sim = navigating();
     sim.frames = Frames::None;
     let since = sim.seconds();
-    late(&mut sim, ladder.plan_stale, since, &|s| s.out().fallback == Fallback::PlanExpiredBrake);
-    late(&mut sim, ladder.no_plan_land, since, &|s| s.mode() == Mode::Stopping);
+    late(&mut sim, ladder.plan_stale_s, since, &|s| s.out().fallback == Fallback::PlanExpiredBrake);
+    late(&mut sim, ladder.no_plan_land_s, since, &|s| s.mode() == Mode::Stopping);
 }
 
 #[test]
@@ -284,7 +284,7 @@ fn a_position_that_the_autopilot_calls_invalid_levels_and_descends_then_hands_ba
     sim.run(1.0);
     assert!(level(sim.out()) && sim.mode() == Mode::Navigate && sim.pos.z < height + 0.5);
     sim.until(1.0, |s| s.mode() == Mode::Fault);
-    assert!((sim.seconds() - lost - common::config().ladder.hand_back).abs() < 0.02);
+    assert!((sim.seconds() - lost - common::config().ladder.hand_back_s).abs() < 0.02);
     assert_eq!((sim.last_cause(), sim.out().setpoint), (Cause::PositionLost, None));
     assert!(sim.requests.iter().any(|r| r.1 == Request::HandBack));
 }

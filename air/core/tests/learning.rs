@@ -91,7 +91,7 @@ fn weave(sim: &mut Loop, seconds: f64) {
 fn lags_of_50_to_300_ms_are_learnt_in_the_chase_from_a_file_that_says_100() {
     for lag in [0.05, 0.1, 0.2, 0.3] {
         let mut config = common::config();
-        config.limits.fence_radius = 1000.0;
+        config.limits.fence_radius_m = 1000.0;
         let mut sim = Loop::with(config);
         (sim.lag, sim.frames) = (lag, Frames::Blank);
         sim.start(track());

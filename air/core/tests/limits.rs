@@ -23,7 +23,7 @@ fn lands(sim: &mut Loop, cause: Cause) {
 
 #[test]
 fn a_chase_that_leads_out_of_the_fence_ends_inside_it() {
-    let mut sim = limited(|c| c.limits.fence_radius = 25.0);
+    let mut sim = limited(|c| c.limits.fence_radius_m = 25.0);
     sim.start(Profile { speed: 10.0, ..track() });
     sim.until(10.0, |s| s.mode() == Mode::Search);
     sim.frames = Frames::Target(Vec3::new(80.0, 10.0, 1.5));
@@ -40,7 +40,7 @@ fn a_chase_that_leads_out_of_the_fence_ends_inside_it() {
 
 #[test]
 fn a_climb_to_the_ceiling_ends_below_it() {
-    let mut sim = limited(|c| c.limits.ceiling = 6.0);
+    let mut sim = limited(|c| c.limits.ceiling_m = 6.0);
     sim.start(track());
     sim.until(10.0, |s| s.mode() == Mode::Search);
     sim.frames = Frames::Target(Vec3::new(8.0, -2.0, 40.0));
@@ -58,8 +58,8 @@ fn a_climb_to_the_ceiling_ends_below_it() {
 fn no_plan_flies_faster_than_the_limit() {
     let fastest = |limit: f64| {
         let mut sim = limited(|c| {
-            c.limits.max_speed = limit;
-            c.limits.fence_radius = 1e4;
+            c.limits.max_speed_mps = limit;
+            c.limits.fence_radius_m = 1e4;
         });
         sim.start(Profile { speed: 6.0, ..navigate(Vec3::new(400.0, 0.0, 1.5)) });
         sim.until(12.0, |s| s.mode() == Mode::Navigate);
@@ -81,7 +81,7 @@ fn no_plan_flies_faster_than_the_limit() {
 fn highest_sight(top: f64) -> f64 {
     let mut sim = limited(|c| {
         c.view.top = top;
-        c.limits.fence_radius = 1e4;
+        c.limits.fence_radius_m = 1e4;
     });
     sim.start(Profile { speed: 10.0, ..track() });
     sim.until(12.0, |s| s.mode() == Mode::Search);
@@ -107,8 +107,8 @@ fn a_chase_speeds_up_no_harder_than_leaves_the_target_in_the_image() {
 #[test]
 fn the_vehicle_never_tilts_beyond_its_limit() {
     let mut sim = limited(|c| {
-        c.vehicle.max_tilt = 30_f64.to_radians();
-        c.limits.fence_radius = 1e4;
+        c.airframe.max_tilt_deg = 30.0;
+        c.limits.fence_radius_m = 1e4;
     });
     sim.wind = Vec3::new(3.0, 0.0, 0.0);
     sim.start(Profile { speed: 10.0, ..track() });
@@ -126,7 +126,7 @@ fn the_vehicle_never_tilts_beyond_its_limit() {
 
 #[test]
 fn a_flight_ends_when_its_time_is_up() {
-    let mut sim = limited(|c| c.limits.max_time = 15.0);
+    let mut sim = limited(|c| c.limits.max_time_s = 15.0);
     sim.start(track());
     let begun = sim.seconds();
     sim.until(30.0, |s| s.mode() == Mode::Stopping);
@@ -194,7 +194,7 @@ fn a_profile_beyond_the_limits_is_refused() {
 fn stop_hovers_where_the_vehicle_file_says_so_and_a_second_stop_lands() {
     let mut sim = limited(|c| {
         c.mission.on_stop = StopAction::Hover;
-        c.ladder.no_plan_land = 3.0;
+        c.ladder.no_plan_land_s = 3.0;
     });
     sim.start(track());
     sim.until(10.0, |s| s.mode() == Mode::Search);

@@ -258,7 +258,7 @@ fn a_lost_target_brakes_then_is_looked_for_where_it_was_lost_then_all_around() {
 #[test]
 fn a_search_without_end_lands() {
     let mut config = common::config();
-    config.mission.search_timeout = 5.0;
+    config.mission.search_timeout_s = 5.0;
     let mut sim = Loop::with(config);
     sim.frames = Frames::Blank;
     sim.start(track());
@@ -506,8 +506,8 @@ fn the_command_leads_the_trajectory_by_its_jerk() {
     // What the lead adds, with a trajectory gentle enough for the tilt limit.
     let ahead = |tau: f64| {
         let mut config = common::config();
-        config.lead.tau = tau;
-        (config.lag.least, config.lag.most) = (tau, 1.001 * tau);
+        config.airframe.attitude_lag_s = tau;
+        config.airframe.attitude_lag_range_s = [tau, 1.001 * tau];
         let mut sim = Loop::with(config);
         sim.frames = Frames::Target(Vec3::new(15.0, 0.0, 1.5));
         sim.start(Profile { speed: 3.0, ..track() });

@@ -201,7 +201,7 @@ proptest! {
         heaviness in 0.8..1.25f64
     ) {
         let mut config = common::config();
-        config.limits.fence_radius = 1000.0;
+        config.limits.fence_radius_m = 1000.0;
         let mut sim = Loop::with(config);
         (sim.lag, sim.heaviness, sim.frames) = (lag, heaviness, Frames::Blank);
         sim.start(track());

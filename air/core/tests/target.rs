@@ -183,7 +183,7 @@ proptest! {
             filter.step(Time::from_secs(step * k as f64), &detections, &mut consistent);
             if let Some(e) = filter.estimate() {
                 prop_assert!(e.pos_world.iter().all(|x| x.is_finite()));
-                prop_assert!(e.vel_world.norm() <= config().max_speed + 1e-9);
+                prop_assert!(e.vel_world.norm() <= config().max_speed_mps + 1e-9);
                 prop_assert!(e.covariance.diagonal().iter().all(|v| *v > 0.0 && v.is_finite()));
             }
         }

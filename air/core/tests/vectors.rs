@@ -12,6 +12,8 @@ use goshawk_core::values::quintic::Quintic;
 use goshawk_core::*;
 use serde_json::Value;
 
+mod common;
+
 const TOLERANCE: f64 = 1e-9;
 /// The network speaks in single precision, and is decoded in it.
 const DECODED: f64 = 2e-6;
@@ -89,21 +91,19 @@ fn policy(vectors: &Value, task: Task) -> PolicyModel {
 fn target_config(vectors: &Value) -> TargetConfig {
     let get = |key: &str| number(&vectors["filter"][key]);
     TargetConfig {
-        acc_variance: vector(&vectors["filter"]["acc_variance"]).into(),
-        lateral_variance: get("lateral_variance"),
-        range_variance: get("range_variance"),
+        acc_variance_mps2: vector(&vectors["filter"]["acc_variance"]).into(),
+        lateral_variance_m2: get("lateral_variance"),
+        range_variance_m2: get("range_variance"),
         doubt: get("doubt"),
-        variance_distance: get("variance_distance"),
-        gate: get("gate"),
+        variance_distance_m: get("variance_distance"),
+        gate_sigmas: get("gate"),
         confirm_hits: get("confirm_hits") as u32,
         confirm_of: get("confirm_of") as u32,
         confirm_objectness: 0.0,
         sure_objectness: 1.0,
-        blind_time: 0.5,
-        max_speed: get("max_speed"),
-        max_acc: 8.0,
-        max_distance: 50.0,
-        reacquire_margin: 1.0,
+        max_speed_mps: get("max_speed"),
+        max_distance_m: 50.0,
+        ..common::planner_config(Task::Track).planning.target
     }
 }
 
@@ -147,18 +147,8 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         body_from_cam: Rot::from_axis_angle(&Vec3::y_axis(), -number(&case["tilt"])),
         pos_cam_body: vector(&case["lens_body_3"]),
     };
-    let config = PlannerConfig {
-        camera,
-        policy,
-        planning: PlanningConfig {
-            target: target_config(&load("target")),
-            select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
-            chase: ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 },
-            max_acc: 8.0,
-            max_agility: 1.0,
-            remember: 6.0,
-        },
-    };
+    let config =
+        PlannerConfig { camera, policy, planning: common::planning(target_config(&load("target"))), keep_off: 1.5 };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
     for channel in 0..channels(task) {
@@ -247,8 +237,8 @@ fn observer_agrees_at_mixed_steps() {
         let mut observer = Observer::new(ObserverConfig {
             alpha1: get("alpha1"),
             alpha2: get("alpha2"),
-            zeta: get("zeta"),
-            limit: 1e3,
+            zeta_s: get("zeta"),
+            limit_mps2: 1e3,
         });
         for step in list(&case["steps_K"]) {
             observer.step(number(&step["dt"]), vector(&step["vel"]), vector(&step["model"]));
@@ -261,12 +251,13 @@ fn observer_agrees_at_mixed_steps() {
 fn flatness_agrees_within_and_at_its_limits() {
     let vectors = load("flatness");
     let get = |key: &str| number(&vectors["vehicle"][key]);
-    let vehicle = VehicleModel {
-        mass: get("mass"),
+    let vehicle = Airframe {
+        mass_kg: get("mass"),
         hover_thrust: get("hover_thrust"),
         min_thrust: get("min_thrust"),
         max_thrust: get("max_thrust"),
-        max_tilt: get("max_tilt"),
+        max_tilt_deg: get("max_tilt").to_degrees(),
+        ..common::config().airframe
     };
     for case in list(&vectors["cases_B"]) {
         let got = flat_command(&vehicle, vector(&case["acc_3"]), vector(&case["disturbance_3"]), number(&case["yaw"]));
@@ -280,8 +271,8 @@ fn flatness_agrees_within_and_at_its_limits() {
 #[test]
 fn lead_agrees() {
     let vectors = load("lead");
-    let config = LeadConfig { tau: number(&vectors["tau"]), limit: number(&vectors["limit"]) };
+    let (config, tau) = (LeadConfig { limit_mps2: number(&vectors["limit"]) }, number(&vectors["tau"]));
     for case in list(&vectors["cases_B"]) {
-        same_vector("led", lead(&config, vector(&case["acc_3"]), vector(&case["jerk_3"])), &case["led_3"]);
+        same_vector("led", lead(&config, tau, vector(&case["acc_3"]), vector(&case["jerk_3"])), &case["led_3"]);
     }
 }

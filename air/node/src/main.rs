@@ -9,7 +9,7 @@ use color_eyre::eyre::{Result, WrapErr};
 use goshawk_air::network::visitors::Visitors;
 use goshawk_air::run::{Overrides, run};
 use goshawk_air::{check, replay};
-use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::config::{Vehicle, reference};
 use goshawk_vehicle::errors::one_line;
 use tracing_subscriber::Layer as _;
 use tracing_subscriber::filter::filter_fn;
@@ -94,6 +94,21 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
     },
+    /// Print what a file may hold, as JSON Schema, by which editors complete and check it.
+    Schema {
+        /// Which file.
+        file: SchemaOf,
+    },
+    /// Print every key of the vehicle file and the tuning file, with its meaning and range, as Markdown.
+    Parameters,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum SchemaOf {
+    /// The vehicle file.
+    Vehicle,
+    /// The tuning file.
+    Tuning,
 }
 
 fn main() -> ExitCode {
@@ -131,6 +146,18 @@ fn start(visitors: Visitors) -> Result<ExitCode> {
             write_json(json.as_deref(), &outcome)?;
             replay::print(&outcome);
             Ok(if outcome.same() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        }
+        Command::Schema { file } => {
+            let schema = match file {
+                SchemaOf::Vehicle => reference::vehicle_schema(),
+                SchemaOf::Tuning => reference::tuning_schema(),
+            };
+            println!("{}", serde_json::to_string_pretty(&schema)?);
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Parameters => {
+            print!("{}", reference::markdown());
+            Ok(ExitCode::SUCCESS)
         }
     }
 }

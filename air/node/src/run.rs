@@ -111,7 +111,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         controller,
         link,
         source: vehicle.sensors.odometry,
-        rate_hz: vehicle.controller.rate_hz,
+        rate_hz: r.controller_rate_hz,
         schedule: Some(Schedule { priority: r.controller_priority, core: r.controller_core }),
     };
     let schedule = Schedule { priority: r.planner_priority, core: None };

@@ -1,10 +1,11 @@
 //! What runs the network: the processor, or an accelerator that the ONNX Runtime library in use was built for.
 
 use ort::ep::{self, ExecutionProviderDispatch};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// One of ONNX Runtime's execution providers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Provider {
     /// The processor; always there.

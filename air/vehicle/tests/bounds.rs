@@ -1,11 +1,13 @@
-//! Every number of the vehicle file has bounds: the test walks the shipped file, so that a new key without them fails.
+//! Every number of the vehicle file and the tuning file has bounds: the tests walk the shipped files and the schemas, so
+//! that a new key without them fails. What is generated from the schemas is current.
 
 #![allow(clippy::unwrap_used)]
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::config::{Vehicle, reference};
+use serde_json::Value;
 
 /// One number in the file's text.
 struct Number {
@@ -13,13 +15,20 @@ struct Number {
     at: Range<usize>,
 }
 
-/// The shipped file with every key that it leaves out or commented.
+/// The shipped vehicle file with every key that it leaves out or commented, and the tuning file, as one text.
 fn text() -> String {
-    let shipped = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml")).unwrap();
-    let whole = shipped.replace("# controller_core", "controller_core");
-    assert_ne!(whole, shipped);
+    let shipped = Vehicle::load(&root().join("air/vehicles/sim.toml")).unwrap();
+    let whole = shipped.text.replace("# controller_core", "controller_core");
+    assert_ne!(whole, shipped.text);
     let profile = "name = \"goal\"\ntask = \"navigate\"\nspeed_mps = 4.0\nheight_m = 2.0\ngoal_m = [9.0, -1.0, 1.5]\n";
-    format!("{whole}\n[[profile]]\n{profile}")
+    format!("{whole}\n[[profile]]\n{profile}{TUNING}{}", shipped.tuning_text)
+}
+
+/// Where the tuning file begins.
+const TUNING: &str = "\n# tuning\n";
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 /// Every number of `text`, also those in lists, with its key.
@@ -49,11 +58,14 @@ fn with(text: &str, number: &Number, value: &str) -> String {
 
 /// Why the file is refused; none: it is loaded, and flown with by any policy that fits the camera.
 fn refusal(text: String) -> Option<String> {
-    Vehicle::parse(text, Path::new("vehicle.toml")).err().map(|error| error.to_string())
+    let (vehicle, tuning) = text.split_once(TUNING).unwrap();
+    Vehicle::parse(vehicle.to_owned(), tuning.to_owned(), Path::new("vehicle.toml"))
+        .err()
+        .map(|error| error.to_string())
 }
 
 #[test]
-fn every_number_of_the_vehicle_file_has_an_upper_and_a_lower_bound() {
+fn every_number_of_both_files_has_an_upper_and_a_lower_bound() {
     let text = text();
     assert_eq!(refusal(text.clone()), None);
     let numbers = numbers(&text);
@@ -98,5 +110,49 @@ fn a_limit_so_wide_that_it_limits_nothing_is_refused_with_its_range_and_reason()
         let why = refusal(with(&text, &number, value)).unwrap();
         assert!(why.contains(&format!("{key} is ")) && why.contains(range) && why.contains(reason), "{why}");
         assert_eq!(why.lines().count(), 1);
+    }
+}
+
+/// Each key of a schema with its dotted name.
+fn keys<'a>(schema: &'a Value, name: &str, found: &mut Vec<(String, &'a Value)>) {
+    for (key, schema) in schema["properties"].as_object().into_iter().flatten() {
+        let name = format!("{name}{key}");
+        for inner in [schema, &schema["items"]] {
+            keys(inner, &format!("{name}."), found);
+        }
+        found.push((name, schema));
+    }
+}
+
+#[test]
+fn every_key_says_what_it_does_and_every_number_has_bounds_and_their_reason() {
+    let schemas = [reference::vehicle_schema(), reference::tuning_schema()];
+    let mut found = Vec::new();
+    for schema in &schemas {
+        assert_eq!(schema["additionalProperties"], false);
+        keys(schema, "", &mut found);
+    }
+    assert!(found.len() > 100, "{}", found.len());
+    for (name, schema) in found {
+        assert!(schema["description"].as_str().is_some_and(|text| text.len() > 5), "{name} says nothing");
+        let number = if schema["items"].is_object() { &schema["items"] } else { schema };
+        let kind = number["type"].as_str().or(number["type"][0].as_str()).unwrap_or_default();
+        if ["number", "integer"].contains(&kind) {
+            assert!(number["minimum"].is_number() && number["maximum"].is_number(), "{name} has no bounds");
+            assert!(schema["x-why"].as_str().is_some_and(|why| why.len() > 5), "{name} has no reason for its bounds");
+        }
+    }
+}
+
+#[test]
+fn the_schemas_and_the_reference_page_are_current() {
+    let json = |schema| serde_json::to_string_pretty(&schema).unwrap() + "\n";
+    for (file, content) in [
+        ("air/vehicles/vehicle.schema.json", json(reference::vehicle_schema())),
+        ("air/vehicles/tuning.schema.json", json(reference::tuning_schema())),
+        ("docs/reference/vehicle-file.md", reference::markdown()),
+    ] {
+        let there = std::fs::read_to_string(root().join(file)).unwrap_or_default();
+        assert!(there == content, "{file} is not what the code says: run `make docs`");
     }
 }

@@ -112,7 +112,8 @@ class _Log:
         if mount is not None:
             xyzw = rr.Quaternion(xyzw=np.roll(mount.body_from_camera_4, -1))
             self._stand(_CAMERA, rr.Transform3D(translation=mount.pos_body_3, quaternion=xyzw))
-        self._stand("vehicle_file", rr.TextDocument(f"```toml\n{m.vehicle_toml}\n```", media_type="text/markdown"))
+        for name, toml in [("vehicle_file", m.vehicle_toml), ("tuning_file", m.tuning_toml)]:
+            self._stand(name, rr.TextDocument(f"```toml\n{toml}\n```", media_type="text/markdown"))
 
     def _control(self, m: pb.Control, _: int) -> None:
         self._controls.append(decode.control(m))

@@ -145,6 +145,9 @@ def _facts(flight: Flight, card: Card) -> str:
     if flight.malformed:
         facts["malformed"] = f"{flight.malformed} records made no sense and were left out"
     rows = "".join(f"<dt>{name}</dt><dd>{escape(value)}</dd>" for name, value in facts.items())
-    toml = escape(flight.header.vehicle_toml)
-    file = f"<details><summary>vehicle file</summary><pre>{toml}</pre></details>" if toml else ""
-    return f"<section class='panel'><h2>Log</h2><dl>{rows}</dl>{file}</section>"
+    header = flight.header
+    texts = {"vehicle file": header.vehicle_toml, "tuning file": header.tuning_toml}
+    files = "".join(
+        f"<details><summary>{name}</summary><pre>{escape(text)}</pre></details>" for name, text in texts.items() if text
+    )
+    return f"<section class='panel'><h2>Log</h2><dl>{rows}</dl>{files}</section>"

@@ -52,7 +52,7 @@ fn errors_ms(vehicle: &Vehicle, schedule: Option<Schedule>, seconds: u64) -> col
     let link = Arc::new(AutopilotLink::open(LinkConfig::customary("127.0.0.1:0".parse()?), clock::now)?);
     let (sender, reports) = sync_channel(64 * 1024);
     let shared = Arc::new(Shared::new(sender));
-    let rate_hz = vehicle.controller.rate_hz;
+    let rate_hz = vehicle.realtime.controller_rate_hz;
     let controller = FlightController::new(vehicle.controller_config())?;
     let control = Control { controller, link, source: OdometrySource::Autopilot, rate_hz, schedule };
     let (for_control, for_bare) = (Arc::clone(&shared), Arc::clone(&shared));
@@ -112,7 +112,7 @@ fn main() -> color_eyre::Result<()> {
     let cores = std::thread::available_parallelism()?.get();
     println!(
         "controller, {} Hz, {cores} busy processes on {cores} cores, {SECONDS} s each",
-        vehicle.controller.rate_hz
+        vehicle.realtime.controller_rate_hz
     );
     let [mut plain, _] = errors_ms(&vehicle, None, SECONDS)?;
     let before = stolen();

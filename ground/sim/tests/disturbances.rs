@@ -64,20 +64,21 @@ fn without_observer() -> Vehicle {
     let bare = edited(
         &patient(),
         &[
-            ("limit_mps2 = 6.0\n\n[lead]", "limit_mps2 = 0.0\n\n[lead]"),
+            ("zeta_s = 0.2\nlimit_mps2 = 6.0", "zeta_s = 0.2\nlimit_mps2 = 0.0"),
             ("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.35, 0.35]"),
         ],
     );
-    assert_eq!(bare.controller_config().observer.limit, 0.0);
+    assert_eq!(bare.controller_config().observer.limit_mps2, 0.0);
     bare
 }
 
 fn edited(vehicle: &Vehicle, changes: &[(&str, &str)]) -> Vehicle {
-    let text = changes.iter().fold(vehicle.text.clone(), |text, (old, new)| {
-        assert!(text.contains(old), "{old}");
-        text.replace(old, new)
-    });
-    Vehicle::parse(text, Path::new("edited.toml")).unwrap()
+    let (mut text, mut tuning) = (vehicle.text.clone(), vehicle.tuning_text.clone());
+    for (old, new) in changes {
+        assert!(text.contains(old) != tuning.contains(old), "{old}");
+        (text, tuning) = (text.replace(old, new), tuning.replace(old, new));
+    }
+    Vehicle::parse(text, tuning, Path::new("edited.toml")).unwrap()
 }
 
 #[test]

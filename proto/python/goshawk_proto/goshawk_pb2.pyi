@@ -403,7 +403,7 @@ class Odometry(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., ang_vel_body: _Optional[_Union[Vec3, _Mapping]] = ..., reset_counter: _Optional[int] = ...) -> None: ...
 
 class LogHeader(_message.Message):
-    __slots__ = ("vehicle", "vehicle_toml", "policy_sha256", "policy_contract_json", "version", "git_revision", "wall_time", "stamp_ns", "profile", "protocol")
+    __slots__ = ("vehicle", "vehicle_toml", "policy_sha256", "policy_contract_json", "version", "git_revision", "wall_time", "stamp_ns", "profile", "protocol", "tuning_toml")
     VEHICLE_FIELD_NUMBER: _ClassVar[int]
     VEHICLE_TOML_FIELD_NUMBER: _ClassVar[int]
     POLICY_SHA256_FIELD_NUMBER: _ClassVar[int]
@@ -414,6 +414,7 @@ class LogHeader(_message.Message):
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     PROFILE_FIELD_NUMBER: _ClassVar[int]
     PROTOCOL_FIELD_NUMBER: _ClassVar[int]
+    TUNING_TOML_FIELD_NUMBER: _ClassVar[int]
     vehicle: str
     vehicle_toml: str
     policy_sha256: str
@@ -424,7 +425,8 @@ class LogHeader(_message.Message):
     stamp_ns: int
     profile: str
     protocol: int
-    def __init__(self, vehicle: _Optional[str] = ..., vehicle_toml: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., policy_contract_json: _Optional[str] = ..., version: _Optional[str] = ..., git_revision: _Optional[str] = ..., wall_time: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., profile: _Optional[str] = ..., protocol: _Optional[int] = ...) -> None: ...
+    tuning_toml: str
+    def __init__(self, vehicle: _Optional[str] = ..., vehicle_toml: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., policy_contract_json: _Optional[str] = ..., version: _Optional[str] = ..., git_revision: _Optional[str] = ..., wall_time: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., profile: _Optional[str] = ..., protocol: _Optional[int] = ..., tuning_toml: _Optional[str] = ...) -> None: ...
 
 class CompressedRgbd(_message.Message):
     __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "depth_png", "rgb_png")

@@ -204,13 +204,21 @@ fn keys() {
 #[test]
 fn vehicle_file() {
     let path = root().join("air/vehicles/sim.toml");
-    run("vehicle_file", scratch(), |bytes| match Vehicle::parse(String::from_utf8_lossy(bytes).into_owned(), &path) {
-        Ok(vehicle) => {
-            vehicle.name.parse::<VehicleName>().unwrap();
-            vehicle.controller_config().validate().unwrap();
-            assert!(vehicle.profile_names().iter().all(|name| vehicle.profile(Some(name)).is_some()));
+    let shipped = Vehicle::load(&path).unwrap();
+    run("vehicle_file", scratch(), |bytes| {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        match Vehicle::parse(text.clone(), shipped.tuning_text.clone(), &path) {
+            Ok(vehicle) => {
+                vehicle.name.parse::<VehicleName>().unwrap();
+                vehicle.controller_config().validate().unwrap();
+                assert!(vehicle.profile_names().iter().all(|name| vehicle.profile(Some(name)).is_some()));
+            }
+            Err(error) => one_line(&error),
         }
-        Err(error) => one_line(&error),
+        match Vehicle::parse(shipped.text.clone(), text, &path) {
+            Ok(vehicle) => vehicle.tuning().validate().unwrap(),
+            Err(error) => one_line(&error),
+        }
     });
 }
 

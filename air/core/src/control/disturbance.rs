@@ -21,18 +21,25 @@
 
 use crate::values::geometry::cap;
 use crate::values::types::Vec3;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// Gains of the high-gain observer (eq. 15). The head of this file gives the region in which the loop is stable.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Gains of the high-gain observer (eq. 14-15). `disturbance.rs` derives the region in which the loop is stable.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct ObserverConfig {
-    /// alpha1 (3).
+    /// First gain of eq. 15; the paper's alpha1.
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a higher gain only follows noise"))]
     pub alpha1: f64,
-    /// alpha2 (2); at most alpha1² / 2.
+    /// Second gain of eq. 15, at most alpha1² / 2; the paper's alpha2.
+    #[schemars(range(min = 0.01, max = 200.0), extend("x-why" = "with more than alpha1^2 / 2 the observer overshoots"))]
     pub alpha2: f64,
-    /// zeta, s (0.2).
-    pub zeta: f64,
-    /// Largest disturbance believed, m/s² (6).
-    pub limit: f64,
+    /// Time scale of eq. 15, s; the paper's zeta.
+    #[schemars(range(min = 0.02, max = 2.0), extend("x-why" = "a slower observer is no answer to a gust"))]
+    pub zeta_s: f64,
+    /// Largest disturbance that is believed, m/s².
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "no wind pushes with more than two g"))]
+    pub limit_mps2: f64,
 }
 
 /// The observer's state; per unit mass.
@@ -103,12 +110,12 @@ impl Observer {
         if dt <= 0.0 {
             return;
         }
-        let (a, b) = (self.config.alpha1 / self.config.zeta, self.config.alpha2 / self.config.zeta.powi(2));
+        let (a, b) = (self.config.alpha1 / self.config.zeta_s, self.config.alpha2 / self.config.zeta_s.powi(2));
         let phi = transition(a, b, dt);
         let w = (vel_world - before) / dt - acc_model_world;
         let q = self.disturbance - w;
         let error = self.error * phi[0][0] + q * phi[0][1];
-        self.disturbance = cap(self.error * phi[1][0] + q * phi[1][1] + w, self.config.limit);
+        self.disturbance = cap(self.error * phi[1][0] + q * phi[1][1] + w, self.config.limit_mps2);
         self.error = if error.iter().all(|x| x.is_finite()) { error } else { Vec3::zeros() };
         self.vel_world = Some(vel_world);
         self.model = acc_model_world;
@@ -130,15 +137,18 @@ impl Observer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shipped;
     use proptest::prelude::*;
 
-    const PAPER: ObserverConfig = ObserverConfig { alpha1: 3.0, alpha2: 2.0, zeta: 0.2, limit: 50.0 };
+    fn paper() -> ObserverConfig {
+        ObserverConfig { limit_mps2: 50.0, ..shipped::tuning().observer }
+    }
 
     #[test]
     fn a_constant_push_is_found_at_any_step() {
         let push = Vec3::new(1.0, -2.0, 0.5);
         for dt in [0.001, 0.005, 0.02, 0.1, 0.5, 3.0] {
-            let mut observer = Observer::new(PAPER);
+            let mut observer = Observer::new(paper());
             let steps = (6.0_f64 / dt).ceil() as u32;
             for k in 0..=steps {
                 observer.step(dt, push * (f64::from(k) * dt), Vec3::zeros());
@@ -151,7 +161,7 @@ mod tests {
     fn the_step_size_does_not_change_the_answer() {
         // Constant push: velocity is linear, so coarse and fine steps must agree exactly.
         let run = |steps: u32| {
-            let mut observer = Observer::new(PAPER);
+            let mut observer = Observer::new(paper());
             for k in 0..=steps {
                 let t = 0.4 * f64::from(k) / f64::from(steps);
                 observer.step(0.4 / f64::from(steps), Vec3::x() * t, Vec3::zeros());
@@ -164,7 +174,7 @@ mod tests {
     /// One axis in closed loop: thrust that is 1 + epsilon of what it is believed to be, with a lag, holds a velocity
     /// against a push. The largest acceleration error of the last second of 60.
     fn loop_error(config: ObserverConfig, epsilon: f64, lag: f64) -> f64 {
-        let (mut observer, dt) = (Observer::new(ObserverConfig { limit: 1e9, ..config }), 0.01);
+        let (mut observer, dt) = (Observer::new(ObserverConfig { limit_mps2: 1e9, ..config }), 0.01);
         let (mut vel, mut believed, mut worst) = (0.0, 0.0, 0.0_f64);
         for k in 0..6000 {
             observer.step(dt, Vec3::x() * vel, Vec3::x() * believed);
@@ -184,7 +194,7 @@ mod tests {
         for (alpha1, alpha2) in [(3.0, 2.0), (2.0, 2.0), (6.0, 2.0), (1.0, 0.5)] {
             for zeta in [0.1, 0.2, 0.5] {
                 for (epsilon, lag) in [(-0.9, 0.05), (-0.5, 0.3), (0.0, 0.1), (0.5, 0.3), (0.9, 0.05), (0.9, 0.3)] {
-                    let config = ObserverConfig { alpha1, alpha2, zeta, limit: 6.0 };
+                    let config = ObserverConfig { alpha1, alpha2, zeta_s: zeta, limit_mps2: 6.0 };
                     let error = loop_error(config, epsilon, lag);
                     assert!(error < 0.03, "{alpha1}, {alpha2}, {zeta}, {epsilon}, {lag}: {error}");
                 }
@@ -194,14 +204,14 @@ mod tests {
 
     #[test]
     fn outside_its_gains_region_the_same_thrust_errors_swing_up() {
-        let ringing = ObserverConfig { alpha1: 1.0, alpha2: 8.0, ..PAPER };
+        let ringing = ObserverConfig { alpha1: 1.0, alpha2: 8.0, ..paper() };
         assert!(loop_error(ringing, 0.9, 0.05) > 10.0);
-        assert!(loop_error(PAPER, 0.9, 0.05) < 1e-6);
+        assert!(loop_error(paper(), 0.9, 0.05) < 1e-6);
     }
 
     #[test]
     fn a_commanded_acceleration_is_no_disturbance() {
-        let mut observer = Observer::new(PAPER);
+        let mut observer = Observer::new(paper());
         for k in 0..200 {
             observer.step(0.01, Vec3::x() * (0.03 * f64::from(k)), Vec3::x() * 3.0);
         }
@@ -212,7 +222,7 @@ mod tests {
     #[test]
     fn equal_and_complex_eigenvalues_are_defined() {
         for alpha2 in [2.25, 2.25 + 1e-12, 9.0] {
-            let config = ObserverConfig { alpha2, ..PAPER };
+            let config = ObserverConfig { alpha2, ..paper() };
             let mut observer = Observer::new(config);
             for k in 0..1000 {
                 observer.step(0.005, Vec3::y() * (0.005 * f64::from(k)), Vec3::zeros());
@@ -236,7 +246,7 @@ mod tests {
         fn the_estimate_stays_within_its_limit(
             dt in prop::num::f64::ANY, v in prop::array::uniform3(prop::num::f64::ANY), steps in 1..20
         ) {
-            let mut observer = Observer::new(ObserverConfig { limit: 4.0, ..PAPER });
+            let mut observer = Observer::new(ObserverConfig { limit_mps2: 4.0, ..paper() });
             for k in 0..steps {
                 observer.step(dt, Vec3::from(v) * f64::from(k), Vec3::zeros());
                 prop_assert!(observer.disturbance().norm() <= 4.0 + 1e-9);

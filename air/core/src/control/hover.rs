@@ -2,20 +2,28 @@
 
 use crate::values::geometry::cap;
 use crate::values::types::{FlatState, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 /// Braking and position hold.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct HoldConfig {
-    /// Position gain, 1/s² (2).
+    /// Position gain, 1/s².
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "less does not hold, more oscillates with the attitude's lag"))]
     pub kp: f64,
-    /// Velocity gain, 1/s (2.5).
+    /// Velocity gain, 1/s.
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "less does not brake, more oscillates with the attitude's lag"))]
     pub kv: f64,
-    /// Largest horizontal acceleration of hold and brake, m/s² (6).
-    pub max_acc_horizontal: f64,
-    /// Largest vertical acceleration of hold and brake, m/s² (4).
-    pub max_acc_vertical: f64,
-    /// Speed below which braking becomes position hold, m/s (0.5).
-    pub stopped_speed: f64,
+    /// Largest horizontal acceleration of hold and brake, m/s².
+    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "less does not stop before the fence, two g is all that tilt gives"))]
+    pub max_acc_horizontal_mps2: f64,
+    /// Largest vertical acceleration of hold and brake, m/s².
+    #[schemars(range(min = 0.5, max = 9.5), extend("x-why" = "less does not hold the height, more than gravity cannot be had downward"))]
+    pub max_acc_vertical_mps2: f64,
+    /// Speed below which braking becomes position hold, m/s.
+    #[schemars(range(min = 0.05, max = 3.0), extend("x-why" = "a place is held only where braking has ended"))]
+    pub stopped_speed_mps: f64,
 }
 
 /// Brakes first, then holds the place where it stopped.
@@ -64,7 +72,7 @@ impl Hover {
     /// Brakes at the height where braking began, then holds. The reference's `acc` is what to command.
     pub fn step(&mut self, config: &HoldConfig, pos_world: Vec3, vel_world: Vec3) -> FlatState {
         let height = *self.height.get_or_insert(pos_world.z);
-        if self.anchor_world.is_none() && vel_world.xy().norm() < config.stopped_speed {
+        if self.anchor_world.is_none() && vel_world.xy().norm() < config.stopped_speed_mps {
             self.anchor_world = Some(Vec3::new(pos_world.x, pos_world.y, height));
         }
         let pos = self.anchor_world.unwrap_or(Vec3::new(pos_world.x, pos_world.y, height));
@@ -93,23 +101,25 @@ pub fn brake(config: &HoldConfig, vel_world: Vec3) -> Vec3 {
 }
 
 fn limit(config: &HoldConfig, acc: Vec3) -> Vec3 {
-    let horizontal = cap(Vec3::new(acc.x, acc.y, 0.0), config.max_acc_horizontal);
+    let horizontal = cap(Vec3::new(acc.x, acc.y, 0.0), config.max_acc_horizontal_mps2);
     let vertical = if acc.z.is_finite() { acc.z } else { 0.0 };
-    Vec3::new(horizontal.x, horizontal.y, vertical.clamp(-config.max_acc_vertical, config.max_acc_vertical))
+    Vec3::new(horizontal.x, horizontal.y, vertical.clamp(-config.max_acc_vertical_mps2, config.max_acc_vertical_mps2))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shipped;
 
-    const CONFIG: HoldConfig =
-        HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 };
+    fn config() -> HoldConfig {
+        shipped::tuning().hold
+    }
 
     /// A point mass whose acceleration follows with a lag of `tau` s.
     fn fly(hover: &mut Hover, tau: f64, vel: Vec3) -> (Vec3, Vec3) {
         let (mut pos, mut vel, mut acc, dt) = (Vec3::new(0.0, 0.0, 2.0), vel, Vec3::zeros(), 0.005);
         for _ in 0..1600 {
-            let wanted = hover.step(&CONFIG, pos, vel).acc;
+            let wanted = hover.step(&config(), pos, vel).acc;
             acc += (wanted - acc) * (dt / tau);
             vel += acc * dt;
             pos += vel * dt;

@@ -5,27 +5,7 @@
 //! output error is not biased by the measurement's noise, and wind, weight and drag do not enter: they move the vehicle,
 //! not its axis. The models are compared only while they differ, so that a hover neither teaches nor forgets.
 
-use crate::values::error::{ConfigError, within};
 use crate::values::types::{Time, Vec3};
-
-/// What the estimate may come to; the vehicle file's bounds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LagConfig {
-    /// Least lag, s.
-    pub least: f64,
-    /// Greatest lag, s.
-    pub most: f64,
-}
-
-impl LagConfig {
-    /// The bounds are apart and hold the vehicle file's own value `tau`.
-    pub(crate) fn validate(&self, tau: f64) -> Result<(), ConfigError> {
-        within("lead.attitude_lag_s", tau, 0.01..=1.0, "a slower attitude loop cannot be led")?;
-        let holds = "the range must hold attitude_lag_s, and a slower loop cannot be led";
-        within("lead.attitude_lag_range_s", self.least, 0.01..=tau, holds)?;
-        within("lead.attitude_lag_range_s", self.most, tau.max(1.0001 * self.least)..=1.0, holds)
-    }
-}
 
 const MODELS: usize = 9;
 /// Commands that odometry has not reached yet, at most.
@@ -44,7 +24,8 @@ const LONGEST_GAP: f64 = 0.1;
 /// The lag's estimate.
 #[derive(Clone, Copy, Debug)]
 pub struct AttitudeLag {
-    config: LagConfig,
+    /// What the estimate may come to, s.
+    range: [f64; 2],
     estimate: f64,
     /// Each model's lag, s, evenly spaced by their logarithm, and its axis, world frame.
     lag: [f64; MODELS],
@@ -60,14 +41,14 @@ pub struct AttitudeLag {
 }
 
 impl AttitudeLag {
-    /// Believes `tau` (s) until flight says otherwise.
+    /// Believes `tau` (s) until flight says otherwise; the estimate stays in `range` (s).
     #[must_use]
-    pub fn new(config: LagConfig, tau: f64) -> Self {
-        let ratio = (config.most / config.least).ln() / (MODELS - 1) as f64;
-        let lag: [f64; MODELS] = std::array::from_fn(|i| config.least * (ratio * i as f64).exp());
+    pub fn new([least, most]: [f64; 2], tau: f64) -> Self {
+        let ratio = (most / least).ln() / (MODELS - 1) as f64;
+        let lag: [f64; MODELS] = std::array::from_fn(|i| least * (ratio * i as f64).exp());
         Self {
-            config,
-            estimate: tau.clamp(config.least, config.most),
+            range: [least, most],
+            estimate: tau.clamp(least, most),
             lag,
             axis_world: [Vec3::z(); MODELS],
             error: lag.map(|lag| PRIOR * ((lag / tau.max(1e-3)).ln() / std::f64::consts::LN_2).powi(2)),
@@ -154,7 +135,7 @@ impl AttitudeLag {
         let curvature = low - 2.0 * mid + high;
         let offset = if curvature > 0.0 { (0.5 * (low - high) / curvature).clamp(-1.0, 1.0) } else { 0.0 };
         let ratio = self.lag[1] / self.lag[0];
-        (self.lag[inner] * ratio.powf(offset)).clamp(self.config.least, self.config.most)
+        (self.lag[inner] * ratio.powf(offset)).clamp(self.range[0], self.range[1])
     }
 }
 
@@ -167,7 +148,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const CONFIG: LagConfig = LagConfig { least: 0.04, most: 0.35 };
+    const RANGE: [f64; 2] = [0.04, 0.35];
 
     fn axis(tilt: f64) -> Vec3 {
         Vec3::new(tilt.sin(), 0.0, tilt.cos())
@@ -196,7 +177,7 @@ mod tests {
     #[test]
     fn lags_of_50_to_300_ms_are_found_in_the_noise_with_a_wrong_file() {
         for tau in [0.05, 0.1, 0.2, 0.3] {
-            let mut lag = AttitudeLag::new(CONFIG, 0.1);
+            let mut lag = AttitudeLag::new(RANGE, 0.1);
             fly(&mut lag, tau, 6.0, 0.3, 0.006);
             assert!((lag.get() / tau - 1.0).abs() < 0.1, "{tau}: {}", lag.get());
         }
@@ -204,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_hover_neither_teaches_nor_forgets() {
-        let mut lag = AttitudeLag::new(CONFIG, 0.1);
+        let mut lag = AttitudeLag::new(RANGE, 0.1);
         fly(&mut lag, 0.2, 6.0, 0.3, 0.0);
         let learnt = lag.get();
         lag.skip();
@@ -214,8 +195,8 @@ mod tests {
 
     #[test]
     fn a_lag_beyond_the_bounds_ends_at_them() {
-        for (tau, bound) in [(0.01, CONFIG.least), (0.9, CONFIG.most)] {
-            let mut lag = AttitudeLag::new(CONFIG, 0.1);
+        for (tau, bound) in [(0.01, RANGE[0]), (0.9, RANGE[1])] {
+            let mut lag = AttitudeLag::new(RANGE, 0.1);
             fly(&mut lag, tau, 10.0, 0.3, 0.0);
             assert!((lag.get() / bound - 1.0).abs() < 0.05, "{tau}: {}", lag.get());
         }
@@ -223,7 +204,7 @@ mod tests {
 
     #[test]
     fn more_commands_than_can_wait_lose_nothing_but_time() {
-        let mut lag = AttitudeLag::new(CONFIG, 0.1);
+        let mut lag = AttitudeLag::new(RANGE, 0.1);
         for k in 0..1000 {
             lag.command(Time::from_secs(f64::from(k) * 0.005), axis(0.3));
         }
@@ -236,12 +217,12 @@ mod tests {
         fn whatever_comes_the_estimate_is_within_its_bounds(
             steps in prop::collection::vec((any::<u32>(), prop::array::uniform3(prop::num::f64::ANY), any::<bool>(), any::<bool>()), 1..200)
         ) {
-            let mut lag = AttitudeLag::new(CONFIG, 0.1);
+            let mut lag = AttitudeLag::new(RANGE, 0.1);
             for (stamp, v, command, unit) in steps {
                 let v = Vec3::from(v);
                 let (stamp, v) = (Time(u64::from(stamp)), if unit { axis(v.x) } else { v });
                 if command { lag.command(stamp, v) } else { lag.measure(stamp, v) }
-                prop_assert!((CONFIG.least..=CONFIG.most).contains(&lag.get()), "{}", lag.get());
+                prop_assert!((RANGE[0]..=RANGE[1]).contains(&lag.get()), "{}", lag.get());
             }
         }
     }

@@ -2,20 +2,22 @@
 
 use crate::values::geometry::cap;
 use crate::values::types::Vec3;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// Lead: f̈ + tau·f⃛.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Lead over the attitude loop: f̈ + tau·f⃛.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct LeadConfig {
-    /// The attitude loop's first-order lag, s; where the estimate begins.
-    pub tau: f64,
-    /// Largest lead, m/s² (6).
-    pub limit: f64,
+    /// Largest lead, m/s².
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "more than two g of lead is noise"))]
+    pub limit_mps2: f64,
 }
 
 /// f̈ + tau·f⃛: what to command now so that an acceleration that follows with lag tau is f̈. The lead's norm is bounded.
 #[must_use]
-pub fn lead(config: &LeadConfig, acc: Vec3, jerk: Vec3) -> Vec3 {
-    acc + cap(jerk * config.tau, config.limit)
+pub fn lead(config: &LeadConfig, tau: f64, acc: Vec3, jerk: Vec3) -> Vec3 {
+    acc + cap(jerk * tau, config.limit_mps2)
 }
 
 #[cfg(test)]
@@ -24,12 +26,12 @@ mod tests {
 
     #[test]
     fn a_lagging_vehicle_led_by_the_jerk_follows_the_acceleration() {
-        let (config, dt) = (LeadConfig { tau: 0.25, limit: 100.0 }, 1e-4);
+        let (config, dt) = (LeadConfig { limit_mps2: 100.0 }, 1e-4);
         let (mut actual, mut worst) = (0.0_f64, 0.0_f64);
         for k in 0..20_000 {
             let t = f64::from(k) * dt;
-            let command = lead(&config, Vec3::new(3.0 * t.sin(), 0.0, 0.0), Vec3::new(3.0 * t.cos(), 0.0, 0.0));
-            actual += (command.x - actual) / config.tau * dt;
+            let command = lead(&config, 0.25, Vec3::new(3.0 * t.sin(), 0.0, 0.0), Vec3::new(3.0 * t.cos(), 0.0, 0.0));
+            actual += (command.x - actual) / 0.25 * dt;
             worst = worst.max((actual - 3.0 * (t + dt).sin()).abs());
         }
         assert!(worst < 1e-3, "{worst}");
@@ -37,9 +39,9 @@ mod tests {
 
     #[test]
     fn the_lead_is_bounded() {
-        let config = LeadConfig { tau: 0.25, limit: 2.0 };
-        let led = lead(&config, Vec3::zeros(), Vec3::new(0.0, 1e9, 0.0));
+        let config = LeadConfig { limit_mps2: 2.0 };
+        let led = lead(&config, 0.25, Vec3::zeros(), Vec3::new(0.0, 1e9, 0.0));
         assert!((led - Vec3::new(0.0, 2.0, 0.0)).norm() < 1e-9);
-        assert_eq!(lead(&config, Vec3::x(), Vec3::new(f64::NAN, 0.0, 0.0)), Vec3::x());
+        assert_eq!(lead(&config, 0.25, Vec3::x(), Vec3::new(f64::NAN, 0.0, 0.0)), Vec3::x());
     }
 }

@@ -3,10 +3,9 @@
 
 use crate::control::disturbance::Observer;
 use crate::control::lag::AttitudeLag;
-use crate::control::lead::LeadConfig;
 use crate::control::thrust::HoverThrust;
 use crate::control::trust::{Distrust, OdometryFault, Step, Trust};
-use crate::control::vehicle::VehicleModel;
+use crate::control::vehicle::Airframe;
 use crate::values::jump::{Jump, jump, turned};
 use crate::values::types::{GRAVITY, NormalisedThrust, Odometry, Rot, Time, Vec3};
 
@@ -81,14 +80,14 @@ impl Motion {
 
     /// `vehicle` with the hover thrust that was learnt.
     #[must_use]
-    pub fn vehicle(&self, vehicle: &VehicleModel) -> VehicleModel {
-        VehicleModel { hover_thrust: self.hover_thrust.get(), ..*vehicle }
+    pub fn vehicle(&self, vehicle: &Airframe) -> Airframe {
+        Airframe { hover_thrust: self.hover_thrust.get(), ..*vehicle }
     }
 
-    /// `lead` with the lag that was learnt.
+    /// The attitude loop's lag that was learnt, s.
     #[must_use]
-    pub fn lead(&self, lead: &LeadConfig) -> LeadConfig {
-        LeadConfig { tau: self.lag.get(), ..*lead }
+    pub fn attitude_lag(&self) -> f64 {
+        self.lag.get()
     }
 
     /// Forgets the disturbance and any distrust: on the ground. What was learnt of the vehicle itself stays.
@@ -265,7 +264,7 @@ impl Followed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mission::config::tests::config;
+    use crate::shipped::controller as config;
 
     const HOVER: Commanded = Commanded { thrust: NormalisedThrust(0.25), acc: GRAVITY, free: true, airborne: true };
 

@@ -5,22 +5,31 @@ use crate::planning::plan::Plan;
 use crate::planning::room::Room;
 use crate::values::quintic::Quintic;
 use crate::values::types::{Task, Time, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 /// When each rung of the fallback ladder takes over.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct LadderConfig {
-    /// Track: how old the last chosen trajectory may get while frames without a choice arrive, s (0.6).
-    pub missed_detection: f64,
-    /// How old the last chosen trajectory may get when no frame at all arrives, s (0.3).
-    pub plan_stale: f64,
-    /// How long to hold without any plan before landing, s (20).
-    pub no_plan_land: f64,
-    /// Age of odometry beyond which it is not flown on, s (0.2).
-    pub odometry_stale: f64,
-    /// Net downward acceleration while descending without odometry, m/s² (0.3).
-    pub descend_acc: f64,
-    /// How long to descend without odometry before handing back, s (1.5).
-    pub hand_back: f64,
+    /// Track: how old the last chosen trajectory may get while frames without a choice arrive, s.
+    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "an older trajectory leads through what was not seen"))]
+    pub missed_detection_s: f64,
+    /// How old the last chosen trajectory may get while no frame arrives, s.
+    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "without a frame for longer it flies blind"))]
+    pub plan_stale_s: f64,
+    /// How long to hold without any plan before landing, s.
+    #[schemars(range(min = 1.0, max = 120.0), extend("x-why" = "the battery is for more than waiting"))]
+    pub no_plan_land_s: f64,
+    /// Odometry that is older than this is not flown on, s.
+    #[schemars(range(min = 0.02, max = 0.5), extend("x-why" = "less than a few periods is none, and half a second of dead reckoning is metres"))]
+    pub odometry_stale_s: f64,
+    /// Net downward acceleration while descending without odometry, m/s².
+    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "it is to be a gentle descent"))]
+    pub descend_acc_mps2: f64,
+    /// How long to descend without odometry before handing back to the autopilot, s.
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "without odometry nothing bounds the speed: the autopilot must have it soon"))]
+    pub hand_back_s: f64,
 }
 
 /// The trajectory that is flown.
@@ -78,7 +87,7 @@ impl Plans {
     /// The trajectory, unless it has expired: it is over, or it is older than the ladder allows, or frames have stopped.
     #[must_use]
     pub fn flyable(&self, ladder: &LadderConfig, task: Task, now: Time) -> Option<&Flown> {
-        let longest = if task == Task::Track { ladder.missed_detection } else { ladder.plan_stale };
+        let longest = if task == Task::Track { ladder.missed_detection_s } else { ladder.plan_stale_s };
         self.flown.as_ref().filter(|flown| {
             let age = now.since(flown.stamp);
             age >= 0.0 && age <= flown.quintic.duration() && age <= longest && self.frames_arrive(ladder, now)
@@ -94,7 +103,7 @@ impl Plans {
     /// Plans arrive, whether they choose or not.
     #[must_use]
     pub fn frames_arrive(&self, ladder: &LadderConfig, now: Time) -> bool {
-        self.newest.is_some_and(|(_, stamp)| now.since(stamp) <= ladder.plan_stale)
+        self.newest.is_some_and(|(_, stamp)| now.since(stamp) <= ladder.plan_stale_s)
     }
 
     /// Seconds since the last plan's frame, or since the beginning.
@@ -117,16 +126,12 @@ fn finite(v: &Vec3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shipped;
     use crate::values::types::{ANCHORS, Candidate, FlatState, Rot};
 
-    const LADDER: LadderConfig = LadderConfig {
-        missed_detection: 0.6,
-        plan_stale: 0.3,
-        no_plan_land: 20.0,
-        odometry_stale: 0.2,
-        descend_acc: 0.3,
-        hand_back: 1.5,
-    };
+    fn ladder() -> LadderConfig {
+        shipped::tuning().ladder
+    }
 
     fn plan(seq: u64, stamp: f64, duration: f64, chosen: Option<usize>) -> Plan {
         let end = FlatState { pos: Vec3::x(), ..FlatState::default() };
@@ -151,8 +156,8 @@ mod tests {
     fn a_trajectory_is_not_flown_past_its_end() {
         let mut plans = Plans::new(Time(0));
         plans.take(&plan(1, 1.0, 0.1, Some(7)));
-        assert!(plans.flyable(&LADDER, Task::Track, Time::from_secs(1.09)).is_some());
-        assert!(plans.flyable(&LADDER, Task::Track, Time::from_secs(1.11)).is_none());
+        assert!(plans.flyable(&ladder(), Task::Track, Time::from_secs(1.09)).is_some());
+        assert!(plans.flyable(&ladder(), Task::Track, Time::from_secs(1.11)).is_none());
     }
 
     #[test]
@@ -161,7 +166,7 @@ mod tests {
         plans.take(&plan(1, 1.0, 2.0, Some(7)));
         plans.take(&plan(2, 1.1, 2.0, Some(3)));
         plans.take(&plan(3, 1.2, 2.0, None));
-        assert_eq!(plans.flyable(&LADDER, Task::Track, Time::from_secs(1.3)).map(|f| f.seq), Some(2));
+        assert_eq!(plans.flyable(&ladder(), Task::Track, Time::from_secs(1.3)).map(|f| f.seq), Some(2));
         assert_eq!(plans.silence(Time::from_secs(1.3)), 0.1);
     }
 
@@ -175,6 +180,6 @@ mod tests {
         plans.take(&endless);
         plans.take(&plan(3, 1.0, 2.0, Some(99)));
         let now = Time::from_secs(1.1);
-        assert!(plans.flyable(&LADDER, Task::Track, now).is_none() && plans.frames_arrive(&LADDER, now));
+        assert!(plans.flyable(&ladder(), Task::Track, now).is_none() && plans.frames_arrive(&ladder(), now));
     }
 }

@@ -8,7 +8,6 @@
 
 use crate::gaze::threat::{Pace, Threat};
 use crate::planning::room::{Room, toward};
-use crate::values::error::{ConfigError, within};
 use crate::values::types::{Flat, Vec3};
 
 /// How far to keep, and what both can do.
@@ -55,17 +54,6 @@ pub struct Separation {
 }
 
 impl SeparationConfig {
-    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        within(
-            "limits.min_target_distance_m",
-            self.min_distance,
-            0.1..=20.0,
-            "farther off the target is not seen well",
-        )?;
-        within("planner.target_max_acc_mps2", self.target_acc, 0.5..=50.0, "nobody turns harder")?;
-        within("planner.max_acc_mps2", self.max_acc, 0.1..=100.0, "no airframe brakes harder")
-    }
-
     /// The greatest speed (m/s) at which to fly at a target that may come `gap` m nearer, comes at `comes` m/s and gets no
     /// faster than `fastest`, and by how much it falls with the gap, 1/s. Negative: back away.
     #[must_use]

@@ -5,33 +5,13 @@
 //! is wrong. What changes faster, and every other axis, is left to the disturbance observer, which sees only what the
 //! present h does not explain; the mean uses command and motion alone, so that the two cannot wind each other up.
 
-use crate::control::vehicle::VehicleModel;
-use crate::values::error::{ConfigError, within};
 use crate::values::types::{GRAVITY, NormalisedThrust};
-
-/// What the estimate may come to; the vehicle file's bounds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ThrustConfig {
-    /// Least hover thrust, normalised.
-    pub least: f64,
-    /// Greatest hover thrust, normalised.
-    pub most: f64,
-}
-
-impl ThrustConfig {
-    /// The bounds hold the vehicle file's own value, between its least and its most thrust.
-    pub(crate) fn validate(&self, vehicle: &VehicleModel) -> Result<(), ConfigError> {
-        const KEY: &str = "airframe.hover_thrust_range";
-        let holds = "the range must hold hover_thrust and leave room to min_thrust and max_thrust";
-        within(KEY, self.least, vehicle.min_thrust + 0.005..=vehicle.hover_thrust, holds)?;
-        within(KEY, self.most, vehicle.hover_thrust..=vehicle.max_thrust - 0.01, holds)
-    }
-}
 
 /// The hover thrust's estimate.
 #[derive(Clone, Copy, Debug)]
 pub struct HoverThrust {
-    config: ThrustConfig,
+    /// What the estimate may come to, normalised.
+    range: [f64; 2],
     estimate: f64,
     /// How much flight the estimate is worth, s.
     weight: f64,
@@ -61,10 +41,10 @@ const NEAR_HOVER: (f64, f64) = (0.6, 1.5);
 const IN_FLIGHT: (f64, f64) = (0.4, 2.5);
 
 impl HoverThrust {
-    /// Believes `hover` until flight says otherwise.
+    /// Believes `hover` until flight says otherwise; the estimate stays in `range`.
     #[must_use]
-    pub fn new(config: ThrustConfig, hover: f64) -> Self {
-        Self { config, estimate: hover, weight: PRIOR, block: Block::default() }
+    pub fn new(range: [f64; 2], hover: f64) -> Self {
+        Self { range, estimate: hover, weight: PRIOR, block: Block::default() }
     }
 
     /// The estimate, normalised; within the bounds.
@@ -75,7 +55,7 @@ impl HoverThrust {
 
     /// Begins again from `hover`, brought within the bounds: at lift-off the thrust that lifted.
     pub fn restart(&mut self, hover: NormalisedThrust) {
-        *self = Self::new(self.config, hover.0.clamp(self.config.least, self.config.most));
+        *self = Self::new(self.range, hover.0.clamp(self.range[0], self.range[1]));
     }
 
     /// What came before does not belong to what comes: on the ground, out of limits, after a jump.
@@ -100,14 +80,14 @@ impl HoverThrust {
     }
 
     fn learn(&mut self, time: f64, thrust: f64, force: f64) {
-        let near = NEAR_HOVER.0 * self.config.least..=NEAR_HOVER.1 * self.config.most;
+        let near = NEAR_HOVER.0 * self.range[0]..=NEAR_HOVER.1 * self.range[1];
         if !near.contains(&thrust) || !(IN_FLIGHT.0 * GRAVITY..=IN_FLIGHT.1 * GRAVITY).contains(&force) {
             return;
         }
         self.weight = self.weight * (-time / MEMORY).exp() + time;
         let found = GRAVITY * thrust / force;
         let estimate = self.estimate + (found - self.estimate) * (time / self.weight);
-        self.estimate = estimate.clamp(self.config.least, self.config.most);
+        self.estimate = estimate.clamp(self.range[0], self.range[1]);
     }
 }
 
@@ -116,7 +96,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const CONFIG: ThrustConfig = ThrustConfig { least: 0.2, most: 0.55 };
+    const RANGE: [f64; 2] = [0.2, 0.55];
 
     /// Flies `seconds` at thrusts around the true hover thrust `hover`, the velocity noisy by `noise` m/s.
     fn fly(estimate: &mut HoverThrust, hover: f64, seconds: f64, noise: f64) {
@@ -133,7 +113,7 @@ mod tests {
     #[test]
     fn a_hover_thrust_40_percent_wrong_either_way_is_found_within_two_seconds() {
         for hover in [0.21, 0.49] {
-            let mut estimate = HoverThrust::new(CONFIG, 0.35);
+            let mut estimate = HoverThrust::new(RANGE, 0.35);
             fly(&mut estimate, hover, 2.0, 0.05);
             assert!((estimate.get() / hover - 1.0).abs() < 0.05, "{hover}: {}", estimate.get());
             fly(&mut estimate, hover, 8.0, 0.05);
@@ -143,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_gust_of_half_a_second_moves_a_settled_estimate_little() {
-        let mut estimate = HoverThrust::new(CONFIG, 0.35);
+        let mut estimate = HoverThrust::new(RANGE, 0.35);
         fly(&mut estimate, 0.35, 10.0, 0.0);
         for _ in 0..50 {
             estimate.step(0.01, NormalisedThrust(0.35), GRAVITY - 3.0);
@@ -153,9 +133,9 @@ mod tests {
 
     #[test]
     fn the_estimate_stays_within_its_bounds_and_comes_back_from_them_at_once() {
-        let mut estimate = HoverThrust::new(CONFIG, 0.35);
+        let mut estimate = HoverThrust::new(RANGE, 0.35);
         fly(&mut estimate, 0.7, 30.0, 0.0);
-        assert_eq!(estimate.get(), CONFIG.most);
+        assert_eq!(estimate.get(), RANGE[1]);
         fly(&mut estimate, 0.35, 8.0, 0.0);
         assert!(estimate.get() < 0.4, "{}", estimate.get());
     }
@@ -163,7 +143,7 @@ mod tests {
     #[test]
     fn falling_standing_and_idling_teach_nothing() {
         for (thrust, force) in [(0.35, 0.5), (0.05, GRAVITY), (0.0, GRAVITY), (0.35, 40.0), (0.9, GRAVITY)] {
-            let mut estimate = HoverThrust::new(CONFIG, 0.35);
+            let mut estimate = HoverThrust::new(RANGE, 0.35);
             for _ in 0..500 {
                 estimate.step(0.01, NormalisedThrust(thrust), force);
             }
@@ -176,10 +156,10 @@ mod tests {
         fn whatever_comes_the_estimate_is_within_its_bounds(
             steps in prop::collection::vec((prop::num::f64::ANY, prop::num::f64::ANY, prop::num::f64::ANY), 1..50)
         ) {
-            let mut estimate = HoverThrust::new(CONFIG, 0.35);
+            let mut estimate = HoverThrust::new(RANGE, 0.35);
             for (dt, thrust, force) in steps {
                 estimate.step(dt, NormalisedThrust(thrust), force);
-                prop_assert!((CONFIG.least..=CONFIG.most).contains(&estimate.get()));
+                prop_assert!((RANGE[0]..=RANGE[1]).contains(&estimate.get()));
             }
         }
     }

@@ -41,7 +41,7 @@ impl ViewConfig {
 mod tests {
     use super::*;
     use crate::control::flatness::flat_command;
-    use crate::mission::config::tests::config;
+    use crate::shipped::controller as config;
     use proptest::prelude::*;
 
     const VIEW: ViewConfig = ViewConfig { top: 0.63 };
@@ -79,7 +79,7 @@ mod tests {
             let less = (acc - kept).dot(&toward);
             prop_assert!(less >= 0.0 && ((acc - kept) - toward * less).norm() < 1e-9);
             prop_assert!(less == 0.0 || kept.dot(&toward) >= -1e-9, "it only speeds up less");
-            let command = flat_command(&config().vehicle, kept, drag, toward.y.atan2(toward.x));
+            let command = flat_command(&config().airframe, kept, drag, toward.y.atan2(toward.x));
             let down = command.acc_att_world + GRAVITY * Vec3::z();
             let tilt = down.dot(&toward).atan2(down.z);
             let elevation = line.z.atan2(line.xy().norm());

@@ -2,22 +2,31 @@
 
 use crate::values::geometry::wrap;
 use crate::values::types::Vec3;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// Yaw limits and the search.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Yaw limits and the search for a lost target.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct YawConfig {
-    /// Largest yaw rate, rad/s (2.5).
-    pub max_rate: f64,
-    /// Largest yaw acceleration, rad/s² (10).
-    pub max_acc: f64,
-    /// The yaw loop's lag, s: the command leads the plan by rate·lag; 0: no lead.
-    pub lag: f64,
-    /// Yaw rate of the sweep for a lost target, rad/s (1.0).
-    pub search_rate: f64,
-    /// How long to look where the target was lost before sweeping, s (1.5).
-    pub search_delay: f64,
-    /// Navigation: speed above which yaw follows the velocity, below it the goal, m/s (1).
-    pub along_velocity_speed: f64,
+    /// Largest yaw rate, rad/s.
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "odometry and camera are blurred beyond"))]
+    pub max_rate_radps: f64,
+    /// Largest yaw acceleration, rad/s².
+    #[schemars(range(min = 0.1, max = 100.0), extend("x-why" = "no quadrotor's yaw answers quicker"))]
+    pub max_acc_radps2: f64,
+    /// Lag of the yaw loop, s: the command leads the plan by rate·lag. 0: no lead.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "a slower loop cannot be led"))]
+    pub lag_s: f64,
+    /// Yaw rate of the sweep for a lost target, rad/s.
+    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "it is a yaw rate as well"))]
+    pub search_rate_radps: f64,
+    /// How long the camera looks where the target was lost before it sweeps, s.
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "by then the target is elsewhere"))]
+    pub search_delay_s: f64,
+    /// Navigation: above this speed the nose follows the velocity, below it the goal, m/s.
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "navigation looks where it flies"))]
+    pub along_velocity_speed_mps: f64,
 }
 
 /// Where the nose should point.
@@ -65,7 +74,7 @@ pub fn toward(line_world: Vec3, vel_world: Vec3) -> YawGoal {
 pub(crate) fn along(config: &YawConfig, line_world: Vec3, vel_world: Vec3) -> YawGoal {
     let to_place = Vec3::new(line_world.x, line_world.y, 0.0).try_normalize(1e-6).unwrap_or_default();
     let vel = Vec3::new(vel_world.x, vel_world.y, 0.0);
-    let share = (vel.norm() / config.along_velocity_speed - 0.5).clamp(0.0, 1.0);
+    let share = (vel.norm() / config.along_velocity_speed_mps - 0.5).clamp(0.0, 1.0);
     let along = vel.try_normalize(1e-6).unwrap_or_default();
     let share = share.min((along.dot(&to_place) + 0.5).max(0.0));
     toward(along * share + to_place * (1.0 - share), Vec3::zeros())
@@ -100,13 +109,13 @@ impl YawPlanner {
         let c = &self.config;
         let wanted = match goal {
             YawGoal::Keep => 0.0,
-            YawGoal::Sweep(direction) => c.search_rate * if direction < 0.0 { -1.0 } else { 1.0 },
-            YawGoal::Toward { yaw, rate } => rate + approach_rate(wrap(yaw - self.yaw), c.max_acc),
+            YawGoal::Sweep(direction) => c.search_rate_radps * if direction < 0.0 { -1.0 } else { 1.0 },
+            YawGoal::Toward { yaw, rate } => rate + approach_rate(wrap(yaw - self.yaw), c.max_acc_radps2),
         };
-        let wanted = wanted.clamp(-c.max_rate, c.max_rate);
-        self.rate += (wanted - self.rate).clamp(-c.max_acc * dt, c.max_acc * dt);
+        let wanted = wanted.clamp(-c.max_rate_radps, c.max_rate_radps);
+        self.rate += (wanted - self.rate).clamp(-c.max_acc_radps2 * dt, c.max_acc_radps2 * dt);
         self.yaw = wrap(self.yaw + self.rate * dt);
-        wrap(self.yaw + self.rate * c.lag)
+        wrap(self.yaw + self.rate * c.lag_s)
     }
 
     /// Planned yaw without the lead, rad.
@@ -127,20 +136,16 @@ fn approach_rate(error: f64, max_acc: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shipped;
     use proptest::prelude::*;
 
-    const CONFIG: YawConfig = YawConfig {
-        max_rate: 2.5,
-        max_acc: 10.0,
-        lag: 0.0,
-        search_rate: 1.0,
-        search_delay: 1.5,
-        along_velocity_speed: 1.0,
-    };
+    fn config() -> YawConfig {
+        shipped::controller().yaw
+    }
 
     #[test]
     fn turns_to_a_bearing_the_short_way_round_without_overshoot() {
-        let mut yaw = YawPlanner::new(CONFIG);
+        let mut yaw = YawPlanner::new(config());
         yaw.reset(3.0);
         let mut past = 0.0_f64;
         for _ in 0..600 {
@@ -153,7 +158,7 @@ mod tests {
 
     #[test]
     fn follows_a_turning_bearing_without_lag() {
-        let mut yaw = YawPlanner::new(CONFIG);
+        let mut yaw = YawPlanner::new(config());
         for k in 0..600 {
             yaw.step(0.005, YawGoal::Toward { yaw: wrap(0.005 * f64::from(k + 1)), rate: 1.0 });
         }
@@ -162,7 +167,7 @@ mod tests {
 
     #[test]
     fn the_command_leads_the_plan_by_the_loops_lag() {
-        let mut yaw = YawPlanner::new(YawConfig { lag: 0.2, ..CONFIG });
+        let mut yaw = YawPlanner::new(YawConfig { lag_s: 0.2, ..config() });
         for _ in 0..200 {
             let command = yaw.step(0.005, YawGoal::Sweep(-1.0));
             assert!(wrap(command - (yaw.yaw() + 0.2 * yaw.rate)).abs() < 1e-12);
@@ -188,12 +193,12 @@ mod tests {
         fn rate_and_acceleration_stay_within_limits(
             goals in prop::collection::vec((-10.0..10.0f64, -20.0..20.0f64), 1..50), dt in 0.001..0.1
         ) {
-            let mut planner = YawPlanner::new(CONFIG);
+            let mut planner = YawPlanner::new(config());
             for (yaw, rate) in goals {
                 let (before, before_rate) = (planner.yaw, planner.rate);
                 planner.step(dt, YawGoal::Toward { yaw, rate });
-                prop_assert!((planner.rate - before_rate).abs() <= CONFIG.max_acc * dt + 1e-9);
-                prop_assert!(wrap(planner.yaw - before).abs() <= CONFIG.max_rate * dt + 1e-9);
+                prop_assert!((planner.rate - before_rate).abs() <= config().max_acc_radps2 * dt + 1e-9);
+                prop_assert!(wrap(planner.yaw - before).abs() <= config().max_rate_radps * dt + 1e-9);
             }
         }
     }

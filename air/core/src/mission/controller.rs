@@ -188,7 +188,7 @@ impl Controller {
 
     /// The odometry to fly by; none: it is stale, or the autopilot whose it is calls it invalid.
     pub(crate) fn believed(&self, now: Time) -> Option<&Odometry> {
-        self.motion.fresh(now, self.config.ladder.odometry_stale).filter(|_| self.position_lost.is_none())
+        self.motion.fresh(now, self.config.ladder.odometry_stale_s).filter(|_| self.position_lost.is_none())
     }
 
     fn readiness(&self, now: Time, input: &StepInput) -> Result<(), Refusal> {
@@ -197,7 +197,7 @@ impl Controller {
             Err(Refusal::AutopilotSilent)
         } else if autopilot.armed || autopilot.landed == Some(false) {
             Err(Refusal::NotOnGround)
-        } else if self.motion.fresh(now, self.config.ladder.odometry_stale).is_none() {
+        } else if self.motion.fresh(now, self.config.ladder.odometry_stale_s).is_none() {
             Err(Refusal::OdometryStale)
         } else if self.position_lost.is_some() {
             Err(Refusal::NoPosition)

@@ -64,7 +64,7 @@ impl Controller {
         let mut intent = self.intent(now, &odometry);
         intent.acc_world = self.keep_apart(now, dt, &odometry, intent.acc_world);
         let disturbance = self.motion.observer().disturbance();
-        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let vehicle = self.motion.vehicle(&self.config.airframe);
         let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
         command.force = command.force_along(&vehicle, &odometry.world_from_body);
         // A descent may already stand on the ground, which says nothing of how the vehicle flies.
@@ -89,7 +89,7 @@ impl Controller {
                 }
             }
             Mode::Fault if self.handing_back && input.autopilot.offboard => {
-                repeat(&mut self.asked_back, now, mission.request_period).then_some(Request::HandBack)
+                repeat(&mut self.asked_back, now, mission.request_period_s).then_some(Request::HandBack)
             }
             _ => self.abandoned.as_mut().and_then(|abandoned| abandoned.step(mission, now, &input.autopilot)),
         }
@@ -115,10 +115,10 @@ impl Controller {
     /// Before the vehicle has left the ground: the thrust to try next, which rises until it lifts. How much that takes
     /// is what the vehicle file may have wrong.
     fn ramp(&mut self, now: Time, odometry: &Odometry) -> Option<NormalisedThrust> {
-        let (thrust, ramp) = (&self.config.thrust, self.config.mission.takeoff_ramp);
+        let ([_, most], ramp) = (self.config.airframe.hover_thrust_range, self.config.mission.takeoff_ramp_s);
         let takes_off = self.mode == Mode::Takeoff;
         let flight = self.flight.as_mut().filter(|flight| takes_off && !flight.lifted)?;
-        let end = (RAMP_END * thrust.most).min(self.config.vehicle.max_thrust);
+        let end = (RAMP_END * most).min(self.config.airframe.max_thrust);
         let tried = NormalisedThrust(end * (flight.takeoff.elapsed(now) / ramp).min(1.0));
         let height = odometry.pos_world.z - flight.start_world.z;
         if height < LIFTED.0 && odometry.vel_world.z < LIFTED.1 {
@@ -145,7 +145,7 @@ impl Controller {
             self.hover.reset();
             let age = now.since(flown.stamp);
             let reference = flown.quintic.at(age);
-            let led = lead(&self.motion.lead(&self.config.lead), reference.acc, flown.quintic.jerk(age));
+            let led = lead(&self.config.lead, self.motion.attitude_lag(), reference.acc, flown.quintic.jerk(age));
             let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
             let acc_world = match task {
                 Task::Track => self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos),
@@ -163,13 +163,13 @@ impl Controller {
                 if !self.hover.is_stopped() {
                     self.hover.hold(flight.start_world);
                 }
-                let climb =
-                    (hold.kp / hold.kv * (flight.height() - pos.z)).clamp(-mission.climb_speed, mission.climb_speed);
+                let climb = (hold.kp / hold.kv * (flight.height() - pos.z))
+                    .clamp(-mission.climb_speed_mps, mission.climb_speed_mps);
                 self.hover.step_vertical(hold, pos, vel, climb)
             }
             (Mode::Stopping, Some(flight)) if flight.landing.phase() == Phase::Descend => {
-                let low = pos.z - flight.start_world.z < mission.slow_height;
-                let speed = if low { mission.touchdown_speed } else { mission.descent_speed };
+                let low = pos.z - flight.start_world.z < mission.slow_height_m;
+                let speed = if low { mission.touchdown_speed_mps } else { mission.descent_speed_mps };
                 self.hover.step_vertical(hold, pos, vel, -speed)
             }
             _ => {
@@ -189,7 +189,7 @@ impl Controller {
         let may = matches!(self.mode, Mode::Track | Mode::Navigate | Mode::Hold | Mode::Search);
         let mut evasion = self.plans.evading(&self.config.ladder, now).filter(|_| may)?;
         // Not so high that the flight would end.
-        let most = self.flight.as_ref().map_or(0.0, |flight| flight.start_world.z) + self.config.limits.ceiling
+        let most = self.flight.as_ref().map_or(0.0, |flight| flight.start_world.z) + self.config.limits.ceiling_m
             - BELOW_CEILING;
         evasion.height = evasion.height.map(|height| height.min(most));
         Some(evasion)
@@ -232,7 +232,7 @@ impl Controller {
         match self.mode {
             Mode::Track => Look::Chase,
             Mode::Hold => Look::Hold,
-            Mode::Search => Look::Search { around: now.since(self.entered) > self.config.yaw.search_delay },
+            Mode::Search => Look::Search { around: now.since(self.entered) > self.config.yaw.search_delay_s },
             Mode::Navigate => Look::Way(flight.waypoint_world.unwrap_or(odometry.pos_world)),
             _ => Look::Keep,
         }
@@ -255,10 +255,10 @@ impl Controller {
         self.hover.reset();
         let yaw = self.gaze.keep(dt);
         let (ladder, hold) = (&self.config.ladder, &self.config.hold);
-        let live = self.motion.age(now).is_some_and(|age| age <= ladder.odometry_stale);
+        let live = self.motion.age(now).is_some_and(|age| age <= ladder.odometry_stale_s);
         let distrust = self.motion.distrust().filter(|_| live);
         let disturbance = distrust.map_or_else(|| self.motion.observer().disturbance(), |d| d.disturbance);
-        let moving = distrust.and_then(|d| d.moving(hold.stopped_speed).map(|vel_world| (*d, vel_world)));
+        let moving = distrust.and_then(|d| d.moving(hold.stopped_speed_mps).map(|vel_world| (*d, vel_world)));
         let (acc_world, disturbance, fallback) = match moving {
             Some((distrust, vel_world)) => {
                 let turn = distrust.loop_from_world();
@@ -266,12 +266,12 @@ impl Controller {
             }
             // Of the disturbance only the vertical part stays: it corrects the hover thrust and tilts nothing.
             None => (
-                Vec3::new(0.0, 0.0, -ladder.descend_acc),
+                Vec3::new(0.0, 0.0, -ladder.descend_acc_mps2),
                 Vec3::new(0.0, 0.0, disturbance.z),
                 Fallback::OdometryStaleDescend,
             ),
         };
-        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let vehicle = self.motion.vehicle(&self.config.airframe);
         let mut command = flat_command(&vehicle, acc_world, disturbance, yaw);
         // Where the attitude is not known the thrust is that of the attitude which is on its way.
         let tilted = moving.filter(|(distrust, _)| !distrust.attitude_stands);
@@ -292,9 +292,9 @@ impl Controller {
         yaw: f64,
         free: bool,
     ) -> ControllerOutput {
-        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let vehicle = self.motion.vehicle(&self.config.airframe);
         let thrust = vehicle.normalised(command.force);
-        self.commanded = Commanded { thrust, acc: vehicle.force(thrust).0 / vehicle.mass, free, airborne: true };
+        self.commanded = Commanded { thrust, acc: vehicle.force(thrust).0 / vehicle.mass_kg, free, airborne: true };
         self.motion.command(now, &command.world_from_body);
         ControllerOutput {
             fallback: intent.fallback,
@@ -318,11 +318,11 @@ impl Controller {
     /// Level on the ground, with a thrust that does not lift.
     fn spool(&self, thrust: NormalisedThrust, request: Option<Request>) -> ControllerOutput {
         let world_from_body = Rot::from_axis_angle(&Vec3::z_axis(), self.gaze.yaw());
-        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let vehicle = self.motion.vehicle(&self.config.airframe);
         let force = vehicle.force(thrust);
         ControllerOutput {
             setpoint: Some(AttitudeThrust { world_from_body, thrust }),
-            acc_att_world: Vec3::new(0.0, 0.0, force.0 / vehicle.mass - GRAVITY),
+            acc_att_world: Vec3::new(0.0, 0.0, force.0 / vehicle.mass_kg - GRAVITY),
             thrust: force,
             ..self.silent(request)
         }
@@ -341,8 +341,8 @@ impl Controller {
             acc_disturbance_world: self.motion.observer().disturbance(),
             acc_meas_world: self.motion.observer().acceleration(),
             thrust: Newtons(0.0),
-            hover_thrust: self.motion.vehicle(&self.config.vehicle).hover_thrust,
-            attitude_lag: self.motion.lead(&self.config.lead).tau,
+            hover_thrust: self.motion.vehicle(&self.config.airframe).hover_thrust,
+            attitude_lag: self.motion.attitude_lag(),
             odometry_fault: self.motion.fault(),
             odometry_doubt: self.motion.doubt(),
             yaw_des: self.gaze.yaw(),

@@ -49,7 +49,7 @@ impl FlightController {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mission::config::tests::config;
+    use crate::shipped::controller as config;
     use crate::mission::interface::{AutopilotStatus, Profile, Refusal};
     use crate::mission::modes::Cause;
     use crate::values::types::{Odometry, Rot, Task, Vec3};

@@ -86,13 +86,13 @@ impl Landing {
                     return None;
                 }
                 let disarm = autopilot.landed.unwrap_or(elapsed > CUT_BEFORE_DISARM);
-                (disarm && repeat(&mut self.asked, now, config.request_period)).then_some(Request::Disarm)
+                (disarm && repeat(&mut self.asked, now, config.request_period_s)).then_some(Request::Disarm)
             }
         }
     }
 
     fn on_the_ground(&mut self, config: &MissionConfig, now: Time, climb: f64, autopilot: &AutopilotStatus) -> bool {
-        self.moved |= climb < -0.5 * config.touchdown_speed || now.since(self.since) > LONGEST_ONSET;
+        self.moved |= climb < -0.5 * config.touchdown_speed_mps || now.since(self.since) > LONGEST_ONSET;
         if climb.abs() < STANDING {
             self.still_since.get_or_insert(now);
         } else {
@@ -100,7 +100,7 @@ impl Landing {
         }
         let still = self.still_since.map_or(0.0, |since| now.since(since));
         let detector = autopilot.landed == Some(true) && climb.abs() < STANDING;
-        detector || (self.moved && still >= config.touchdown_time)
+        detector || (self.moved && still >= config.touchdown_time_s)
     }
 
     fn enter(&mut self, phase: Phase, now: Time) {
@@ -111,24 +111,11 @@ impl Landing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mission::modes::StopAction;
+    use crate::shipped;
 
-    const MISSION: MissionConfig = MissionConfig {
-        stream_before_offboard: 1.2,
-        request_period: 1.0,
-        request_timeout: 5.0,
-        takeoff_ramp: 2.0,
-        climb_speed: 1.0,
-        hold_distance: 3.0,
-        resume_distance: 4.0,
-        goal_radius: 1.5,
-        search_timeout: 60.0,
-        descent_speed: 0.7,
-        touchdown_speed: 0.35,
-        slow_height: 1.0,
-        touchdown_time: 0.4,
-        on_stop: StopAction::Land,
-    };
+    fn mission() -> MissionConfig {
+        shipped::tuning().mission
+    }
     const FLYING: AutopilotStatus =
         AutopilotStatus { connected: true, armed: true, offboard: true, landed: None, battery: None, position: None };
 
@@ -137,7 +124,7 @@ mod tests {
         let mut requests = Vec::new();
         for _ in 0..(seconds * 100.0) as u32 {
             *now = now.plus(0.01);
-            requests.extend(landing.step(&MISSION, *now, climb, true, &FLYING));
+            requests.extend(landing.step(&mission(), *now, climb, true, &FLYING));
         }
         requests
     }

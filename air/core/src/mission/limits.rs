@@ -2,52 +2,51 @@
 
 use crate::control::hover::HoldConfig;
 use crate::mission::interface::Profile;
-use crate::values::error::{ConfigError, within};
 use crate::values::types::Vec3;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// Limits of every flight, whatever its profile says.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What no flight may exceed, from the start, whatever its profile says. What would go beyond lands before it does.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct LimitsConfig {
-    /// Largest horizontal distance from the start, m.
-    pub fence_radius: f64,
-    /// Largest height above the start, m.
-    pub ceiling: f64,
+    /// Largest horizontal distance from the start, m. Choose it for the place of the flight.
+    #[schemars(range(min = 1.0, max = 10000.0), extend("x-why" = "no small quadrotor comes back from farther on one battery"))]
+    pub fence_radius_m: f64,
+    /// Largest height above the start, m. The law where you fly may ask for less.
+    #[schemars(range(min = 1.0, max = 500.0), extend("x-why" = "above fly others"))]
+    pub ceiling_m: f64,
     /// Largest speed, m/s.
-    pub max_speed: f64,
-    /// Longest time from Start to the landing's beginning, s.
-    pub max_time: f64,
+    #[schemars(range(min = 0.5, max = 30.0), extend("x-why" = "no policy is trained beyond, nor sees far enough"))]
+    pub max_speed_mps: f64,
+    /// Longest time from Start to the landing's beginning, s. Measure how long the battery hovers, and leave a fifth.
+    #[schemars(range(min = 10.0, max = 7200.0), extend("x-why" = "no small quadrotor's battery lasts longer"))]
+    pub max_time_s: f64,
     /// Charge below which Start is refused, 0..1.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "it is a share of a full battery, and below battery_land a flight would end as it begins"))]
     pub battery_start: f64,
     /// Charge below which the vehicle lands, 0..1.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "it is a share of a full battery"))]
     pub battery_land: f64,
+    /// Least distance from the vehicle's centre to the target's, m. Kept by braking, stepping aside and climbing.
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a person is that wide, and farther off the target is not seen well"))]
+    pub min_target_distance_m: f64,
 }
 
 /// Between the decision to brake and the braking, s: odometry's delay and the attitude loop's lag, amply.
 const REACTION: f64 = 0.3;
 
 impl LimitsConfig {
-    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        let radius = "no small quadrotor comes back from farther on one battery";
-        within("limits.fence_radius_m", self.fence_radius, 1.0..=10_000.0, radius)?;
-        within("limits.ceiling_m", self.ceiling, 1.0..=500.0, "above fly others")?;
-        within("limits.max_speed_mps", self.max_speed, 0.5..=30.0, "no policy is trained beyond, nor sees far enough")?;
-        within("limits.max_time_s", self.max_time, 10.0..=7200.0, "no small quadrotor's battery lasts longer")?;
-        let charge = "it is a share of a full battery";
-        within("limits.battery_land", self.battery_land, 0.0..=1.0, charge)?;
-        let first = "below battery_land a flight would end as it begins";
-        within("limits.battery_start", self.battery_start, self.battery_land..=1.0, first)
-    }
-
     /// Which limit the profile goes beyond; none: it can be flown.
     #[must_use]
     pub fn exceeded_by(&self, profile: &Profile) -> Option<&'static str> {
         let goal = profile.goal.unwrap_or_default();
-        if profile.speed > self.max_speed {
-            Some("its speed is above limits.max_speed")
-        } else if profile.height.max(goal.z) > self.ceiling {
-            Some("its height or its goal is above limits.ceiling")
-        } else if goal.xy().norm() > self.fence_radius {
-            Some("its goal is beyond limits.fence_radius")
+        if profile.speed > self.max_speed_mps {
+            Some("its speed is above limits.max_speed_mps")
+        } else if profile.height.max(goal.z) > self.ceiling_m {
+            Some("its height or its goal is above limits.ceiling_m")
+        } else if goal.xy().norm() > self.fence_radius_m {
+            Some("its goal is beyond limits.fence_radius_m")
         } else {
             None
         }
@@ -57,14 +56,14 @@ impl LimitsConfig {
     #[must_use]
     pub fn reaches_fence(&self, hold: &HoldConfig, from_start: Vec3, vel_world: Vec3) -> bool {
         let vel = vel_world.xy();
-        let way = stopping_distance(hold, vel.norm(), hold.max_acc_horizontal);
-        (from_start.xy() + vel.try_normalize(1e-6).unwrap_or_default() * way).norm() > self.fence_radius
+        let way = stopping_distance(hold, vel.norm(), hold.max_acc_horizontal_mps2);
+        (from_start.xy() + vel.try_normalize(1e-6).unwrap_or_default() * way).norm() > self.fence_radius_m
     }
 
     /// As [`LimitsConfig::reaches_fence`], for the ceiling.
     #[must_use]
     pub fn reaches_ceiling(&self, hold: &HoldConfig, from_start: Vec3, vel_world: Vec3) -> bool {
-        from_start.z + stopping_distance(hold, vel_world.z.max(0.0), hold.max_acc_vertical) > self.ceiling
+        from_start.z + stopping_distance(hold, vel_world.z.max(0.0), hold.max_acc_vertical_mps2) > self.ceiling_m
     }
 
     /// `acc_world` with as much less of it along the velocity as keeps the speed below its limit, which is approached
@@ -73,7 +72,7 @@ impl LimitsConfig {
     pub fn within_speed(&self, acc_world: Vec3, vel_world: Vec3, kv: f64) -> Vec3 {
         let speed = vel_world.norm();
         let Some(along) = vel_world.try_normalize(1e-6) else { return acc_world };
-        let excess = acc_world.dot(&along) - kv * (self.max_speed - speed);
+        let excess = acc_world.dot(&along) - kv * (self.max_speed_mps - speed);
         if excess > 0.0 { acc_world - along * excess } else { acc_world }
     }
 }
@@ -88,25 +87,22 @@ fn stopping_distance(hold: &HoldConfig, speed: f64, max_acc: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shipped;
     use crate::values::types::Task;
     use proptest::prelude::*;
 
-    const LIMITS: LimitsConfig = LimitsConfig {
-        fence_radius: 50.0,
-        ceiling: 10.0,
-        max_speed: 8.0,
-        max_time: 300.0,
-        battery_start: 0.3,
-        battery_land: 0.15,
-    };
-    const HOLD: HoldConfig =
-        HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 };
+    fn limits() -> LimitsConfig {
+        LimitsConfig { fence_radius_m: 50.0, ceiling_m: 10.0, max_speed_mps: 8.0, ..shipped::limits() }
+    }
+    fn hold() -> HoldConfig {
+        shipped::tuning().hold
+    }
 
     #[test]
     fn a_profile_beyond_a_limit_is_named_by_it() {
         let profile = Profile { task: Task::Track, speed: 8.0, height: 10.0, goal: Some(Vec3::new(30.0, 40.0, 10.0)) };
-        assert_eq!(LIMITS.exceeded_by(&profile), None);
-        let names = |profile: Profile, limit: &str| assert!(LIMITS.exceeded_by(&profile).unwrap().contains(limit));
+        assert_eq!(limits().exceeded_by(&profile), None);
+        let names = |profile: Profile, limit: &str| assert!(limits().exceeded_by(&profile).unwrap().contains(limit));
         names(Profile { speed: 8.1, ..profile }, "max_speed");
         names(Profile { height: 10.1, ..profile }, "ceiling");
         names(Profile { goal: Some(Vec3::new(0.0, 0.0, 11.0)), ..profile }, "ceiling");
@@ -115,11 +111,11 @@ mod tests {
 
     #[test]
     fn the_fence_is_reached_earlier_the_faster_and_only_outward() {
-        let at = |x: f64, v: f64| LIMITS.reaches_fence(&HOLD, Vec3::new(x, 0.0, 2.0), Vec3::new(v, 0.0, 0.0));
+        let at = |x: f64, v: f64| limits().reaches_fence(&hold(), Vec3::new(x, 0.0, 2.0), Vec3::new(v, 0.0, 0.0));
         assert!(!at(49.9, 0.0) && at(50.1, 0.0));
         assert!(!at(40.0, 4.0) && at(40.0, 10.0) && !at(45.0, -10.0));
-        assert!(LIMITS.reaches_ceiling(&HOLD, Vec3::new(0.0, 0.0, 9.0), Vec3::z() * 2.0));
-        assert!(!LIMITS.reaches_ceiling(&HOLD, Vec3::new(0.0, 0.0, 9.0), Vec3::z() * -2.0));
+        assert!(limits().reaches_ceiling(&hold(), Vec3::new(0.0, 0.0, 9.0), Vec3::z() * 2.0));
+        assert!(!limits().reaches_ceiling(&hold(), Vec3::new(0.0, 0.0, 9.0), Vec3::z() * -2.0));
     }
 
     proptest! {
@@ -128,7 +124,7 @@ mod tests {
             acc in prop::array::uniform3(-30.0..30.0f64), vel in prop::array::uniform3(-20.0..20.0f64)
         ) {
             let (acc, vel) = (Vec3::from(acc), Vec3::from(vel));
-            let limited = LIMITS.within_speed(acc, vel, 2.5);
+            let limited = limits().within_speed(acc, vel, 2.5);
             let along = vel.normalize();
             prop_assert!(limited.dot(&along) <= 2.5 * (8.0 - vel.norm()) + 1e-6 || limited == acc);
             prop_assert!(((limited - acc) - along * (limited - acc).dot(&along)).norm() < 1e-9);

@@ -1,5 +1,8 @@
 //! The mission's modes, the rungs of the fallback ladder, and the events that the mission heeds.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 /// What the vehicle is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Mode {
@@ -192,8 +195,9 @@ impl std::fmt::Display for Cause {
     }
 }
 
-/// What Stop does; the vehicle file's choice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What Stop does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
 pub enum StopAction {
     /// Brake and land.
     Land,

@@ -57,7 +57,7 @@ impl Controller {
         let disarmed = flight.was_armed && !autopilot.armed;
         let refused = flight.takeoff.refused(&self.config.mission, now);
         let climbing = flight.takeoff.stage() == Stage::Climb;
-        let longest_climb = 2.0 * flight.profile.height / self.config.mission.climb_speed + CLIMB_GRACE;
+        let longest_climb = 2.0 * flight.profile.height / self.config.mission.climb_speed_mps + CLIMB_GRACE;
         let beyond = odometry.map(|o| {
             let from_start = o.pos_world - flight.start_world;
             let fence = limits.reaches_fence(hold, from_start, o.vel_world);
@@ -77,7 +77,7 @@ impl Controller {
             .with(Cause::BatteryLow, flight.battery_low.is_some_and(|since| now.since(since) > BATTERY_LOW_FOR))
             .with(Cause::FenceReached, beyond.is_some_and(|b| b.0))
             .with(Cause::CeilingReached, beyond.is_some_and(|b| b.1))
-            .with(Cause::TimeUp, now.since(flight.begun) > limits.max_time)
+            .with(Cause::TimeUp, now.since(flight.begun) > limits.max_time_s)
             .with(Cause::OffboardRefused, refused == Some(Cause::OffboardRefused))
             .with(Cause::ArmRefused, refused == Some(Cause::ArmRefused))
             .with(Cause::HeightReached, climbing && flight.lifted && height_reached)
@@ -100,17 +100,18 @@ impl Controller {
         };
         let last = self.gaze.target().filter(|_| planning && !confirmed);
         let ran = last.is_some_and(|target| target.vel_world.xy().norm() > RUNS);
-        let moved_off = ran || gap.is_some_and(|(gap, _)| gap > mission.resume_distance);
-        let at_goal =
-            odometry.zip(flight.goal_world).is_some_and(|(o, goal)| (goal - o.pos_world).norm() < mission.goal_radius);
+        let moved_off = ran || gap.is_some_and(|(gap, _)| gap > mission.resume_distance_m);
+        let at_goal = odometry
+            .zip(flight.goal_world)
+            .is_some_and(|(o, goal)| (goal - o.pos_world).norm() < mission.goal_radius_m);
         happened
-            .with(Cause::NoPlan, planning && self.plans.silence(now) > ladder.no_plan_land)
-            .with(Cause::CaughtUp, gap.is_some_and(|(gap, opening)| gap < mission.hold_distance && opening < 0.0))
+            .with(Cause::NoPlan, planning && self.plans.silence(now) > ladder.no_plan_land_s)
+            .with(Cause::CaughtUp, gap.is_some_and(|(gap, opening)| gap < mission.hold_distance_m && opening < 0.0))
             .with(Cause::GoalReached, at_goal)
             .with(Cause::TargetMovedOff, flyable && moved_off)
             .with(Cause::TargetConfirmed, flyable && confirmed)
             .with(Cause::TargetLost, planning && self.plans.frames_arrive(ladder, now) && lost)
-            .with(Cause::SearchTimeout, now.since(self.entered) > mission.search_timeout)
+            .with(Cause::SearchTimeout, now.since(self.entered) > mission.search_timeout_s)
     }
 
     /// Horizontal distance to the target (m) and how fast it opens (m/s).
@@ -123,7 +124,7 @@ impl Controller {
 
     /// Before the climb stale odometry ends the flight at once; in the air only after the descent without it.
     fn odometry_lost(&self, now: Time) -> bool {
-        let stale = self.config.ladder.odometry_stale;
+        let stale = self.config.ladder.odometry_stale_s;
         self.blind_for().is_some_and(|grace| self.motion.age(now).is_none_or(|age| age > stale + grace))
     }
 
@@ -138,12 +139,12 @@ impl Controller {
         let flight = self.flight.as_ref()?;
         let on_ground = self.mode == Mode::Stopping && flight.landing.phase() == Phase::Cut;
         let before_climb = self.mode == Mode::Takeoff && flight.takeoff.stage() != Stage::Climb;
-        let grace = if before_climb { 0.0 } else { self.config.ladder.hand_back };
+        let grace = if before_climb { 0.0 } else { self.config.ladder.hand_back_s };
         (!on_ground).then_some(grace)
     }
 
     /// What is not believed for as long as a descent without odometry may take is handed back.
     fn odometry_false(&self, now: Time) -> bool {
-        self.motion.distrust().is_some_and(|distrust| now.since(distrust.since) > self.config.ladder.hand_back)
+        self.motion.distrust().is_some_and(|distrust| now.since(distrust.since) > self.config.ladder.hand_back_s)
     }
 }

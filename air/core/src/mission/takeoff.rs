@@ -48,7 +48,7 @@ impl Takeoff {
     /// Moves on as the autopilot follows; what to ask of it now.
     pub fn step(&mut self, config: &MissionConfig, now: Time, autopilot: &AutopilotStatus) -> Option<Request> {
         match self.stage {
-            Stage::Stream if self.elapsed(now) >= config.stream_before_offboard => self.enter(Stage::Offboard, now),
+            Stage::Stream if self.elapsed(now) >= config.stream_before_offboard_s => self.enter(Stage::Offboard, now),
             Stage::Offboard if autopilot.offboard => self.enter(Stage::Arm, now),
             Stage::Arm if autopilot.armed => self.enter(Stage::Climb, now),
             _ => {}
@@ -58,7 +58,7 @@ impl Takeoff {
             Stage::Arm => Request::Arm,
             Stage::Stream | Stage::Climb => return None,
         };
-        repeat(&mut self.asked, now, config.request_period).then_some(request)
+        repeat(&mut self.asked, now, config.request_period_s).then_some(request)
     }
 
     /// The motors have been asked for: they may start at any time.
@@ -75,7 +75,7 @@ impl Takeoff {
             Stage::Arm => Cause::ArmRefused,
             Stage::Stream | Stage::Climb => return None,
         };
-        (self.elapsed(now) > config.request_timeout).then_some(cause)
+        (self.elapsed(now) > config.request_timeout_s).then_some(cause)
     }
 
     fn enter(&mut self, stage: Stage, now: Time) {
@@ -112,7 +112,7 @@ impl Abandoned {
             return None;
         }
         let request = if flies { Request::HandBack } else { Request::Disarm };
-        repeat(&mut self.asked, now, config.request_period).then_some(request)
+        repeat(&mut self.asked, now, config.request_period_s).then_some(request)
     }
 }
 

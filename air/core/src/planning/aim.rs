@@ -3,23 +3,27 @@
 
 use crate::gaze::expected::Expected;
 use crate::gaze::hidden;
-use crate::values::error::{ConfigError, within};
 use crate::values::quintic::Quintic;
 use crate::values::types::{Time, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 /// How a target is chased.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct ChaseConfig {
-    /// Horizontal distance to keep from a target that stands, m (2.5).
-    pub standoff: f64,
-    /// What is kept beyond that for each m/s of the target's speed, s (0.6): it may turn.
-    pub headway: f64,
-    /// Above the target's centre, m (0.3).
-    pub height: f64,
-    /// A target hidden for longer than this is not pursued any more, s (4).
-    pub pursue_until: f64,
-    /// Trajectories that come nearer than this to where the target's centre may be cost more, m (2).
-    pub keep_off: f64,
+    /// Horizontal distance to keep from a target that stands, m.
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "from farther off the target is not seen well"))]
+    pub standoff_m: f64,
+    /// What is kept beyond that for each m/s of the target's speed, s: it may turn.
+    #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well"))]
+    pub headway_s: f64,
+    /// Height above the target's centre, m.
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down"))]
+    pub above_target_m: f64,
+    /// A target hidden for longer than this is not pursued any more, s.
+    #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere"))]
+    pub pursue_until_s: f64,
 }
 
 /// What it costs to meet the target, on the scale of the network's costs: more than a way around.
@@ -28,36 +32,23 @@ const MEETING: f64 = 30.0;
 const LOOKS: u32 = 8;
 
 impl ChaseConfig {
-    /// Checks every value.
-    ///
-    /// # Errors
-    /// The first value out of range.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        within("planner.standoff_m", self.standoff, 0.0..=20.0, "from farther off the target is not seen well")?;
-        within("planner.headway_s", self.headway, 0.0..=5.0, "from farther off the target is not seen well")?;
-        within("planner.above_target_m", self.height, 0.0..=20.0, "the camera does not look down")?;
-        let gone = "by then it may be anywhere";
-        within("planner.pursue_until_s", self.pursue_until, 0.0..=30.0, gone)?;
-        let wide = "a person is that wide, and no way leads around more";
-        within("limits.min_target_distance_m", self.keep_off, 0.1..=20.0, wide)
-    }
-
     /// The target is worth going after.
     #[must_use]
     pub fn pursues(&self, target: &Expected) -> bool {
-        target.hidden_for <= self.pursue_until
+        target.hidden_for <= self.pursue_until_s
     }
+}
 
-    /// What a trajectory costs for coming near to the target, which the network was never taught to spare.
-    #[must_use]
-    pub fn crowding(&self, trajectory: &Quintic, target: &Expected) -> f64 {
-        let nearest = (1..=LOOKS)
-            .map(|k| trajectory.duration() * f64::from(k) / f64::from(LOOKS))
-            .map(|t| (trajectory.at(t).pos - target.pos_world - target.vel_world * t).norm_squared())
-            .fold(f64::INFINITY, f64::min)
-            .sqrt();
-        MEETING * (1.0 - nearest / (self.keep_off + target.pos_doubt)).max(0.0)
-    }
+/// What a trajectory costs for coming nearer than `keep_off` (m) to the target, which the network was never taught to
+/// spare.
+#[must_use]
+pub fn crowding(keep_off: f64, trajectory: &Quintic, target: &Expected) -> f64 {
+    let nearest = (1..=LOOKS)
+        .map(|k| trajectory.duration() * f64::from(k) / f64::from(LOOKS))
+        .map(|t| (trajectory.at(t).pos - target.pos_world - target.vel_world * t).norm_squared())
+        .fold(f64::INFINITY, f64::min)
+        .sqrt();
+    MEETING * (1.0 - nearest / (keep_off + target.pos_doubt)).max(0.0)
 }
 
 /// Navigation: over the goal by more than this, m, a trajectory should not end.
@@ -99,7 +90,7 @@ impl Chase {
     /// into the wall beside the doorway. The longer it is hidden, the less is its last velocity believed, and the less
     /// room is kept.
     pub fn aim(&mut self, pos_world: Vec3, target: &Expected, duration: f64) -> Vec3 {
-        let up = Vec3::new(0.0, 0.0, self.config.height);
+        let up = Vec3::new(0.0, 0.0, self.config.above_target_m);
         let vel_world = Vec3::new(target.vel_world.x, target.vel_world.y, 0.0);
         let corner = target.seen_world - pos_world;
         if corner.xy().norm() < PASSED_WITHIN {
@@ -111,7 +102,7 @@ impl Chase {
         }
         let lead = duration * (1.0 - target.hidden_for / hidden::CARRY).clamp(0.0, 1.0);
         let line = target.pos_world + vel_world * lead - pos_world;
-        let room = self.config.standoff + self.config.headway * vel_world.norm();
+        let room = self.config.standoff_m + self.config.headway_s * vel_world.norm();
         let flat = line.xy().norm();
         let kept = (flat - room * (1.0 - target.hidden_for / hidden::ROOM).max(0.0)).max(0.0) / flat.max(1e-6);
         Vec3::new(line.x * kept, line.y * kept, line.z) + up
@@ -128,10 +119,12 @@ pub fn within_reach(aim: Vec3, reach: f64) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shipped;
     use crate::values::types::FlatState;
 
-    const CHASE: ChaseConfig =
-        ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 };
+    fn config() -> ChaseConfig {
+        ChaseConfig { standoff_m: 2.5, headway_s: 0.0, pursue_until_s: 2.5, ..shipped::tuning().planner.chase }
+    }
 
     /// It was seen last 1 m before where it should be.
     fn target(hidden_for: f64) -> Expected {
@@ -146,20 +139,20 @@ mod tests {
 
     #[test]
     fn it_lies_short_of_where_the_target_will_be_and_a_little_higher() {
-        let aim = aim(CHASE, Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
+        let aim = aim(config(), Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
         assert!((aim - Vec3::new(4.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
     }
 
     #[test]
     fn a_fast_target_is_given_more_room() {
-        let chase = ChaseConfig { headway: 0.5, ..CHASE };
+        let chase = ChaseConfig { headway_s: 0.5, ..config() };
         let aim = aim(chase, Vec3::new(1.0, 0.0, 1.0), &target(0.0), 1.0);
         assert!((aim - Vec3::new(3.5, 0.0, 0.3)).norm() < 1e-12, "{aim}");
     }
 
     #[test]
     fn one_that_went_behind_something_is_followed_to_where_it_was_seen_last_and_from_there_on() {
-        let (mut chase, hidden) = (Chase::new(CHASE), target(0.5));
+        let (mut chase, hidden) = (Chase::new(config()), target(0.5));
         let away = Vec3::new(-4.0, -3.0, 1.0);
         let first = chase.aim(away, &hidden, 1.0);
         assert!((away + first - Vec3::new(7.0, 0.0, 1.3)).norm() < 1e-12, "{first}: 2 m beyond, as it was heading");
@@ -174,24 +167,24 @@ mod tests {
     #[test]
     fn the_way_to_where_it_was_seen_last_is_flown_as_fast_as_it_ran() {
         let hidden = Expected { vel_world: Vec3::new(6.0, 0.0, 0.0), ..target(0.5) };
-        let aim = aim(CHASE, Vec3::new(1.0, 0.0, 1.0), &hidden, 1.5);
+        let aim = aim(config(), Vec3::new(1.0, 0.0, 1.0), &hidden, 1.5);
         assert!((aim.x - 9.0).abs() < 1e-12, "6 m/s for 1.5 s, of which it is 4 m to there: {aim}");
     }
 
     #[test]
     fn a_hidden_target_is_led_less_and_less_and_given_no_room() {
         let ahead = |unseen| {
-            let mut chase = Chase::new(CHASE);
+            let mut chase = Chase::new(config());
             chase.aim(target(unseen).seen_world, &target(unseen), 1.0); // there is nothing more to see from there
             chase.aim(Vec3::zeros(), &target(unseen), 1.0).x
         };
         assert_eq!([ahead(0.0), ahead(0.75), ahead(2.0)], [5.5, 6.375, 6.0]);
-        assert!(CHASE.pursues(&target(2.5)) && !CHASE.pursues(&target(2.6)));
+        assert!(config().pursues(&target(2.5)) && !config().pursues(&target(2.6)));
     }
 
     #[test]
     fn nobody_backs_off_from_a_target_that_is_near() {
-        let aim = aim(CHASE, Vec3::new(7.0, 0.0, 1.3), &target(0.0), 0.0);
+        let aim = aim(config(), Vec3::new(7.0, 0.0, 1.3), &target(0.0), 0.0);
         assert!(aim.norm() < 1e-12, "{aim}");
     }
 
@@ -203,10 +196,10 @@ mod tests {
             Quintic::new(&start, &FlatState { pos: start.pos + Vec3::new(far, 0.0, 0.0), ..start }, 2.0)
         };
         let still = Expected { vel_world: Vec3::zeros(), ..target(0.0) };
-        assert!(CHASE.crowding(&fly(0.0, 8.0), &still) > 20.0);
-        assert_eq!(CHASE.crowding(&fly(2.0, 8.0), &still), 0.0);
+        assert!(crowding(1.5, &fly(0.0, 8.0), &still) > 20.0);
+        assert_eq!(crowding(1.5, &fly(2.0, 8.0), &still), 0.0);
         // It runs away at 2 m/s: behind it there is room.
-        assert_eq!(CHASE.crowding(&fly(0.0, 4.0), &target(0.0)), 0.0);
+        assert_eq!(crowding(1.5, &fly(0.0, 4.0), &target(0.0)), 0.0);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use crate::gaze::expected::Expected;
 use crate::gaze::threat::Threat;
-use crate::planning::aim::{Chase, ChaseConfig, climbing, within_reach};
+use crate::planning::aim::{Chase, ChaseConfig, climbing, crowding, within_reach};
 use crate::planning::evade::{Evader, Evasion, Scene};
 use crate::planning::frame::{FrameInput, STATE};
 use crate::planning::movers::{Movers, meeting};
@@ -13,10 +13,12 @@ use crate::planning::select::{SelectConfig, detect, select};
 use crate::planning::target::{TargetConfig, TargetFilter};
 use crate::policy::decode::{Decoder, FramePose};
 use crate::policy::model::{CameraModel, PolicyModel};
-use crate::values::error::{ConfigError, within};
+use crate::values::error::ConfigError;
 use crate::values::jump::jump;
 use crate::values::quintic::Quintic;
 use crate::values::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Odometry, Task, Time, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 /// Everything that the planner needs to know.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,42 +29,43 @@ pub struct PlannerConfig {
     pub policy: PolicyModel,
     /// How to plan with them.
     pub planning: PlanningConfig,
+    /// The least distance to the target, m: ways that come nearer cost more.
+    pub keep_off: f64,
 }
 
 /// How to plan, whatever the policy and the camera.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct PlanningConfig {
+    /// Acceleration that trajectories may ask for, m/s²: below g tan(max_tilt), since gusts need some of it.
+    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less turns nowhere, more no airframe gives"))]
+    pub max_acc_mps2: f64,
+    /// Largest share of the acceleration for which the speed asks in training: less flies smoother, more turns quicker.
+    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "1 is all that the training asks for"))]
+    pub max_agility: f64,
+    /// What is seen nearer than this is remembered and flown around, if it moves too, m. 0: nothing is.
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "what stands farther is not looked through, so it would never be forgotten"))]
+    pub remember_within_m: f64,
+    /// Which detections are worth a look.
+    pub detection: SelectConfig,
     /// The target filter.
     pub target: TargetConfig,
-    /// Which detections count.
-    pub select: SelectConfig,
     /// How the target is chased.
     pub chase: ChaseConfig,
-    /// The acceleration that trajectories may ask of the vehicle, m/s².
-    pub max_acc: f64,
-    /// And the largest agility, above 0 and at most 1: less flies smoother, more turns quicker.
-    pub max_agility: f64,
-    /// What is nearer than this is remembered and flown around, m (6; 0: nothing is).
-    pub remember: f64,
 }
 
 impl PlanningConfig {
-    /// Checks every value.
+    /// Checks what no key says alone.
     ///
     /// # Errors
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.target.validate()?;
-        self.select.validate()?;
-        self.chase.validate()?;
-        within("planner.max_acc_mps2", self.max_acc, 1.0..=30.0, "less turns nowhere, more no airframe gives")?;
-        within("planner.max_agility", self.max_agility, 0.05..=1.0, "1 is all that the training asks for")?;
-        let far = "what stands farther is not looked through, so it would never be forgotten";
-        within("planner.remember_within_m", self.remember, 0.0..=10.0, far)
+        self.detection.validate()
     }
 }
 
-/// Where the target is, nothing is an obstacle: [`ChaseConfig::crowding`] keeps away from it.
+/// Where the target is, nothing is an obstacle: [`crowding`] keeps away from it.
 fn about(target: &Expected) -> Ignored {
     Ignored { at_world: target.pos_world, radius: TARGET_RADIUS }
 }
@@ -108,7 +111,7 @@ impl Planner {
         config.planning.validate()?;
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.planning.target);
-        let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.planning.remember);
+        let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.planning.remember_within_m);
         let chase = Chase::new(config.planning.chase);
         Ok(Self { config, decoder, filter, obstacles, chase, evader: Evader::default(), last: None, flight: 0 })
     }
@@ -173,7 +176,7 @@ impl Planner {
                 state[3 * i + axis] = *x as f32;
             }
         }
-        state[12] = (how.max_acc / (alpha * alpha * p.a_max)).min(how.max_agility) as f32;
+        state[12] = (how.max_acc_mps2 / (alpha * alpha * p.a_max)).min(how.max_agility) as f32;
         state
     }
 
@@ -196,12 +199,12 @@ impl Planner {
             };
             return select(Some(avoided), &[None; ANCHORS], candidates);
         }
-        let unseen = detect(&self.config.planning.select, stamp, cam_world, &mut self.filter, candidates);
+        let unseen = detect(&self.config.planning.detection, stamp, cam_world, &mut self.filter, candidates);
         let crowding = self.target(stamp).map(|target| {
-            let (chase, obstacles, ignored) = (&self.config.planning.chase, &self.obstacles, about(&target));
+            let (keep_off, obstacles, ignored) = (self.config.keep_off, &self.obstacles, about(&target));
             move |c: &Candidate| {
                 let trajectory = Quintic::new(start, &c.end, duration);
-                chase.crowding(&trajectory, &target)
+                crowding(keep_off, &trajectory, &target)
                     + obstacles.meeting(&trajectory, Some(&ignored))
                     + moving(&trajectory)
             }
@@ -220,8 +223,8 @@ impl Planner {
             ignored: ignored.as_ref(),
             chases,
             threat: self.filter.estimate().filter(|_| chases).and_then(|target| Threat::of(&target, stamp)),
-            keep_off: self.config.planning.chase.keep_off,
-            target_acc: self.config.planning.target.max_acc,
+            keep_off: self.config.keep_off,
+            target_acc: self.config.planning.target.max_acc_mps2,
         };
         self.evader.step(start, flown, &scene)
     }

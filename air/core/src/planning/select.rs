@@ -4,26 +4,30 @@
 use crate::planning::target::{Detection, TargetFilter};
 use crate::values::error::{ConfigError, within};
 use crate::values::types::{ANCHORS, Candidate, Rejection, Time, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// What makes a detection worth a look.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Which detections are worth a look.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct SelectConfig {
-    /// Least objectness of a cell that holds the target, 0..1 (0.5).
+    /// Least objectness of a cell that holds the target, 0..1.
+    #[schemars(range(min = 0.01, max = 0.99), extend("x-why" = "at 0 all is a target, at 1 nothing"))]
     pub min_objectness: f64,
-    /// Least objectness where a confirmed target is expected, 0..=min_objectness (0.2): there a weak detection that
-    /// passes the gate is more likely the target than not. Far or half hidden targets are weak.
+    /// Least objectness where a confirmed target is expected, at most min_objectness. Far or half hidden targets are weak; there
+    /// a weak detection that passes the gate is more likely the target than not.
+    #[schemars(range(min = 0.01, max = 0.99), extend("x-why" = "what keeps a target is no stronger than what finds one"))]
     pub keep_objectness: f64,
 }
 
 impl SelectConfig {
-    /// Checks every value.
+    /// Checks what no key says alone.
     ///
     /// # Errors
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        within("planner.min_objectness", self.min_objectness, 0.01..=0.99, "at 0 all is a target, at 1 nothing")?;
         let weak = "what keeps a target is no stronger than what finds one";
-        within("planner.keep_objectness", self.keep_objectness, 0.01..=self.min_objectness, weak)
+        within("planner.detection.keep_objectness", self.keep_objectness, 0.01..=self.min_objectness, weak)
     }
 }
 

@@ -8,40 +8,58 @@ use crate::gaze::hidden::hidden_for;
 use crate::values::error::{ConfigError, within};
 use crate::values::types::{TargetEstimate, Time, Vec3};
 use nalgebra::{Matrix3, Matrix6};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// The filter's noise, gate and confirmation.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The target filter's noise, gate and confirmation.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct TargetConfig {
-    /// Variance of the target's acceleration from frame to frame, (m/s²)², for each world axis (48, 48, 24).
-    pub acc_variance: [f64; 3],
-    /// Variance of a detection at short range and an objectness of 1, across the line of sight, m² (0.015),
-    pub lateral_variance: f64,
-    /// and along it, m² (0.06).
-    pub range_variance: f64,
-    /// By how many times both are larger at an objectness of 0; by its root's share before (16).
+    /// Variance of the target's acceleration from frame to frame, (m/s²)², for each world axis.
+    #[schemars(inner(range(min = 0.01, max = 1000.0)), extend("x-why" = "the filter follows noise with more, and nobody who turns with less"))]
+    pub acc_variance_mps2: [f64; 3],
+    /// Variance of a detection at short range and an objectness of 1, across the line of sight, m².
+    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never"))]
+    pub lateral_variance_m2: f64,
+    /// The same along the line of sight, m².
+    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never"))]
+    pub range_variance_m2: f64,
+    /// By how many times both variances grow at an objectness of 0; before, by the root's share.
+    #[schemars(range(min = 0.0, max = 1000.0), extend("x-why" = "beyond, a doubtful detection says nothing"))]
     pub doubt: f64,
-    /// Distance at which both have doubled, m (6).
-    pub variance_distance: f64,
-    /// Largest inconsistency of a detection, in standard deviations (5).
-    pub gate: f64,
-    /// Detections needed among the last `confirm_of` frames to believe the target (4).
+    /// Distance at which both variances have doubled, m.
+    #[schemars(range(min = 0.5, max = 100.0), extend("x-why" = "depth is worse farther off"))]
+    pub variance_distance_m: f64,
+    /// Largest inconsistency of a detection, in standard deviations.
+    #[schemars(range(min = 1.0, max = 20.0), extend("x-why" = "a wider gate takes all for the target"))]
+    pub gate_sigmas: f64,
+    /// Detections needed among the last confirm_of frames to believe the target.
+    #[schemars(range(min = 1, max = 32), extend("x-why" = "more than confirm_of never come"))]
     pub confirm_hits: u32,
-    /// Frames that confirmation looks back on, at most 32 (6).
+    /// Frames that confirmation looks back on.
+    #[schemars(range(min = 1, max = 32), extend("x-why" = "so many frames are remembered"))]
     pub confirm_of: u32,
-    /// Least mean objectness of detections that confirm, 0..=1 (0.9): foliage may look like the target now and then.
+    /// Least mean objectness of the detections that confirm: foliage may look like the target now and then.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "objectness is a probability"))]
     pub confirm_objectness: f64,
-    /// Mean objectness that nothing but the target keeps up, confirm_objectness..=1 (0.98): believed wherever it is.
+    /// Mean objectness that nothing but the target keeps up; then it is believed wherever it is.
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "at least confirm_objectness, and a probability"))]
     pub sure_objectness: f64,
-    /// How long the target is believed without being seen, s (0.5).
-    pub blind_time: f64,
-    /// Largest speed of a target, m/s (10),
-    pub max_speed: f64,
-    /// and its largest acceleration, m/s² (8).
-    pub max_acc: f64,
-    /// Detections farther from the lens than this are not believed, m (20).
-    pub max_distance: f64,
-    /// Added to the reachable set's radius, m (1).
-    pub reacquire_margin: f64,
+    /// How long the target is believed without being seen, s.
+    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "by then it may be anywhere"))]
+    pub blind_time_s: f64,
+    /// Largest speed of a target, m/s.
+    #[schemars(range(min = 0.5, max = 30.0), extend("x-why" = "nothing that is chased runs faster"))]
+    pub max_speed_mps: f64,
+    /// Largest acceleration of a target, m/s².
+    #[schemars(range(min = 0.5, max = 50.0), extend("x-why" = "nobody turns harder"))]
+    pub max_acc_mps2: f64,
+    /// Detections farther from the lens than this are not believed, m.
+    #[schemars(range(min = 1.0, max = 100.0), extend("x-why" = "the camera's depth ends before"))]
+    pub max_distance_m: f64,
+    /// Added to the radius within which a lost target can have run, m.
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "a wider one takes all for the lost target"))]
+    pub reacquire_margin_m: f64,
 }
 
 /// One detection, world frame.
@@ -129,41 +147,23 @@ const STRONGER: f64 = 0.2;
 const OUTLIER: f64 = 2.0;
 
 impl TargetConfig {
-    /// Checks every value.
+    /// Checks what no key says alone.
     ///
     /// # Errors
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        for variance in self.acc_variance {
-            let astray = "the filter follows noise with more, and nobody who turns with less";
-            within("planner.acc_variance_mps2", variance, 0.01..=1000.0, astray)?;
-        }
-        let (sharp, blurred) = (1e-4, "a detection is worth something, and exact never");
-        within("planner.lateral_variance_m2", self.lateral_variance, sharp..=10.0, blurred)?;
-        within("planner.range_variance_m2", self.range_variance, sharp..=10.0, blurred)?;
-        within("planner.doubt", self.doubt, 0.0..=1000.0, "beyond, a doubtful detection says nothing")?;
-        within("planner.variance_distance_m", self.variance_distance, 0.5..=100.0, "depth is worse farther off")?;
-        within("planner.gate_sigmas", self.gate, 1.0..=20.0, "a wider gate takes all for the target")?;
-        within("planner.confirm_of", f64::from(self.confirm_of), 1.0..=32.0, "so many frames are remembered")?;
         let hits = "more than confirm_of never come";
-        within("planner.confirm_hits", f64::from(self.confirm_hits), 1.0..=f64::from(self.confirm_of), hits)?;
-        within("planner.confirm_objectness", self.confirm_objectness, 0.0..=1.0, "objectness is a probability")?;
+        within("planner.target.confirm_hits", f64::from(self.confirm_hits), 1.0..=f64::from(self.confirm_of), hits)?;
         let sure = "at least confirm_objectness, and a probability";
-        within("planner.sure_objectness", self.sure_objectness, self.confirm_objectness..=1.0, sure)?;
-        within("planner.blind_time_s", self.blind_time, 0.05..=10.0, "by then it may be anywhere")?;
-        within("planner.target_max_speed_mps", self.max_speed, 0.5..=30.0, "nothing that is chased runs faster")?;
-        within("planner.target_max_acc_mps2", self.max_acc, 0.5..=50.0, "nobody turns harder")?;
-        within("planner.target_max_distance_m", self.max_distance, 1.0..=100.0, "the camera's depth ends before")?;
-        let wide = "a wider one takes all for the lost target";
-        within("planner.reacquire_margin_m", self.reacquire_margin, 0.0..=20.0, wide)
+        within("planner.target.sure_objectness", self.sure_objectness, self.confirm_objectness..=1.0, sure)
     }
 
     /// Covariance of a detection at the end of the line of sight `sight_world`, m².
     #[must_use]
     pub fn covariance(&self, sight_world: Vec3, objectness: f64) -> Matrix3<f64> {
-        let farther = 1.0 + sight_world.norm_squared() / self.variance_distance.powi(2);
+        let farther = 1.0 + sight_world.norm_squared() / self.variance_distance_m.powi(2);
         let larger = farther * (1.0 + self.doubt * (1.0 - objectness.clamp(0.0, 1.0)).sqrt());
-        let (across, along) = (self.lateral_variance * larger, self.range_variance * larger);
+        let (across, along) = (self.lateral_variance_m2 * larger, self.range_variance_m2 * larger);
         let line = sight_world.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vec3::zeros);
         Matrix3::from_diagonal_element(across) + line * line.transpose() * (along - across)
     }
@@ -178,7 +178,7 @@ impl Track {
                 pos_var: config.covariance(detection.sight_world, detection.objectness),
                 cross: Matrix3::zeros(),
                 // Half the largest speed as one standard deviation.
-                vel_var: Matrix3::from_diagonal_element((0.5 * config.max_speed).powi(2)),
+                vel_var: Matrix3::from_diagonal_element((0.5 * config.max_speed_mps).powi(2)),
             },
             stamp,
             last_seen: stamp,
@@ -192,7 +192,7 @@ impl Track {
     fn predict(&mut self, config: &TargetConfig, now: Time) {
         let dt = now.since(self.stamp);
         if dt > 0.0 {
-            self.motion.predict(dt, config.acc_variance);
+            self.motion.predict(dt, config.acc_variance_mps2);
             self.stamp = now;
         }
     }
@@ -209,7 +209,7 @@ impl Track {
     /// branch looks a little like it, and must not pass for it.
     fn takes(&self, config: &TargetConfig, detection: &Detection) -> bool {
         usable(config, detection)
-            && self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)) <= config.gate
+            && self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)) <= config.gate_sigmas
     }
 
     fn update(&mut self, config: &TargetConfig, detection: &Detection) {
@@ -217,8 +217,8 @@ impl Track {
         let wrong = (self.inconsistency(detection, &covariance) / OUTLIER).max(1.0);
         self.motion.update(detection.pos_world, &(covariance * (wrong * wrong)));
         let speed = self.motion.vel.norm();
-        if speed > config.max_speed {
-            self.motion.vel *= config.max_speed / speed;
+        if speed > config.max_speed_mps {
+            self.motion.vel *= config.max_speed_mps / speed;
         }
         self.last_seen = self.stamp;
     }
@@ -263,7 +263,7 @@ impl Track {
     /// Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
     fn is_forgotten(&self, config: &TargetConfig, now: Time) -> bool {
         let blank = self.history.trailing_zeros();
-        blank > config.confirm_of - config.confirm_hits || hidden_for(self.last_seen, now) > config.blind_time
+        blank > config.confirm_of - config.confirm_hits || hidden_for(self.last_seen, now) > config.blind_time_s
     }
 
     fn estimate(&self) -> TargetEstimate {
@@ -352,7 +352,7 @@ impl TargetFilter {
             track.confirmed = true;
             self.lost = None;
         }
-        if track.confirmed && hidden_for(track.last_seen, now) > self.config.blind_time {
+        if track.confirmed && hidden_for(track.last_seen, now) > self.config.blind_time_s {
             track.confirmed = false;
             self.lost = Some(*track);
             self.track = None;
@@ -382,11 +382,11 @@ impl TargetFilter {
     /// The lost target, if there is one, can have run there.
     fn is_reachable(&self, now: Time, detection: &Detection) -> bool {
         self.lost.is_none_or(|lost| {
-            let (hidden, margin) = (hidden_for(lost.last_seen, now), self.config.reacquire_margin);
+            let (hidden, margin) = (hidden_for(lost.last_seen, now), self.config.reacquire_margin_m);
             let moved = detection.pos_world - lost.motion.pos;
             let turned = moved - lost.motion.vel * now.since(lost.stamp);
-            moved.norm() <= margin + self.config.max_speed * hidden
-                && turned.norm() <= margin + 0.5 * self.config.max_acc * hidden * hidden
+            moved.norm() <= margin + self.config.max_speed_mps * hidden
+                && turned.norm() <= margin + 0.5 * self.config.max_acc_mps2 * hidden * hidden
         })
     }
 
@@ -416,7 +416,7 @@ impl TargetFilter {
 }
 
 fn usable(config: &TargetConfig, detection: &Detection) -> bool {
-    detection.sight_world.norm() <= config.max_distance
+    detection.sight_world.norm() <= config.max_distance_m
         && detection.pos_world.iter().all(|x| x.is_finite())
         && (0.0..=1.0).contains(&detection.objectness)
 }

@@ -17,7 +17,7 @@ pub enum ConfigError {
         /// The most that it may be.
         high: f64,
         /// What is wrong with more, or with less.
-        why: &'static str,
+        why: String,
         /// The mistaken unit that would explain the value; empty: none would.
         hint: &'static str,
     },
@@ -31,13 +31,13 @@ pub enum ConfigError {
 ///
 /// # Errors
 /// It does not, or is not a number.
-pub fn within(name: &str, value: f64, range: RangeInclusive<f64>, why: &'static str) -> Result<(), ConfigError> {
+pub fn within(name: &str, value: f64, range: RangeInclusive<f64>, why: &str) -> Result<(), ConfigError> {
     if range.contains(&value) {
         return Ok(());
     }
     let hint = mistaken_unit(name, value, &range);
     let (low, high) = range.into_inner();
-    Err(ConfigError::OutOfRange { name: name.to_owned(), value, low, high, why, hint })
+    Err(ConfigError::OutOfRange { name: name.to_owned(), value, low, high, why: why.to_owned(), hint })
 }
 
 /// The question to ask whoever typed `value`: in which unit it would have been within its range. Empty: in none.

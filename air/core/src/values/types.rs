@@ -2,6 +2,9 @@
 //!
 //! World is ENU, body and camera are FLU; SI and radians. Values here are finite: they were checked at the edge.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 /// A world-, body- or camera-frame vector; the name of a value says which.
@@ -93,7 +96,8 @@ pub const ANCHORS: usize = 15;
 pub const MAX_CHANNELS: usize = 14;
 
 /// What the policy is asked to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Task {
     /// Chase the detected target.
     Track,

@@ -5,66 +5,12 @@
 use goshawk_core::planning::nearest::{COLUMNS, ROWS};
 use goshawk_core::*;
 
+mod shipped;
+
 pub const DT: f64 = 0.005;
 
 pub fn config() -> ControllerConfig {
-    ControllerConfig {
-        vehicle: VehicleModel {
-            mass: 0.85,
-            hover_thrust: 0.25,
-            min_thrust: 0.03,
-            max_thrust: 1.0,
-            max_tilt: 45_f64.to_radians(),
-        },
-        thrust: ThrustConfig { least: 0.13, most: 0.42 },
-        observer: ObserverConfig { alpha1: 3.0, alpha2: 2.0, zeta: 0.2, limit: 6.0 },
-        lead: LeadConfig { tau: 0.1, limit: 6.0 },
-        lag: LagConfig { least: 0.04, most: 0.35 },
-        yaw: YawConfig {
-            max_rate: 2.5,
-            max_acc: 10.0,
-            lag: 0.0,
-            search_rate: 1.0,
-            search_delay: 1.5,
-            along_velocity_speed: 1.0,
-        },
-        view: ViewConfig { top: 0.63 },
-        gaze: GazeConfig { objectness: 0.9, target_speed: 10.0 },
-        hold: HoldConfig { kp: 2.0, kv: 2.5, max_acc_horizontal: 6.0, max_acc_vertical: 4.0, stopped_speed: 0.5 },
-        ladder: LadderConfig {
-            missed_detection: 0.6,
-            plan_stale: 0.3,
-            no_plan_land: 20.0,
-            odometry_stale: 0.2,
-            descend_acc: 0.3,
-            hand_back: 1.5,
-        },
-        mission: MissionConfig {
-            stream_before_offboard: 1.2,
-            request_period: 1.0,
-            request_timeout: 5.0,
-            takeoff_ramp: 2.0,
-            climb_speed: 1.0,
-            hold_distance: 3.0,
-            resume_distance: 4.0,
-            goal_radius: 1.5,
-            search_timeout: 60.0,
-            descent_speed: 0.7,
-            touchdown_speed: 0.35,
-            slow_height: 1.0,
-            touchdown_time: 0.4,
-            on_stop: StopAction::Land,
-        },
-        limits: LimitsConfig {
-            fence_radius: 100.0,
-            ceiling: 20.0,
-            max_speed: 12.0,
-            max_time: 600.0,
-            battery_start: 0.3,
-            battery_land: 0.15,
-        },
-        separation: SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 },
-    }
+    shipped::controller()
 }
 
 pub fn planner_config(task: Task) -> PlannerConfig {
@@ -91,31 +37,16 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             width: 160,
             height: 96,
         },
-        planning: PlanningConfig {
-            target: TargetConfig {
-                acc_variance: [48.0, 48.0, 24.0],
-                lateral_variance: 0.015,
-                range_variance: 0.06,
-                doubt: 16.0,
-                variance_distance: 6.0,
-                gate: 5.0,
-                confirm_hits: 4,
-                confirm_of: 6,
-                confirm_objectness: 0.9,
-                sure_objectness: 0.98,
-                blind_time: 0.5,
-                max_speed: 10.0,
-                max_acc: 8.0,
-                max_distance: 20.0,
-                reacquire_margin: 1.0,
-            },
-            select: SelectConfig { min_objectness: 0.5, keep_objectness: 0.2 },
-            chase: ChaseConfig { standoff: 2.5, headway: 0.0, height: 0.3, pursue_until: 2.5, keep_off: 1.5 },
-            max_acc: 8.0,
-            max_agility: 1.0,
-            remember: 6.0,
-        },
+        planning: planning(shipped::tuning().planner.target),
+        keep_off: 1.5,
     }
+}
+
+/// The shipped planning with a chase that keeps its distance at any speed.
+pub fn planning(target: TargetConfig) -> PlanningConfig {
+    let planner = shipped::tuning().planner;
+    let chase = ChaseConfig { standoff_m: 2.5, headway_s: 0.0, pursue_until_s: 2.5, ..planner.chase };
+    PlanningConfig { target, chase, max_acc_mps2: 8.0, max_agility: 1.0, ..planner }
 }
 
 pub fn odometry() -> Odometry {

@@ -6,11 +6,11 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, sync_channel};
 use std::time::Duration;
 
-use goshawk_core::{Command, Refusal};
+use goshawk_core::{Command, Refusal, StopAction};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_vehicle::clock;
-use goshawk_vehicle::config::{OnStop, Vehicle};
+use goshawk_vehicle::config::Vehicle;
 use prost::Message;
 use zenoh::Wait;
 use zenoh::query::Query;
@@ -224,10 +224,10 @@ pub fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (Str
         let accepted = format!("taking off with profile {name}");
         (m.command_id, name, Command::Start(profile), accepted)
     } else {
-        let accepted = match vehicle.mission.on_stop {
-            OnStop::Land => "stopping and landing",
-            OnStop::Hover => "stopping; a second stop lands",
-            OnStop::HandOver => "handing over to the autopilot",
+        let accepted = match vehicle.tuning().mission.on_stop {
+            StopAction::Land => "stopping and landing",
+            StopAction::Hover => "stopping; a second stop lands",
+            StopAction::HandOver => "handing over to the autopilot",
         };
         (
             v1::StopRequest::decode(payload).map_err(malformed)?.command_id,

@@ -47,7 +47,11 @@ impl Recording {
         }
         let contract = Contract::from_json(&header.policy_contract_json)
             .wrap_err_with(|| format!("the policy's contract in {name}"))?;
-        let vehicle = Vehicle::parse(header.vehicle_toml.clone(), Path::new("the vehicle file in the log"))?;
+        if header.tuning_toml.is_empty() {
+            bail!("{name} holds no tuning file: replay it with the version that recorded it, {}", header.version);
+        }
+        let (text, tuning) = (header.vehicle_toml.clone(), header.tuning_toml.clone());
+        let vehicle = Vehicle::parse(text, tuning, Path::new("the vehicle file in the log"))?;
         let mut stamps = log
             .entries()
             .filter_map(|entry| entry.decode::<v1::ControllerInput>(Channel::CONTROLLER_INPUT))

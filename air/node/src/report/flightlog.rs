@@ -36,6 +36,7 @@ impl FlightLog {
         let header = v1::LogHeader {
             vehicle: vehicle.name.clone(),
             vehicle_toml: vehicle.text.clone(),
+            tuning_toml: vehicle.tuning_text.clone(),
             policy_sha256: policy.sha256().to_owned(),
             policy_contract_json: policy.contract_json().to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -5,33 +5,44 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use goshawk_autopilot::{Address, Firmware, Guided, Pin};
-use goshawk_core::within;
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
 /// Where the autopilot is, which one it is, and who we are.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
 pub struct Autopilot {
-    /// The line to it.
+    /// The line to it: udpin:ADDRESS:PORT, udpout:, tcpin:, tcpout:, or serial:DEVICE:BAUD.
     #[serde(deserialize_with = "parsed")]
+    #[schemars(with = "String")]
     pub link: Address,
-    /// On `udpin:`, the only address that may be the autopilot's; absent: whoever speaks first with its ids.
+    /// On `udpin:`, the only address that may be the autopilot's, with or without its port; absent: whoever speaks first
+    /// with its ids.
     #[serde(default, deserialize_with = "parsed_if_any")]
+    #[schemars(with = "Option<String>")]
     pub peer: Option<Pin>,
+    /// Which autopilot it is.
     #[serde(default)]
     firmware: FirmwareName,
     /// Which mode takes our setpoints, of ArduPilot alone; absent: guided.
     guided: Option<GuidedName>,
+    /// Our MAVLink system: the vehicle's own, as an onboard computer.
+    #[schemars(range(min = 1, max = 255), extend("x-why" = "in MAVLink 0 is everybody, and a number has one byte"))]
     pub system_id: u8,
+    /// Our MAVLink component; 191 is an onboard computer.
+    #[schemars(range(min = 1, max = 255), extend("x-why" = "in MAVLink 0 is everybody, and a number has one byte"))]
     pub component_id: u8,
+    /// The autopilot's MAVLink system.
+    #[schemars(range(min = 0, max = 255), extend("x-why" = "in MAVLink a number has one byte"))]
     pub target_system: u8,
+    /// The autopilot's MAVLink component.
+    #[schemars(range(min = 0, max = 255), extend("x-why" = "in MAVLink a number has one byte"))]
     pub target_component: u8,
-    /// The key of MAVLink 2 signing; absent: nothing is signed.
+    /// The key of MAVLink 2 signing, 32 bytes, relative to this file; absent: nothing is signed.
     pub signing_key_file: Option<PathBuf>,
 }
 
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 enum FirmwareName {
     #[default]
@@ -39,7 +50,7 @@ enum FirmwareName {
     ArduPilot,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 enum GuidedName {
     Guided,
@@ -68,10 +79,6 @@ impl Autopilot {
             return Err(
                 "autopilot.peer is for a udpin: link, others name their other end themselves: leave it out".to_owned()
             );
-        }
-        for (name, id) in [("system_id", self.system_id), ("component_id", self.component_id)] {
-            let own = "in MAVLink 0 is everybody, and a number has one byte";
-            within(&format!("autopilot.{name}"), id.into(), 1.0..=255.0, own).map_err(|e| e.to_string())?;
         }
         if let Address::Serial { baud, .. } = self.link {
             let needed = rate_hz * SETPOINT_BYTES * SERIAL_BITS / SERIAL_SHARE;

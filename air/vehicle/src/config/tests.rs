@@ -1,27 +1,45 @@
 use super::*;
-use goshawk_autopilot::{Firmware, Guided};
+use goshawk_autopilot::{Firmware, Guided, Status};
 
 fn shipped() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml")
 }
 
+/// The shipped files with one key changed, in the one of them that has it.
 fn edited(from: &str, to: &str) -> Result<Vehicle, VehicleError> {
-    let text = std::fs::read_to_string(shipped()).unwrap();
-    assert!(text.contains(from), "{from}");
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("vehicle.toml");
-    std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
-    Vehicle::load(&path)
+    let Vehicle { text, tuning_text, .. } = Vehicle::load(&shipped()).unwrap();
+    assert!(text.contains(from) != tuning_text.contains(from), "{from}");
+    Vehicle::parse(text.replacen(from, to, 1), tuning_text.replacen(from, to, 1), Path::new("vehicle.toml"))
 }
 
 #[test]
 fn every_shipped_vehicle_file_loads() {
-    let mut files = 0;
-    for entry in std::fs::read_dir(shipped().parent().unwrap()).unwrap() {
-        Vehicle::load(&entry.unwrap().path()).unwrap();
-        files += 1;
+    let text = std::fs::read_to_string(shipped()).unwrap();
+    let vehicle = Vehicle::load(&shipped()).unwrap();
+    assert!(vehicle.text == text && vehicle.tuning_text.contains("[planner.target]"));
+    let files = std::fs::read_dir(shipped().parent().unwrap()).unwrap().map(|entry| entry.unwrap().path());
+    let of_vehicles = |path: &PathBuf| std::fs::read_to_string(path).unwrap().contains("\n[airframe]");
+    let loaded = files.filter(of_vehicles).map(|path| Vehicle::load(&path).unwrap().name).collect::<Vec<_>>();
+    assert_eq!(loaded, ["goshawk"]);
+}
+
+#[test]
+fn a_tuning_file_that_is_missing_or_wrong_is_named_and_not_the_vehicle_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("kite.toml");
+    let Vehicle { text, tuning_text, .. } = Vehicle::load(&shipped()).unwrap();
+    std::fs::write(&path, text.replace("\"tuning.toml\"", "\"calm.toml\"")).unwrap();
+    let missing = Vehicle::load(&path).unwrap_err().to_string();
+    assert!(missing.starts_with("cannot read the tuning file ") && missing.contains("calm.toml"), "{missing}");
+    for (from, to, why) in [
+        ("kp = 2.0", "kp = 200.0", "calm.toml: hold.kp is 200; it must be 0.1 to 20"),
+        ("kp = 2.0", "kq = 2.0", "calm.toml: line "),
+        ("alpha2 = 2.0", "alpha2 = 4.6", "calm.toml: observer.alpha2 is 4.6; it must be 0.01 to 4.5"),
+    ] {
+        std::fs::write(folder.path().join("calm.toml"), tuning_text.replace(from, to)).unwrap();
+        let error = Vehicle::load(&path).unwrap_err().to_string();
+        assert!(error.contains(why) && !error.contains("kite.toml"), "{error}");
     }
-    assert!(files >= 1);
 }
 
 #[test]
@@ -58,13 +76,13 @@ fn a_value_that_cannot_be_flown_with_is_refused_by_name() {
     for (from, to, name) in [
         ("mass_kg = 0.85", "mass_kg = -1.0", "airframe.mass_kg"),
         ("hover_thrust = 0.35", "hover_thrust = nan", "hover_thrust"),
-        ("rate_hz = 200.0", "rate_hz = 2.0", "controller.rate_hz"),
+        ("rate_hz = 200.0", "rate_hz = 2.0", "realtime.controller_rate_hz"),
         ("name = \"goshawk\"", "name = \"**\"", "vehicle name"),
         ("default_profile = \"chase\"", "default_profile = \"nap\"", "nap"),
         ("listen = [\"tcp/127.0.0.1:7447\"]", "listen = []", "network.listen"),
         ("task = \"track\"", "task = \"navigate\"", "goal_m"),
         ("hover_thrust_range = [0.20, 0.55]", "hover_thrust_range = [0.40, 0.55]", "airframe.hover_thrust_range"),
-        ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "lead.attitude_lag_range_s"),
+        ("attitude_lag_range_s = [0.04, 0.35]", "attitude_lag_range_s = [0.04, 0.05]", "airframe.attitude_lag_range_s"),
         ("on_stop = \"land\"", "on_stop = \"loiter\"", "loiter"),
         ("max_speed_mps = 20.0", "max_speed_mps = 5.0", "profile chase: its speed"),
         ("provider = \"cpu\"", "provider = \"npu\"", "npu"),

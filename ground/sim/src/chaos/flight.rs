@@ -162,7 +162,7 @@ impl<'a> Chaos<'a> {
             camera: Camera::new(&sensors, Mount::of(vehicle), seed),
             odometer: Odometer::new(vehicle.sensors.odometry, &sensors, seed, &quad),
             follower: Follower::default(),
-            control_steps: (1.0 / (STEP_S * vehicle.controller.rate_hz)).round().max(1.0) as u64,
+            control_steps: (1.0 / (STEP_S * vehicle.realtime.controller_rate_hz)).round().max(1.0) as u64,
             quad,
             step: 0,
             paused_s: 0.0,

@@ -34,6 +34,7 @@ const SCENE_SEED: u64 = 4200;
 /// All that flights share, made when it is first needed.
 pub struct Hangar {
     text: String,
+    tuning: String,
     path: PathBuf,
     model: PathBuf,
     library: Option<PathBuf>,
@@ -55,6 +56,7 @@ impl Hangar {
         let contract = Contract::from_json(&contract_json("navigate")).wrap_err("the stand-in's contract")?;
         Ok(Self {
             text: vehicle.text.clone(),
+            tuning: vehicle.tuning_text.clone(),
             model: vehicle.resolve(&vehicle.policy.model),
             library: vehicle.library(),
             path,
@@ -68,25 +70,21 @@ impl Hangar {
 
     /// The vehicle of a setting: the file with its fence, its ceiling, what its Stop does, and one profile.
     fn vehicle(&self, setting: &Setting) -> Result<Vehicle> {
-        let mut table: toml::Table = self.text.parse()?;
-        let mut set = |section: &str, key: &str, value: toml::Value| {
-            let section = table.get_mut(section).and_then(toml::Value::as_table_mut);
-            section.map(|section| section.insert(key.to_owned(), value));
-        };
-        set("limits", "fence_radius_m", setting.fence_m.into());
-        set("limits", "ceiling_m", setting.ceiling_m.into());
-        set("limits", "max_speed_mps", MAX_SPEED_MPS.into());
+        let (mut table, mut tuning): (toml::Table, toml::Table) = (self.text.parse()?, self.tuning.parse()?);
+        set(&mut table, "limits", "fence_radius_m", setting.fence_m.into());
+        set(&mut table, "limits", "ceiling_m", setting.ceiling_m.into());
+        set(&mut table, "limits", "max_speed_mps", MAX_SPEED_MPS.into());
         let on_stop = match setting.on_stop {
             OnStop::Land => "land",
             OnStop::Hover => "hover",
             OnStop::HandOver => "hand-over",
         };
-        set("mission", "on_stop", on_stop.into());
+        set(&mut tuning, "mission", "on_stop", on_stop.into());
         let odometry = match setting.odometry {
             Odometry::Autopilot => "autopilot",
             Odometry::Zenoh => "zenoh",
         };
-        set("sensors", "odometry", odometry.into());
+        set(&mut table, "sensors", "odometry", odometry.into());
         let mut profile = toml::Table::new();
         profile.insert("name".to_owned(), "chaos".into());
         profile.insert("speed_mps".to_owned(), SPEED_MPS.into());
@@ -100,7 +98,7 @@ impl Hangar {
         };
         table.insert("profile".to_owned(), vec![toml::Value::Table(profile)].into());
         table.insert("default_profile".to_owned(), "chaos".into());
-        Ok(Vehicle::parse(toml::to_string(&table)?, &self.path)?)
+        Ok(Vehicle::parse(toml::to_string(&table)?, toml::to_string(&tuning)?, &self.path)?)
     }
 
     fn scene(&self, setting: &Setting) -> Result<&Scene> {
@@ -129,6 +127,7 @@ impl Hangar {
         let header = v1::LogHeader {
             vehicle: vehicle.name.clone(),
             vehicle_toml: vehicle.text.clone(),
+            tuning_toml: vehicle.tuning_text.clone(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             profile: "chaos".to_owned(),
             ..Default::default()
@@ -166,5 +165,11 @@ impl Hangar {
         }
         self.policies.lock().map_err(|_| eyre!("a thread failed"))?.push(policy);
         Ok(())
+    }
+}
+
+fn set(file: &mut toml::Table, section: &str, key: &str, value: toml::Value) {
+    if let Some(section) = file.get_mut(section).and_then(toml::Value::as_table_mut) {
+        section.insert(key.to_owned(), value);
     }
 }

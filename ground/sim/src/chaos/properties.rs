@@ -204,13 +204,13 @@ impl Judge {
             return broken(format!("{:?} flies by numbers that are none", output.mode));
         }
         let Some(AttitudeThrust { world_from_body, thrust }) = output.setpoint else { return Ok(()) };
-        let vehicle = &self.config.vehicle;
+        let vehicle = &self.config.airframe;
         let tilt = (world_from_body * Vec3::z()).z.clamp(-1.0, 1.0).acos();
         let on_ground = tilt < 1e-3;
         let least = if on_ground { 0.0 } else { vehicle.min_thrust };
         if !(world_from_body.coords.iter().all(|x| x.is_finite()) && (world_from_body.norm() - 1.0).abs() < TINY) {
             broken("an attitude that is none".to_owned())
-        } else if tilt > vehicle.max_tilt + TINY {
+        } else if tilt > vehicle.max_tilt_deg.to_radians() + TINY {
             broken(format!("a tilt of {:.1} degrees", tilt.to_degrees()))
         } else if !(least - TINY..=vehicle.max_thrust + TINY).contains(&thrust.0) {
             broken(format!("a thrust of {}", thrust.0))
@@ -227,25 +227,25 @@ impl Judge {
         else {
             return Ok(());
         };
-        let believed = facts.now.since(odometry.stamp) < self.config.ladder.odometry_stale;
+        let believed = facts.now.since(odometry.stamp) < self.config.ladder.odometry_stale_s;
         if believed && UNDER_WAY.contains(&output.mode) {
             let from_start = odometry.pos_world - start;
-            if from_start.xy().norm() > limits.fence_radius + FENCE_MARGIN_M {
+            if from_start.xy().norm() > limits.fence_radius_m + FENCE_MARGIN_M {
                 let text = format!("{:?} {:.1} m from the start", output.mode, from_start.xy().norm());
                 return Err((Property::LimitsKept, text));
             }
-            if from_start.z > limits.ceiling + FENCE_MARGIN_M {
+            if from_start.z > limits.ceiling_m + FENCE_MARGIN_M {
                 return Err((Property::LimitsKept, format!("{:?} {:.1} m above the start", output.mode, from_start.z)));
             }
         }
         let speed = facts.truth.vel_world.norm();
         let calm = facts.now.since(facts.calm_since) > BRAKED.0;
         let way = facts.truth.pos_world - true_start;
-        let beyond = way.xy().norm() > limits.fence_radius + OVERSHOT_M || way.z > limits.ceiling + OVERSHOT_M;
+        let beyond = way.xy().norm() > limits.fence_radius_m + OVERSHOT_M || way.z > limits.ceiling_m + OVERSHOT_M;
         if calm && output.mode.has_authority() && beyond {
             return Err((Property::LimitsKept, format!("truly {:.1} m away, {:.1} m high", way.xy().norm(), way.z)));
         }
-        if calm && output.mode.has_authority() && speed > limits.max_speed * SPEED_MARGIN.0 + SPEED_MARGIN.1 {
+        if calm && output.mode.has_authority() && speed > limits.max_speed_mps * SPEED_MARGIN.0 + SPEED_MARGIN.1 {
             return Err((Property::LimitsKept, format!("{speed:.1} m/s in {:?}", output.mode)));
         }
         Ok(())

@@ -71,10 +71,10 @@ impl Tracker {
             let feedback = cap(position + (flat.vel - odometry.vel_world) * VELOCITY_GAIN, FEEDBACK_MPS2);
             output.flat = *flat;
             output.acc_des_world = flat.acc + feedback;
-            acc_world = lead(&self.motion.lead(&self.config.lead), output.acc_des_world, *jerk);
+            acc_world = lead(&self.config.lead, self.motion.attitude_lag(), output.acc_des_world, *jerk);
         }
         let observer = self.motion.observer();
-        let vehicle = self.motion.vehicle(&self.config.vehicle);
+        let vehicle = self.motion.vehicle(&self.config.airframe);
         let command = flat_command(&vehicle, acc_world, observer.disturbance(), output.yaw_des);
         let thrust = vehicle.normalised(command.force_along(&vehicle, &odometry.world_from_body));
         output.setpoint = Some(AttitudeThrust { world_from_body: command.world_from_body, thrust });
@@ -83,10 +83,10 @@ impl Tracker {
         output.acc_meas_world = observer.acceleration();
         output.thrust = vehicle.force(thrust);
         output.hover_thrust = vehicle.hover_thrust;
-        output.attitude_lag = self.motion.lead(&self.config.lead).tau;
+        output.attitude_lag = self.motion.attitude_lag();
         let free = output.mode != Mode::Stopping;
         // The baseline believes its odometry whatever it says.
-        self.commanded = Commanded { thrust, acc: output.thrust.0 / vehicle.mass, free, airborne: false };
+        self.commanded = Commanded { thrust, acc: output.thrust.0 / vehicle.mass_kg, free, airborne: false };
         self.motion.command(now, &command.world_from_body);
     }
 }

@@ -45,6 +45,7 @@ pub fn header(vehicle: &Vehicle, policy: Option<&Policy>) -> v1::LogHeader {
     v1::LogHeader {
         vehicle: vehicle.name.clone(),
         vehicle_toml: vehicle.text.clone(),
+        tuning_toml: vehicle.tuning_text.clone(),
         policy_sha256: policy.map(Policy::sha256).unwrap_or_default().to_owned(),
         policy_contract_json: policy.map(Policy::contract_json).unwrap_or_default().to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -91,7 +91,7 @@ impl<'a> Lockstep<'a> {
             config: config.clone(),
             scene,
             mount,
-            control_steps: (STEPS_PER_S as f64 / vehicle.controller.rate_hz).round().max(1.0) as u64,
+            control_steps: (STEPS_PER_S as f64 / vehicle.realtime.controller_rate_hz).round().max(1.0) as u64,
             quad: Quadrotor::new(parameters, start, scene.world.start_heading_rad()),
             wind: Wind::new(config.wind_mps, mix(config.seed, 12)),
             wind_world: Vec3::zeros(),

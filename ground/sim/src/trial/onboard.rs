@@ -84,7 +84,7 @@ impl<'a> PolicyPlanner<'a> {
     /// A target unseen for longer than this is not pursued any more, s.
     #[must_use]
     pub fn pursue_until_s(&self) -> f64 {
-        self.planner.config().planning.chase.pursue_until
+        self.planner.config().planning.chase.pursue_until_s
     }
 
     /// Plans from a frame.
