@@ -17,7 +17,6 @@ BIN = ROOT / "target/release"
 VEHICLE = ROOT / "air/vehicles/sim.toml"
 
 
-
 def copied() -> str:
     """The shipped vehicle file's text, to be written into another folder."""
     text = VEHICLE.read_text().replace("../models", str(VEHICLE.parent.parent / "models"))

@@ -247,7 +247,7 @@ impl Vehicle {
                 pos_cam_body: Vec3::from(self.camera.position_m),
             },
             policy,
-            planning: self.tuning().planner.clone(),
+            planning: self.tuning().planner,
             keep_off: self.limits.min_target_distance_m,
         }
     }

@@ -20,10 +20,10 @@ pub fn vehicle() -> Vehicle {
 
 /// The vehicle, but that it remembers nothing of what it saw.
 pub fn forgetful_vehicle() -> Vehicle {
-    let text = std::fs::read_to_string(VEHICLE).unwrap();
-    let other = text.replace("remember_within_m = 6.0", "remember_within_m = 0.0");
-    assert_ne!(text, other);
-    Vehicle::parse(other, Path::new(VEHICLE)).unwrap()
+    let Vehicle { text, tuning_text, .. } = vehicle();
+    let other = tuning_text.replace("remember_within_m = 6.0", "remember_within_m = 0.0");
+    assert_ne!(tuning_text, other);
+    Vehicle::parse(text, other, Path::new(VEHICLE)).unwrap()
 }
 
 pub fn contract(task: &str) -> Contract {
