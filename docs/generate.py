@@ -1,7 +1,8 @@
 """Generates the pages of `docs/reference` from the programs themselves: `make docs`. Its output is committed.
 
 The command lines come from the programs' own help, the wire from `proto/goshawk/v1/goshawk.proto` and
-`proto/keys.toml`, and the log's channels from the reader that the dashboards use.
+`proto/keys.toml`, and the log's channels from the reader that the dashboards use. The keys of the vehicle file, and the
+schemas that lie beside it, come from the structs that read it.
 """
 
 from __future__ import annotations
@@ -215,13 +216,17 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "goshawk-sim.md": lambda: rust_page("goshawk-sim", "The simulator, in `target/release` after `make build`."),
     "wire.md": wire_page,
     "log-channels.md": log_page,
+    "vehicle-file.md": lambda: _run("goshawk-air", "parameters"),
 }
+SCHEMAS = {f"../../air/vehicles/{name}.schema.json": name for name in ("vehicle", "tuning")}
+"""By these, editors complete and check the TOML files that lie beside them."""
 
 
 def generate() -> dict[str, str]:
     """File name → text of every page. Raises RuntimeError, one line, if a program is missing."""
     pages = {name: page() for name, page in PAGES.items()}
-    return {**pages, "README.md": index_page(pages)}
+    schemas = {path: _run("goshawk-air", "schema", name) for path, name in SCHEMAS.items()}
+    return {**pages, **schemas, "README.md": index_page(pages)}
 
 
 def main() -> int:
@@ -237,7 +242,7 @@ def main() -> int:
     stale = [n for n, t in pages.items() if not (p := REFERENCE / n).is_file() or p.read_text(encoding="utf-8") != t]
     for name in stale:
         if check:
-            print(f"docs/reference/{name} is not current: run make docs", file=sys.stderr)
+            print(f"{(REFERENCE / name).resolve().relative_to(ROOT)} is not current: run make docs", file=sys.stderr)
         else:
             (REFERENCE / name).write_text(pages[name], encoding="utf-8")
     return 1 if check and stale else 0

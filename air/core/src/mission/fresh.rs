@@ -49,9 +49,9 @@ impl FlightController {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shipped::controller as config;
     use crate::mission::interface::{AutopilotStatus, Profile, Refusal};
     use crate::mission::modes::Cause;
+    use crate::shipped::controller as config;
     use crate::values::types::{Odometry, Rot, Task, Vec3};
 
     #[test]

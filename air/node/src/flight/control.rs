@@ -6,9 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use goshawk_autopilot::{AutopilotLink, Glance};
-use goshawk_core::{
-    AutopilotStatus, Command, ControllerOutput, FlightController, Odometry, Plan, PlanningDemand, StepInput, Time,
-};
+use goshawk_core::{Command, ControllerOutput, FlightController, Odometry, Plan, PlanningDemand, StepInput, Time};
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::OdometrySource;
 use goshawk_vehicle::convert;

@@ -25,7 +25,7 @@ pub fn tuning_schema() -> Value {
 pub fn markdown() -> String {
     let mut page = String::from(
         "# The vehicle file\n\n\
-         <!-- Written by `make docs` from the code: change a key's comment there. -->\n\n\
+         <!-- Generated from the structs that read the files: do not edit. Change the source, then run `make docs`. -->\n\n\
          A vehicle file holds what is measured on one vehicle, such as `air/vehicles/sim.toml`. It names a tuning file, \
          such as `air/vehicles/tuning.toml`, which holds how it flies. Every key is required unless it says *optional*. An \
          unknown key is an error, and so is a number outside its range.\n",

@@ -4,7 +4,6 @@ use goshawk_core::{
     AttitudeThrust, Cause, Command, ControllerOutput, Fallback, FlightController, Mode, Plan, Rot, StepInput, Time,
     Vec3,
 };
-use goshawk_vehicle::inputs::FlightController;
 
 /// What is wrong with the controller as the chaos flight sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
