@@ -8,7 +8,7 @@ use goshawk_core::{
 };
 use goshawk_proto::v1;
 
-use crate::convert::{odometry, vec3};
+use crate::convert::{self, odometry, vec3};
 
 /// What the planner is given for one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -181,7 +181,7 @@ impl StepInput {
             ready: self.ready,
             start: match &self.command {
                 Some(Command::Start(profile)) => Some(v1::StartProfile {
-                    navigate: profile.task == Task::Navigate,
+                    task: convert::task(profile.task).into(),
                     speed_mps: profile.speed,
                     height_m: profile.height,
                     goal_m: profile.goal.map(vec3),
@@ -200,7 +200,7 @@ impl StepInput {
     pub fn from_proto(m: &v1::ControllerInput) -> Self {
         let start = m.start.as_ref().map(|start| {
             Command::Start(Profile {
-                task: if start.navigate { Task::Navigate } else { Task::Track },
+                task: if start.task() == v1::Task::Navigate { Task::Navigate } else { Task::Track },
                 speed: start.speed_mps,
                 height: start.height_m,
                 goal: start.goal_m.map(vector),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use color_eyre::eyre::{Result, WrapErr, bail, eyre};
 use goshawk_policy::Contract;
+use goshawk_proto::keys::PROTOCOL;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Damage, LogReader};
 
@@ -43,6 +44,13 @@ impl Recording {
             .entries()
             .find_map(|entry| entry.decode(Channel::HEADER))
             .ok_or_else(|| eyre!("{name} holds no header: it was cut off or damaged within its first half second"))?;
+        if header.protocol != PROTOCOL {
+            bail!(
+                "{name} is of protocol {}, this software reads {PROTOCOL}: replay it with the version that flew ({})",
+                header.protocol,
+                header.version
+            );
+        }
         if header.policy_contract_json.is_empty() {
             bail!("{name} holds nothing to replay: no policy flew");
         }
