@@ -10,6 +10,7 @@ import numpy as np
 from google.protobuf import descriptor_pb2
 from google.protobuf.message import Message
 from goshawk_dashboards.log.flight import CHANNELS
+from goshawk_proto import PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.writer import CompressionType, Writer
 from PIL import Image
@@ -185,7 +186,11 @@ def write_flight(
     log = LogFile(path, chunk_bytes=chunk_bytes)
     noise = np.random.default_rng(1)
     pictures = [frame(0.0, k, noise) for k in range(96)]
-    log.write("header", START_NS, pb.LogHeader(vehicle="kite", profile="chase", wall_time="2026-01-01T00:00:00.000Z"))
+    log.write(
+        "header",
+        START_NS,
+        pb.LogHeader(protocol=PROTOCOL, vehicle="kite", profile="chase", wall_time="2026-01-01T00:00:00.000Z"),
+    )
     takeoff = pb.Event(stamp_ns=START_NS + 10, severity=pb.SEVERITY_INFO, kind="command", text="start accepted")
     log.write("event", takeoff.stamp_ns, takeoff)
     if told:
@@ -212,7 +217,7 @@ def write_flight(
 def write_replay(path: Path, duration_s: float, *, chosen: int, later_s: float = 0.0) -> Path:
     """What another policy made of the frames of ``write_flight``: header and plans; ``later_s`` makes it a stranger."""
     log = LogFile(path)
-    log.write("header", START_NS, pb.LogHeader(vehicle="kite", policy_sha256="other"))
+    log.write("header", START_NS, pb.LogHeader(protocol=PROTOCOL, vehicle="kite", policy_sha256="other"))
     for step in range(round(duration_s * CONTROL_HZ)):
         if step == 0 or step * FRAME_HZ // CONTROL_HZ != (step - 1) * FRAME_HZ // CONTROL_HZ:
             time_s = step / CONTROL_HZ + later_s

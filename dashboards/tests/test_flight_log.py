@@ -12,6 +12,7 @@ from goshawk_dashboards.log.mcap_file import McapLog
 from goshawk_dashboards.log.phases import phases_of
 from goshawk_dashboards.log.recorded import marks_of
 from goshawk_dashboards.log.recover import recover
+from goshawk_proto import PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.reader import make_reader
 
@@ -248,6 +249,16 @@ def test_what_is_no_flight_log_is_refused_in_one_line(path: Path, tmp_path: Path
     assert "empty" in refused("empty.mcap", b"")
     assert "does not begin as an MCAP file" in refused("text.mcap", b"take-off, tracking, landing")
     assert "no whole record" in refused("stub.mcap", path.read_bytes()[:200])
+
+
+@pytest.mark.parametrize("protocol", [0, PROTOCOL - 1, PROTOCOL + 1])
+def test_a_log_of_another_protocol_is_refused_in_one_line(tmp_path: Path, protocol: int) -> None:
+    path = tmp_path / "flight.mcap"
+    log = rec.LogFile(path)
+    log.write("header", rec.START_NS, pb.LogHeader(protocol=protocol, version="0.0.9"))
+    log.close()
+    with pytest.raises(LogError, match=rf"protocol {protocol}, this software reads {PROTOCOL}.*\(0\.0\.9\)"):
+        Flight.open(path)
 
 
 def test_a_second_log_can_share_the_first_ones_clock(path: Path, flight: Flight) -> None:

@@ -21,6 +21,7 @@ from goshawk_dashboards.report.errors import target_errors
 from goshawk_dashboards.report.latency import latencies
 from goshawk_dashboards.report.report import Report, make_report, write_page
 from goshawk_dashboards.report.summary import card
+from goshawk_proto import PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
 from PIL import Image
 
@@ -152,7 +153,7 @@ def test_the_camera_sits_where_the_vehicle_file_says() -> None:
 def wall_flight(path: Path, target: pb.Target | None = None) -> Flight:
     """The vehicle rises to 2 m and hovers 3.1 m before a wall, 3 m before its lens."""
     log = rec.LogFile(path)
-    log.write("header", rec.START_NS, pb.LogHeader(vehicle_toml=VEHICLE_TOML))
+    log.write("header", rec.START_NS, pb.LogHeader(protocol=PROTOCOL, vehicle_toml=VEHICLE_TOML))
     picture, depth = rec.frame(0.0, 0, np.random.default_rng(1)), io.BytesIO()
     Image.fromarray(np.full((rec.HEIGHT, rec.WIDTH), 3000, dtype=np.uint16)).save(depth, "PNG")
     picture.depth_png = depth.getvalue()
@@ -241,7 +242,7 @@ def test_words_of_a_log_cannot_break_the_page(tmp_path: Path) -> None:
     evil = "<script>alert(1)</script>"
     flight = write_log(
         tmp_path / "x.mcap",
-        ("header", pb.LogHeader(vehicle=evil, vehicle_toml=evil, profile=evil)),
+        ("header", pb.LogHeader(protocol=PROTOCOL, vehicle=evil, vehicle_toml=evil, profile=evil)),
         ("event", pb.Event(severity=pb.SEVERITY_ERROR, kind=evil, text=evil)),
     )
     write_page(make_report(flight), tmp_path / "x.html")

@@ -73,10 +73,10 @@ fn control() -> Control {
         yaw_des_rad: 15.5,
         plan_seq: Some(16000),
         plan_age_s: Some(17.5),
-        hover_thrust: 40.5,
-        attitude_lag_s: 41.5,
+        hover_thrust: 18.5,
+        attitude_lag_s: 19.5,
         odometry_fault: OdometryFault::Frozen.into(),
-        odometry_doubt: 43.5,
+        odometry_doubt: 21.5,
     }
 }
 
@@ -101,7 +101,7 @@ fn rate() -> Rate {
 }
 
 fn latency() -> Latency {
-    Latency { name: "name".into(), p50_ms: 2.5, p99_ms: 3.5, max_ms: 4.5, count: 5000, histogram: vec![1, 60_000] }
+    Latency { name: "name".into(), p50_ms: 2.5, p99_ms: 3.5, max_ms: 4.5, count: 5000, histogram: vec![1, 6_000] }
 }
 
 fn drops() -> Drops {
@@ -173,7 +173,7 @@ fn planner_input() -> PlannerInput {
 }
 
 fn start_profile() -> StartProfile {
-    StartProfile { navigate: true, speed_mps: 2.5, height_m: 3.5, goal_m: vec3() }
+    StartProfile { task: Task::Navigate.into(), speed_mps: 2.5, height_m: 3.5, goal_m: vec3() }
 }
 
 fn controller_input() -> ControllerInput {

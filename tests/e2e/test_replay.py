@@ -112,6 +112,17 @@ def test_one_changed_input_is_found_with_its_time(
     assert "no difference" not in printed
 
 
+def test_a_log_of_another_protocol_is_refused_in_one_line(flight: Path, tmp_path: Path) -> None:
+    def older(data: bytes) -> bytes:
+        header = goshawk_pb2.LogHeader.FromString(data)
+        header.protocol -= 1
+        return header.SerializeToString()
+
+    status, printed = replay(with_a_flip(flight, tmp_path / "older.mcap", "log/header", older))
+    assert status == 1
+    assert "protocol" in printed and len(printed.strip().splitlines()) == 1
+
+
 def test_one_changed_pixel_is_found_by_the_network(flight: Path, tmp_path: Path) -> None:
     def brighter(data: bytes) -> bytes:
         message = goshawk_pb2.CompressedRgbd.FromString(data)

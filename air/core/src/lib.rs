@@ -40,7 +40,7 @@ pub use mission::modes::{Cause, Fallback, Mode, StopAction};
 pub use planning::aim::ChaseConfig;
 pub use planning::frame::{FrameInput, FrameRecord, PlanningDemand};
 pub use planning::plan::Plan;
-pub use planning::planner::{Asked, Planner, PlannerConfig, PlanningConfig};
+pub use planning::planner::{Asked, CostConfig, Planner, PlannerConfig, PlanningConfig};
 pub use planning::select::SelectConfig;
 pub use planning::target::TargetConfig;
 pub use policy::model::{CameraModel, PolicyModel};

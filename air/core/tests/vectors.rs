@@ -81,6 +81,7 @@ fn policy(vectors: &Value, task: Task) -> PolicyModel {
         v_max: get("v_max"),
         a_max: get("a_max"),
         target_depth_scale: get("target_depth_scale"),
+        cost_scale: 1.0,
         hfov: get("hfov"),
         vfov: get("vfov"),
         width: get("width") as u32,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// The ONNX metadata key that holds the contract.
 pub const METADATA_KEY: &str = "goshawk_contract";
 /// The only contract version that this software honours.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// T of the network's trajectories, as text (§III-B).
 pub const DURATION_RULE: &str = "2r/(alpha*v_max)";
 /// Grid rows, top to bottom.
@@ -47,6 +47,9 @@ pub struct Contract {
     pub duration_rule: String,
     /// Metres for one unit of softplus(y_d).
     pub target_depth_scale_m: f64,
+    /// How far apart the costs of an image's candidates are: the median over held-out scenes of the dearest less the
+    /// cheapest, measured at export.
+    pub cost_scale: f64,
     /// What the `state` input holds, in order: vectors of three numbers, and the agility, which is one.
     pub state: Vec<String>,
     /// The channels of the output in order.
@@ -181,6 +184,7 @@ impl Contract {
         within("a_max_mps2", self.a_max_mps2, 0.1, 1000.0)?;
         same("duration_rule", &self.duration_rule.as_str(), &DURATION_RULE)?;
         within("target_depth_scale_m", self.target_depth_scale_m, 0.01, 100.0)?;
+        within("cost_scale", self.cost_scale, 1e-3, 1e6)?;
         same("state", &self.state, &STATE)?;
         same("channels", &self.channels, &expected_channels(self.task))?;
         within("camera_tilt_rad", self.camera_tilt_rad, -right_angle, right_angle)
@@ -206,6 +210,7 @@ impl Contract {
             v_max: self.v_max_mps,
             a_max: self.a_max_mps2,
             target_depth_scale: self.target_depth_scale_m,
+            cost_scale: self.cost_scale,
             hfov: self.image.hfov_rad,
             vfov: self.image.vfov_rad,
             width: self.image.width as u32,
@@ -266,6 +271,7 @@ mod tests {
         assert_eq!((model.radius, model.hfov), (5.0, std::f64::consts::FRAC_PI_2));
         assert_eq!(model.vfov, 2.0 * (48f64 / 80.0).atan());
         assert_eq!((model.v_max, model.a_max, model.target_depth_scale), (6.0, 6.0, 5.0));
+        assert_eq!(model.cost_scale, 6.0);
         assert_eq!(contract.state_len(), 13);
     }
 
@@ -280,9 +286,9 @@ mod tests {
 
     #[test]
     fn another_version_is_named_even_when_the_fields_are_unknown() {
-        let error = Contract::from_json(r#"{"version": 2, "novelty": true}"#).unwrap_err();
-        assert!(matches!(error, ContractError::Version { found: 2 }), "{error}");
-        assert!(error.to_string().contains("honours 1"));
+        let error = Contract::from_json(r#"{"version": 3, "novelty": true}"#).unwrap_err();
+        assert!(matches!(error, ContractError::Version { found: 3 }), "{error}");
+        assert!(error.to_string().contains("honours 2"));
     }
 
     #[test]
@@ -329,6 +335,7 @@ mod tests {
             ("/a_max_mps2", json!(-6.0), "a_max_mps2"),
             ("/duration_rule", json!("r/v"), "duration_rule"),
             ("/target_depth_scale_m", json!(0.0), "target_depth_scale_m"),
+            ("/cost_scale", json!(0.0), "cost_scale"),
             ("/state", json!(["velocity", "acceleration", "up", "aim"]), "state"),
             ("/channels", json!(NAVIGATE_CHANNELS), "channels"),
             ("/camera_tilt_rad", json!(1.6), "camera_tilt_rad"),

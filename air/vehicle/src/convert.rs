@@ -36,6 +36,15 @@ pub fn mode(mode: core::Mode) -> v1::Mode {
     }
 }
 
+/// The task's wire value.
+#[must_use]
+pub fn task(task: core::Task) -> v1::Task {
+    match task {
+        core::Task::Track => v1::Task::Track,
+        core::Task::Navigate => v1::Task::Navigate,
+    }
+}
+
 fn fallback(fallback: core::Fallback) -> v1::Fallback {
     match fallback {
         core::Fallback::None => v1::Fallback::None,

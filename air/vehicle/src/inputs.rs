@@ -8,7 +8,7 @@ use goshawk_core::{
 };
 use goshawk_proto::v1;
 
-use crate::convert::{odometry, vec3};
+use crate::convert::{self, odometry, vec3};
 
 /// All that a plan was made from, for the log.
 #[must_use]
@@ -80,7 +80,7 @@ pub fn controller_input(input: &StepInput, seq: u64, stamp: Time) -> v1::Control
         ready: input.ready,
         start: match &input.command {
             Some(Command::Start(profile)) => Some(v1::StartProfile {
-                navigate: profile.task == Task::Navigate,
+                task: convert::task(profile.task).into(),
                 speed_mps: profile.speed,
                 height_m: profile.height,
                 goal_m: profile.goal.map(vec3),
@@ -100,7 +100,7 @@ pub fn controller_input(input: &StepInput, seq: u64, stamp: Time) -> v1::Control
 pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>) -> StepInput {
     let start = m.start.as_ref().map(|start| {
         Command::Start(Profile {
-            task: if start.navigate { Task::Navigate } else { Task::Track },
+            task: if start.task() == v1::Task::Navigate { Task::Navigate } else { Task::Track },
             speed: start.speed_mps,
             height: start.height_m,
             goal: start.goal_m.map(vector),

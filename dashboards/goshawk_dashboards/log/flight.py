@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError, Message
-from goshawk_proto import KEYS
+from goshawk_proto import KEYS, PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.columns import Columns, read_columns
@@ -65,7 +65,7 @@ class Flight:
     """One flight log, complete, cut off or damaged. For one thread at a time."""
 
     def __init__(self, log: McapLog, *, start_ns: int | None = None) -> None:
-        """Raises LogError if it is MCAP but not of ours."""
+        """Raises LogError if it is MCAP but not of ours, or of another protocol."""
         if not any(topic in log.topics for topic, _ in CHANNELS.values()):
             what = "it holds no whole record" if not log.topics else "none of its channels is Goshawk's"
             raise LogError(f"{log.path} is no flight log: {what}")
@@ -80,6 +80,11 @@ class Flight:
         self._columns: dict[tuple[str, tuple[str, ...], float | None], Columns] = {}
         self.malformed = 0
         """Records met so far that make no sense and are shown as absent."""
+        if self.count("header") and self.header.protocol != PROTOCOL:
+            raise LogError(
+                f"{log.path} is of protocol {self.header.protocol}, this software reads {PROTOCOL}: open it with the "
+                f"version that recorded it ({self.header.version or 'unknown'})"
+            )
 
     @classmethod
     def open(cls, path: Path, *, start_ns: int | None = None) -> Flight:

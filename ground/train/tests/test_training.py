@@ -141,7 +141,7 @@ def test_a_policys_file_is_gone_on_with_as_if_never_folded(
     first = trainer(small, loaded)
     for _ in range(12):
         first.advance()
-    export.export(first.snapshot(), tmp_path / "track.onnx", commit="")
+    export.export(first.snapshot(), tmp_path / "track.onnx", commit="", cost_scale=6.5)
     second = train.Trainer(small, *loaded, data_name="b")
     second.begin_from(of_policy(tmp_path / "track.onnx"))
     assert "96 samples of synthetic" in second.snapshot().data
@@ -207,11 +207,11 @@ def test_exported_policy_carries_the_contract_and_agrees_with_torch(
     for _ in range(3):
         run.advance()
     path = tmp_path / "track.onnx"
-    export.export(run.snapshot(), path, commit="abc")
+    export.export(run.snapshot(), path, commit="abc", cost_scale=6.5)
     model = onnx.load(str(path))
     assert [p.key for p in model.metadata_props] == [CONTRACT_KEY]
     agreed = json.loads(model.metadata_props[0].value)
-    assert agreed["version"] == 1 and agreed["task"] == "track"
+    assert (agreed["version"], agreed["task"], agreed["cost_scale"]) == (2, "track", 6.5)
     assert agreed["state"] == ["velocity", "acceleration", "up", "aim", "agility"]
     assert agreed["channels"][9:] == ["cost", "objectness", "du", "dv", "distance"]
     assert agreed["training"] == {**agreed["training"], "data": "synthetic", "commit": "abc", "seed": 1, "samples": 24}
@@ -231,7 +231,7 @@ def test_a_tracking_run_exports_its_trajectories_for_navigation(
     run = trainer(small, loaded)
     run.advance()
     path = tmp_path / "navigate.onnx"
-    agreed = export.export(export.for_navigation(run.snapshot()), path, commit="abc")
+    agreed = export.export(export.for_navigation(run.snapshot()), path, commit="abc", cost_scale=6.5)
     assert (agreed["task"], len(agreed["channels"])) == ("navigate", 10)
     whole = Policy(small).eval()
     checkpoint.load_weights(whole, run.snapshot())
@@ -334,12 +334,30 @@ def test_gradients_are_averaged_over_processes(tmp_path: Path) -> None:
 
 
 def test_score_flies_campaigns_in_both_tasks(
-    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], dataset: Path, tmp_path: Path
 ) -> None:
-    run = trainer(small, loaded)
+    run, held_out = trainer(small, loaded), validate.Validator(small, dataset)
     run.advance()
-    shares = score.score(run.snapshot(), SIMULATOR, trials=1, threads=1)
+    shares = score.score(run.snapshot(), SIMULATOR, held_out, trials=1, threads=1)
     assert set(shares) == {"track_4", "track_7", "navigate_6", "navigate_10", "all"}
     assert all(0 <= share <= 1 for share in shares.values())
     with pytest.raises(score.ScoreError, match="make build"):
-        score.score(run.snapshot(), tmp_path / "nothing")
+        score.score(run.snapshot(), tmp_path / "nothing", held_out)
+
+
+def test_the_cost_scale_grows_as_the_costs_and_equal_costs_are_not_exported(
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], dataset: Path, tmp_path: Path
+) -> None:
+    run, held_out = trainer(small, loaded), validate.Validator(small, dataset)
+    run.advance()
+    saved = run.snapshot()
+    metrics = held_out.evaluate_state(saved)
+    assert held_out.cost_scale(saved) == pytest.approx(metrics["cost_spread_p50"], rel=5e-3)
+    assert metrics["cost_spread_p50"] > 0
+    with pytest.raises(export.ExportError, match="train for longer"):
+        export.export(saved, tmp_path / "track.onnx", commit="", cost_scale=0.0)
+
+
+def test_a_run_that_is_to_be_scored_needs_held_out_scenes(small: Config, dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(train.TrainingError, match="--validation"):
+        train.run(small, dataset, tmp_path / "run", train.RunOptions(simulator=SIMULATOR))

@@ -21,14 +21,20 @@ class Mode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MODE_LANDED: _ClassVar[Mode]
     MODE_FAULT: _ClassVar[Mode]
 
+class Task(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    TASK_UNSPECIFIED: _ClassVar[Task]
+    TASK_TRACK: _ClassVar[Task]
+    TASK_NAVIGATE: _ClassVar[Task]
+
 class Fallback(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     FALLBACK_NONE: _ClassVar[Fallback]
     FALLBACK_PLAN_EXPIRED_BRAKE: _ClassVar[Fallback]
     FALLBACK_HOLD_POSITION: _ClassVar[Fallback]
+    FALLBACK_ODOMETRY_FALSE_BRAKE: _ClassVar[Fallback]
     FALLBACK_ODOMETRY_STALE_DESCEND: _ClassVar[Fallback]
     FALLBACK_HAND_BACK: _ClassVar[Fallback]
-    FALLBACK_ODOMETRY_FALSE_BRAKE: _ClassVar[Fallback]
 
 class OdometryFault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -66,12 +72,15 @@ MODE_HOLD: Mode
 MODE_STOPPING: Mode
 MODE_LANDED: Mode
 MODE_FAULT: Mode
+TASK_UNSPECIFIED: Task
+TASK_TRACK: Task
+TASK_NAVIGATE: Task
 FALLBACK_NONE: Fallback
 FALLBACK_PLAN_EXPIRED_BRAKE: Fallback
 FALLBACK_HOLD_POSITION: Fallback
+FALLBACK_ODOMETRY_FALSE_BRAKE: Fallback
 FALLBACK_ODOMETRY_STALE_DESCEND: Fallback
 FALLBACK_HAND_BACK: Fallback
-FALLBACK_ODOMETRY_FALSE_BRAKE: Fallback
 ODOMETRY_FAULT_NONE: OdometryFault
 ODOMETRY_FAULT_POSITION_JUMPED: OdometryFault
 ODOMETRY_FAULT_POSITION_DISAGREES: OdometryFault
@@ -429,24 +438,24 @@ class LogHeader(_message.Message):
     def __init__(self, vehicle: _Optional[str] = ..., vehicle_toml: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., policy_contract_json: _Optional[str] = ..., version: _Optional[str] = ..., git_revision: _Optional[str] = ..., wall_time: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., profile: _Optional[str] = ..., protocol: _Optional[int] = ..., tuning_toml: _Optional[str] = ...) -> None: ...
 
 class CompressedRgbd(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "depth_png", "rgb_png")
+    __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "rgb_png", "depth_png")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     WIDTH_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_FIELD_NUMBER: _ClassVar[int]
     HFOV_RAD_FIELD_NUMBER: _ClassVar[int]
     VFOV_RAD_FIELD_NUMBER: _ClassVar[int]
-    DEPTH_PNG_FIELD_NUMBER: _ClassVar[int]
     RGB_PNG_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_PNG_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     width: int
     height: int
     hfov_rad: float
     vfov_rad: float
-    depth_png: bytes
     rgb_png: bytes
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., depth_png: _Optional[bytes] = ..., rgb_png: _Optional[bytes] = ...) -> None: ...
+    depth_png: bytes
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., rgb_png: _Optional[bytes] = ..., depth_png: _Optional[bytes] = ...) -> None: ...
 
 class PlannerInput(_message.Message):
     __slots__ = ("seq", "odometry", "acc_world", "speed_mps", "goal_world", "state", "prediction", "nearest_mm")
@@ -499,16 +508,16 @@ class ControllerInput(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ..., odometry_ns: _Optional[int] = ..., battery: _Optional[float] = ..., position: _Optional[bool] = ...) -> None: ...
 
 class StartProfile(_message.Message):
-    __slots__ = ("navigate", "speed_mps", "height_m", "goal_m")
-    NAVIGATE_FIELD_NUMBER: _ClassVar[int]
+    __slots__ = ("task", "speed_mps", "height_m", "goal_m")
+    TASK_FIELD_NUMBER: _ClassVar[int]
     SPEED_MPS_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_M_FIELD_NUMBER: _ClassVar[int]
     GOAL_M_FIELD_NUMBER: _ClassVar[int]
-    navigate: bool
+    task: Task
     speed_mps: float
     height_m: float
     goal_m: Vec3
-    def __init__(self, navigate: _Optional[bool] = ..., speed_mps: _Optional[float] = ..., height_m: _Optional[float] = ..., goal_m: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
+    def __init__(self, task: _Optional[_Union[Task, str]] = ..., speed_mps: _Optional[float] = ..., height_m: _Optional[float] = ..., goal_m: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
 
 class CommandRecord(_message.Message):
     __slots__ = ("stamp_ns", "verb", "profile", "reply")

@@ -26,8 +26,6 @@ pub struct ChaseConfig {
     pub pursue_until_s: f64,
 }
 
-/// What it costs to meet the target, on the scale of the network's costs: more than a way around.
-const MEETING: f64 = 30.0;
 /// Looks along a trajectory at so many instants.
 const LOOKS: u32 = 8;
 
@@ -39,8 +37,8 @@ impl ChaseConfig {
     }
 }
 
-/// What a trajectory costs for coming nearer than `keep_off` (m) to the target, which the network was never taught to
-/// spare.
+/// How much nearer than `keep_off` (m) a trajectory comes to the target, which the network was never taught to spare:
+/// 0 not at all, 1 to its centre.
 #[must_use]
 pub fn crowding(keep_off: f64, trajectory: &Quintic, target: &Expected) -> f64 {
     let nearest = (1..=LOOKS)
@@ -48,19 +46,17 @@ pub fn crowding(keep_off: f64, trajectory: &Quintic, target: &Expected) -> f64 {
         .map(|t| (trajectory.at(t).pos - target.pos_world - target.vel_world * t).norm_squared())
         .fold(f64::INFINITY, f64::min)
         .sqrt();
-    MEETING * (1.0 - nearest / (keep_off + target.pos_doubt)).max(0.0)
+    (1.0 - nearest / (keep_off + target.pos_doubt)).max(0.0)
 }
 
 /// Navigation: over the goal by more than this, m, a trajectory should not end.
 const RISE: f64 = 0.6;
-/// And each metre beyond that costs so much, on the scale of the network's costs.
-const CLIMBING: f64 = 30.0;
 
-/// What it costs a navigation to end at `end` (m): who flies over a roof finds no way down to the goal under it, which
+/// How far too high a navigation ends at `end`, m: who flies over a roof finds no way down to the goal under it, which
 /// the camera does not show.
 #[must_use]
 pub fn climbing(end: Vec3, goal: Vec3) -> f64 {
-    CLIMBING * (end.z - goal.z - RISE).max(0.0)
+    (end.z - goal.z - RISE).max(0.0)
 }
 
 /// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where
@@ -196,7 +192,7 @@ mod tests {
             Quintic::new(&start, &FlatState { pos: start.pos + Vec3::new(far, 0.0, 0.0), ..start }, 2.0)
         };
         let still = Expected { vel_world: Vec3::zeros(), ..target(0.0) };
-        assert!(crowding(1.5, &fly(0.0, 8.0), &still) > 20.0);
+        assert!(crowding(1.5, &fly(0.0, 8.0), &still) > 0.67);
         assert_eq!(crowding(1.5, &fly(2.0, 8.0), &still), 0.0);
         // It runs away at 2 m/s: behind it there is room.
         assert_eq!(crowding(1.5, &fly(0.0, 4.0), &target(0.0)), 0.0);

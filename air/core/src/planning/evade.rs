@@ -64,10 +64,12 @@ const KNOWN_AT: [f64; 4] = [0.4, 0.7, 1.0, 1.3];
 /// Out of a target's way one may go faster, m/s, and up, which costs so much, for it leaves the image.
 const FAST: f64 = 4.0;
 const UPWARD: f64 = 1.0;
-/// Each m/s away from it costs so much: who backs before a runner only puts it off.
+/// Each m/s away from it costs so much: who backs before it only puts it off.
 const BACKWARD: f64 = 1.5;
+/// What it costs to meet something at once. Costs here are compared with one another only, never with the network's.
+const MEETING: f64 = 30.0;
 /// What it costs to be where a target may be, and at how many instants one looks, up to so late, s.
-const PERSON: f64 = 60.0;
+const NEAR: f64 = 60.0;
 const LOOKS: u32 = 12;
 const FORESEEN: f64 = 1.5;
 /// A target comes that is faster toward the vehicle than this, m/s.
@@ -75,7 +77,7 @@ const COMES: f64 = 0.5;
 
 /// Chooses ways aside.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Evader {
+pub(crate) struct Evading {
     /// Of the last frame.
     last: Option<Evasion>,
     stamp: Option<Time>,
@@ -100,12 +102,13 @@ pub(crate) struct Scene<'a> {
 
 impl Scene<'_> {
     fn danger(&self, way: &impl Fn(f64) -> Vec3, horizon: f64) -> f64 {
-        self.obstacles.meeting_on(way, horizon, self.ignored) + meeting(self.movers, self.stamp, way, horizon)
+        let standing = self.obstacles.meeting_on(way, horizon, self.ignored);
+        MEETING * (standing + meeting(self.movers, self.stamp, way, horizon))
     }
 }
 
 /// The target, which may go on as it does, or turn on the vehicle.
-struct Runner {
+struct Approach {
     /// m.
     pos_world: Vec3,
     /// How it may run, m/s.
@@ -118,7 +121,7 @@ struct Runner {
     keep_off: f64,
 }
 
-impl Runner {
+impl Approach {
     fn of(start: &FlatState, pace: &mut Pace, dt: f64, scene: &Scene) -> Option<Self> {
         let threat = scene.threat.as_ref()?;
         pace.step(dt, threat);
@@ -144,7 +147,7 @@ impl Runner {
             };
             (1..=LOOKS).map(at).fold(0.0, f64::max)
         };
-        PERSON * self.vels_world.iter().map(share).fold(0.0, f64::max)
+        NEAR * self.vels_world.iter().map(share).fold(0.0, f64::max)
     }
 
     /// What it costs to back before it with `vel`, m/s.
@@ -153,17 +156,17 @@ impl Runner {
     }
 }
 
-impl Evader {
+impl Evading {
     /// The way aside from `start`, where `flown` would be flown otherwise, or a stop; none: nothing moves in its way, or
     /// no way is safer.
     pub(crate) fn step(&mut self, start: &FlatState, flown: Option<&Quintic>, scene: &Scene) -> Option<Evasion> {
         let last = self.last.take();
         let dt = self.stamp.replace(scene.stamp).map_or(0.0, |stamp| scene.stamp.since(stamp).clamp(0.0, 1.0));
-        let runner = Runner::of(start, &mut self.pace, dt, scene);
+        let approach = Approach::of(start, &mut self.pace, dt, scene);
         let on = |vel_world: Vec3| Evasion { vel_world, height: None, from_target: false };
         let stop = |time: f64| aside(start, &on(Vec3::zeros()), time);
         // Before a target the vehicle brakes, whatever is flown.
-        let coming = runner.as_ref().filter(|runner| runner.comes);
+        let coming = approach.as_ref().filter(|target| target.comes);
         let met = coming.map_or(0.0, |coming| coming.meets(&stop));
         let otherwise = |time: f64| match flown {
             Some(flown) if met == 0.0 => flown.at(time).pos,
@@ -171,7 +174,7 @@ impl Evader {
         };
         let horizon = flown.map_or(HORIZON, Quintic::duration);
         let worth = if scene.chases { WORTH.1 } else { WORTH.0 };
-        if met == 0.0 && meeting(scene.movers, scene.stamp, &otherwise, horizon) < worth {
+        if met == 0.0 && MEETING * meeting(scene.movers, scene.stamp, &otherwise, horizon) < worth {
             return None;
         }
         let least = scene.danger(&otherwise, horizon) + met;
@@ -183,7 +186,7 @@ impl Evader {
         let effort = |evasion: &Evasion| {
             let vel = evasion.vel_world;
             let way = |time: f64| aside(start, evasion, time);
-            runner.as_ref().map_or(0.0, |runner| runner.meets(&way) + runner.backs(&vel))
+            approach.as_ref().map_or(0.0, |target| target.meets(&way) + target.backs(&vel))
                 + ASIDE * (way(SOON) - soon).norm()
                 + evasion.height.map_or(0.0, |_| UPWARD)
                 + last.map_or(0.0, |last| RESTLESS * (vel - last.vel_world).norm())
@@ -216,7 +219,7 @@ fn heading(k: u32) -> Vec3 {
 }
 
 /// Out of a target's way: fast, and over it.
-fn outward(coming: &Runner) -> impl Iterator<Item = Evasion> {
+fn outward(coming: &Approach) -> impl Iterator<Item = Evasion> {
     let over = Some(coming.pos_world.z + coming.keep_off);
     let level = (0..HEADINGS).flat_map(|k| [SPEEDS[0], SPEEDS[1], FAST].map(|speed| heading(k) * speed));
     let way = |height| move |vel_world| Evasion { vel_world, height, from_target: true };
@@ -281,7 +284,7 @@ mod tests {
             keep_off: 2.0,
             target_acc: 8.0,
         };
-        Evader::default().step(start, Some(&flown), &scene)
+        Evading::default().step(start, Some(&flown), &scene)
     }
 
     #[test]

@@ -76,8 +76,6 @@ const GONE: f64 = 0.2;
 /// A trajectory is looked at in so many instants, and no farther ahead than this, s.
 const LOOKS: u32 = 20;
 const HORIZON: f64 = 2.0;
-/// What it costs to fly into one at once, on the scale of the network's costs.
-const MEETING: f64 = 30.0;
 /// Kept between the vehicle's centre and a mover's surface, m, and what its place is in doubt by with time, m/s.
 const KEPT: f64 = 0.5;
 const DOUBT: f64 = 0.3;
@@ -290,8 +288,8 @@ fn group(cells: &[u128; CELLS], points: &[([u8; 2], Vec3)], cam: &Flat) -> Optio
     Some(Group { middle: surface + away * BEHIND, radius: spread.clamp(RADIUS.0, RADIUS.1) })
 }
 
-/// What a way that begins at `stamp` costs for those whose way it crosses: `way` gives the place (m) at a time, s, up to
-/// `horizon`, s.
+/// How bad it is whose way a way that begins at `stamp` crosses: 0 nobody's, 1 somebody's at once. `way` gives the place
+/// (m) at a time, s, up to `horizon`, s.
 #[must_use]
 pub fn meeting(movers: &Movers, stamp: Time, way: &impl Fn(f64) -> Vec3, horizon: f64) -> f64 {
     let horizon = horizon.min(HORIZON);
@@ -301,7 +299,7 @@ pub fn meeting(movers: &Movers, stamp: Time, way: &impl Fn(f64) -> Vec3, horizon
             let time = horizon * f64::from(k) / f64::from(LOOKS);
             let gap = (way(time) - from - mover.vel_world * time).xy().norm() - mover.radius;
             let kept = KEPT + mover.pos_doubt + DOUBT * time;
-            MEETING * (1.0 - time / HORIZON) * (1.0 - gap / kept).clamp(0.0, 1.0)
+            (1.0 - time / HORIZON) * (1.0 - gap / kept).clamp(0.0, 1.0)
         };
         (1..=LOOKS).map(at).fold(0.0, f64::max)
     };
@@ -407,7 +405,7 @@ mod tests {
                 points.iter().for_each(|(cell, at)| new.push(*cell, Vec3::from(*at)));
                 followed.step(Time::from_secs(time), &Vec3::from(at), &mut new, |_| false);
                 let cost = meeting(&followed.movers(0.0), Time::from_secs(time), &|_| Vec3::from(at), 2.0);
-                prop_assert!((0.0..=MEETING).contains(&cost));
+                prop_assert!((0.0..=1.0).contains(&cost));
             }
         }
     }

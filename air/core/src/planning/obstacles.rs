@@ -36,9 +36,7 @@ const STEP: f32 = 0.8;
 
 /// A trajectory is looked at in so many instants.
 const LOOKS: u32 = 20;
-/// What it costs to meet something at once, on the scale of the network's costs, which differ by a few units.
-const MEETING: f64 = 30.0;
-/// Meeting it costs the less the later, and nothing after this time, s: till then there is another way.
+/// Meeting something matters the less the later, and not at all after this time, s: till then there is another way.
 const HORIZON: f64 = 2.5;
 
 /// What moves is looked for from so far below the camera to so far above it, m.
@@ -212,7 +210,7 @@ impl Obstacles {
         self.free[row] = set(self.free[row], *evidence == LEAST);
     }
 
-    /// What a trajectory costs for what it would meet.
+    /// How bad it is what a trajectory would meet: 0 nothing, 1 something at once.
     #[must_use]
     pub fn meeting(&self, trajectory: &Quintic, ignored: Option<&Ignored>) -> f64 {
         self.meeting_on(&|time| trajectory.at(time).pos, trajectory.duration(), ignored)
@@ -227,7 +225,7 @@ impl Obstacles {
             let expected = ignored.is_some_and(|c| (pos.xy() - c.at_world.xy()).norm() < c.radius);
             !expected && self.is_near(&low, &in_voxels(&pos, &low))
         });
-        met.map_or(0.0, |time| MEETING * (1.0 - time / HORIZON).powi(2))
+        met.map_or(0.0, |time| (1.0 - time / HORIZON).powi(2))
     }
 
     /// The place was looked through once.
@@ -478,7 +476,7 @@ mod tests {
             let start = FlatState { pos: Vec3::from(at), ..FlatState::default() };
             let end = FlatState { pos: Vec3::from(to), ..FlatState::default() };
             let cost = obstacles.meeting(&Quintic::new(&start, &end, 1.0), None);
-            prop_assert!((0.0..=MEETING).contains(&cost));
+            prop_assert!((0.0..=1.0).contains(&cost));
         }
     }
 }

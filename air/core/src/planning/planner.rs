@@ -4,7 +4,7 @@
 use crate::gaze::expected::Expected;
 use crate::gaze::threat::Threat;
 use crate::planning::aim::{Chase, ChaseConfig, climbing, crowding, within_reach};
-use crate::planning::evade::{Evader, Evasion, Scene};
+use crate::planning::evade::{Evading, Evasion, Scene};
 use crate::planning::frame::{FrameInput, STATE};
 use crate::planning::movers::{Movers, meeting};
 use crate::planning::obstacles::{Ignored, Obstacles};
@@ -52,6 +52,27 @@ pub struct PlanningConfig {
     pub target: TargetConfig,
     /// How the target is chased.
     pub chase: ChaseConfig,
+    /// What is added to the network's costs.
+    pub costs: CostConfig,
+}
+
+/// What is added to the network's costs, in multiples of the policy's `cost_scale`: how far apart the costs of one image's
+/// candidates are. With 4 to 5 whatever is in the way decides over all that the network prefers.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CostConfig {
+    /// Meeting at once what stands and was seen; later it costs less.
+    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies into it, and from 10 on nothing else counts"))]
+    pub obstacle: f64,
+    /// Meeting at once what moves and was seen; later it costs less.
+    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies into it, and from 10 on nothing else counts"))]
+    pub mover: f64,
+    /// Flying through the target's centre; nothing at limits.min_target_distance_m.
+    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies into it, and from 10 on nothing else counts"))]
+    pub target: f64,
+    /// Each metre that a navigation ends over its goal, beyond 0.6 m.
+    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies over roofs under which the goal lies"))]
+    pub climbing_per_m: f64,
 }
 
 impl PlanningConfig {
@@ -78,7 +99,7 @@ pub struct Planner {
     filter: TargetFilter,
     obstacles: Obstacles,
     chase: Chase,
-    evader: Evader,
+    evading: Evading,
     /// The last frame's motion: stamp, position, velocity, reset counter.
     last: Option<Odometry>,
     /// The last frame's flight.
@@ -113,7 +134,7 @@ impl Planner {
         let filter = TargetFilter::new(config.planning.target);
         let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.planning.remember_within_m);
         let chase = Chase::new(config.planning.chase);
-        Ok(Self { config, decoder, filter, obstacles, chase, evader: Evader::default(), last: None, flight: 0 })
+        Ok(Self { config, decoder, filter, obstacles, chase, evading: Evading::default(), last: None, flight: 0 })
     }
 
     /// The configuration that it plans with.
@@ -190,12 +211,14 @@ impl Planner {
         candidates: &mut [Candidate; ANCHORS],
     ) -> Option<usize> {
         let stamp = frame.odometry.stamp;
-        let moving = |way: &Quintic| meeting(movers, stamp, &|time| way.at(time).pos, way.duration());
+        let (costs, scale) = (self.config.planning.costs, self.config.policy.cost_scale);
+        let moving = |way: &Quintic| costs.mover * meeting(movers, stamp, &|time| way.at(time).pos, way.duration());
         if self.config.policy.task == Task::Navigate {
             let avoided = |c: &Candidate| {
                 let climbing = frame.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
                 let trajectory = Quintic::new(start, &c.end, duration);
-                climbing + self.obstacles.meeting(&trajectory, None) + moving(&trajectory)
+                let standing = costs.obstacle * self.obstacles.meeting(&trajectory, None);
+                scale * (costs.climbing_per_m * climbing + standing + moving(&trajectory))
             };
             return select(Some(avoided), &[None; ANCHORS], candidates);
         }
@@ -204,9 +227,8 @@ impl Planner {
             let (keep_off, obstacles, ignored) = (self.config.keep_off, &self.obstacles, about(&target));
             move |c: &Candidate| {
                 let trajectory = Quintic::new(start, &c.end, duration);
-                crowding(keep_off, &trajectory, &target)
-                    + obstacles.meeting(&trajectory, Some(&ignored))
-                    + moving(&trajectory)
+                let standing = costs.obstacle * obstacles.meeting(&trajectory, Some(&ignored));
+                scale * (costs.target * crowding(keep_off, &trajectory, &target) + standing + moving(&trajectory))
             }
         });
         select(crowding, &unseen, candidates)
@@ -226,7 +248,7 @@ impl Planner {
             keep_off: self.config.keep_off,
             target_acc: self.config.planning.target.max_acc_mps2,
         };
-        self.evader.step(start, flown, &scene)
+        self.evading.step(start, flown, &scene)
     }
 
     /// The target may be so near that the vehicle must make room.
@@ -245,7 +267,7 @@ impl Planner {
         self.filter.reset();
         self.obstacles.reset();
         self.chase = Chase::new(self.config.planning.chase);
-        self.evader = Evader::default();
+        self.evading = Evading::default();
         self.last = None;
     }
 

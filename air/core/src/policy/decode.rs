@@ -242,6 +242,7 @@ mod tests {
             v_max: 6.0,
             a_max: 6.0,
             target_depth_scale: 5.0,
+            cost_scale: 6.0,
             hfov,
             vfov,
             width: 160,

@@ -36,6 +36,8 @@ pub struct PolicyModel {
     pub a_max: f64,
     /// Metres for one unit of softplus(y_d).
     pub target_depth_scale: f64,
+    /// How far apart the costs of an image's candidates are; what the planner adds to them is a multiple of it.
+    pub cost_scale: f64,
     /// Horizontal field of view of the training images, rad.
     pub hfov: f64,
     /// Vertical field of view of the training images, rad.

@@ -32,6 +32,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             v_max: 6.0,
             a_max: 6.0,
             target_depth_scale: 5.0,
+            cost_scale: 6.0,
             hfov,
             vfov,
             width: 160,

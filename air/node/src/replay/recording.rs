@@ -4,6 +4,7 @@ use std::path::Path;
 
 use color_eyre::eyre::{Result, WrapErr, bail, eyre};
 use goshawk_policy::Contract;
+use goshawk_proto::keys::PROTOCOL;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Damage, LogReader};
 use goshawk_vehicle::config::Vehicle;
@@ -42,14 +43,18 @@ impl Recording {
             .entries()
             .find_map(|entry| entry.decode(Channel::HEADER))
             .ok_or_else(|| eyre!("{name} holds no header: it was cut off or damaged within its first half second"))?;
+        if header.protocol != PROTOCOL {
+            bail!(
+                "{name} is of protocol {}, this software reads {PROTOCOL}: replay it with the version that flew ({})",
+                header.protocol,
+                header.version
+            );
+        }
         if header.policy_contract_json.is_empty() {
             bail!("{name} holds nothing to replay: no policy flew");
         }
         let contract = Contract::from_json(&header.policy_contract_json)
             .wrap_err_with(|| format!("the policy's contract in {name}"))?;
-        if header.tuning_toml.is_empty() {
-            bail!("{name} holds no tuning file: replay it with the version that recorded it, {}", header.version);
-        }
         let (text, tuning) = (header.vehicle_toml.clone(), header.tuning_toml.clone());
         let vehicle = Vehicle::parse(text, tuning, Path::new("the vehicle file in the log"))?;
         let mut stamps = log

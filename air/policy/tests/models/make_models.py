@@ -20,10 +20,10 @@ STATE_NUMBERS = 13
 
 
 def contract(task: str) -> dict[str, Any]:
-    """A version 1 contract as the training side writes it."""
+    """A version 2 contract as the training side writes it."""
     navigate = task == "navigate"
     return {
-        "version": 1,
+        "version": 2,
         "task": task,
         "image": {"width": 160, "height": 96, "hfov_rad": math.pi / 2, "vfov_rad": 2 * math.atan(48 / 80)},
         "depth": {"min_m": 0.2, "max_m": 20.0, "fill_passes": 2},
@@ -38,6 +38,7 @@ def contract(task: str) -> dict[str, Any]:
         "a_max_mps2": 6.0,
         "duration_rule": "2r/(alpha*v_max)",
         "target_depth_scale_m": 5.0,
+        "cost_scale": 6.0,
         "state": STATE,
         "channels": TRACK_CHANNELS[:10] if navigate else TRACK_CHANNELS,
         "camera_tilt_rad": 0.0,
@@ -118,7 +119,7 @@ def main() -> None:
         "track_swapped_inputs": good("track", swapped=True),
         "navigate": good("navigate"),
         "no_contract": constant(None),
-        "wrong_version": constant({**track, "version": 2}),
+        "wrong_version": constant({**track, "version": 1}),
         "unknown_field": constant({**track, "novelty": 1}),
         "other_image": constant({**track, "image": {**track["image"], "width": 320}}),
         "wrong_output_shape": constant(track, output=(1, 10, 3, 5)),

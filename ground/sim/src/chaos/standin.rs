@@ -11,10 +11,10 @@ use crate::trial::onboard::Network;
 pub fn contract_json(task: &str) -> String {
     let channels = if task == "track" { r#","objectness","du","dv","distance""# } else { "" };
     format!(
-        r#"{{"version":1,"task":"{task}","image":{{"width":160,"height":96,"hfov_rad":1.5707963,"vfov_rad":1.0808390}},
+        r#"{{"version":2,"task":"{task}","image":{{"width":160,"height":96,"hfov_rad":1.5707963,"vfov_rad":1.0808390}},
         "depth":{{"min_m":0.2,"max_m":20.0,"fill_passes":2}},"lattice":{{"rows":3,"columns":5,"radius_m":5.0,
         "elevation_offset_rad":0.2618,"azimuth_offset_rad":0.2618}},"v_max_mps":6.0,"a_max_mps2":6.0,
-        "duration_rule":"2r/(alpha*v_max)","target_depth_scale_m":5.0,"state":["velocity","acceleration","up","aim","agility"],
+        "duration_rule":"2r/(alpha*v_max)","target_depth_scale_m":5.0,"cost_scale":6.0,"state":["velocity","acceleration","up","aim","agility"],
         "channels":["theta","phi","r","vx","vy","vz","ax","ay","az","cost"{channels}],"camera_tilt_rad":0.17,
         "training":{{}}}}"#
     )

@@ -145,9 +145,11 @@ def carry_out(plan: Plan, change: Change, folder: Path, runs: Path, simulator: P
     saved = checkpoint.load(out / checkpoint.FILE)
     network = Policy(saved.config)
     checkpoint.load_weights(network, saved)
-    metrics = validate.Validator(saved.config, held_out).evaluate(network)
-    export.export(saved, out / "track.onnx", commit=export.current_commit())
-    export.export(export.for_navigation(saved), out / "navigate.onnx", commit=export.current_commit())
+    validator = validate.Validator(saved.config, held_out)
+    metrics = validator.evaluate(network)
+    agreed = {"commit": export.current_commit(), "cost_scale": validator.cost_scale(saved)}
+    export.export(saved, out / "track.onnx", **agreed)
+    export.export(export.for_navigation(saved), out / "navigate.onnx", **agreed)
     reports = [fly(row, out, simulator, out, trials=plan.trials, seed=plan.seed) for row in plan.campaigns]
     result = {
         "identity": identity(plan, change),

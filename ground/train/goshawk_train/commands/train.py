@@ -43,7 +43,7 @@ def run(
     samples: Annotated[int | None, typer.Option(help="Length of the run, instead of the configuration's.")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads, instead of the configuration's.")] = None,
     simulator: Annotated[
-        Path | None, typer.Option(help="A goshawk-sim: score the run by small campaigns as well.")
+        Path | None, typer.Option(help="A goshawk-sim: score the run by small campaigns as well; needs --validation.")
     ] = None,
     score_minutes: Annotated[float, typer.Option(min=0, help="Time between two scores.")] = 30.0,
 ) -> None:
@@ -92,10 +92,11 @@ def validate(
             json_file.write_text(json.dumps(metrics, indent=1) + "\n")
 
 
-@app.command(epilog="Example: goshawk train score --run runs/a")
+@app.command(epilog="Example: goshawk train score --run runs/a --data data/val")
 def score(
     context: typer.Context,
     run: Run,
+    data: HeldOut,
     simulator: Simulator = SIMULATOR,
     trials: Annotated[int, typer.Option(min=1, help="Flights in each cell.")] = 20,
     json_file: JsonFile = None,
@@ -104,9 +105,10 @@ def score(
     with ends_in_one_line(context):
         from goshawk_train.model import checkpoint
         from goshawk_train.run.score import score as fly
-        from goshawk_train.run.validate import table
+        from goshawk_train.run.validate import Validator, table
 
-        flown = fly(checkpoint.load(run / checkpoint.FILE), simulator, trials=trials)
+        saved = checkpoint.load(run / checkpoint.FILE)
+        flown = fly(saved, simulator, Validator(saved.config, data), trials=trials)
         print(table(flown))
         if json_file:
             json_file.write_text(json.dumps(flown, indent=1) + "\n")
@@ -132,18 +134,18 @@ def preview(
 
 @app.command(
     epilog="Examples: goshawk train export --run runs/track --data data/val --out air/models/track.onnx | "
-    "goshawk train export --run runs/track --task navigate --out navigate.onnx"
+    "goshawk train export --run runs/track --data data/val --task navigate --out navigate.onnx"
 )
 def export(
     context: typer.Context,
     run: Run,
+    data: HeldOut,
     out: Annotated[Path, typer.Option(help="ONNX file; the card lies beside it as .md.")],
     task: Annotated[
         Literal["navigate"] | None, typer.Option(help="Export a tracking run's trajectories for navigation.")
     ] = None,
-    data: Annotated[Path | None, typer.Option(help="Held-out scenes for the model card's figures.")] = None,
 ) -> None:
-    """Write the ONNX policy with its contract, and its model card if --data is given."""
+    """Write the ONNX policy with its contract and its model card, whose figures are of held-out scenes."""
     with ends_in_one_line(context):
         from goshawk_train.model import checkpoint, export
         from goshawk_train.model.card import model_card
@@ -156,20 +158,19 @@ def export(
             saved = export.for_navigation(saved)
         network = Policy(saved.config)
         checkpoint.load_weights(network, saved)
-        agreed = export.export(saved, out, commit=export.current_commit())
+        validator = Validator(saved.config, data)
+        agreed = export.export(saved, out, commit=export.current_commit(), cost_scale=validator.cost_scale(saved))
         worst = export.verify(network.eval(), out, saved.config)
-        if data:
-            validator = Validator(saved.config, data)
-            card = model_card(
-                saved.config,
-                agreed["training"],
-                validator.evaluate(network),
-                trained_as=trained_as,
-                frames=len(validator.index_F),
-                parameters=parameter_count(network),
-                file=out,
-            )
-            out.with_suffix(".md").write_text(card)
+        card = model_card(
+            saved.config,
+            agreed["training"],
+            validator.evaluate(network),
+            trained_as=trained_as,
+            frames=len(validator.index_F),
+            parameters=parameter_count(network),
+            file=out,
+        )
+        out.with_suffix(".md").write_text(card)
         samples = agreed["training"]["samples"]
         print(f"{out}: {out.stat().st_size / 1e6:.1f} MB, {samples} samples, largest difference {worst:.1e}")
 

@@ -30,12 +30,12 @@ class ExportError(TrainerError):
     """The exported file is not what was trained; the message says what differs."""
 
 
-def contract(saved: Checkpoint, *, commit: str) -> dict[str, Any]:
+def contract(saved: Checkpoint, *, commit: str, cost_scale: float) -> dict[str, Any]:
     """What the onboard side must honour; everything but `training` is checked there field by field."""
     config = saved.config
     camera, lattice = config.camera, config.lattice
     return {
-        "version": 1,
+        "version": 2,
         "task": config.task,
         "image": {
             "width": camera.width,
@@ -59,6 +59,7 @@ def contract(saved: Checkpoint, *, commit: str) -> dict[str, Any]:
         "a_max_mps2": config.motion.a_max_mps2,
         "duration_rule": "2r/(alpha*v_max)",
         "target_depth_scale_m": config.network.target_depth_scale_m,
+        "cost_scale": cost_scale,
         "state": config.state_names,
         "channels": config.channel_names,
         "camera_tilt_rad": camera.tilt_rad,
@@ -89,8 +90,13 @@ def example_inputs(config: Config, seed: int) -> tuple[torch.Tensor, torch.Tenso
     return rgbd, torch.randn(1, sum(STATE_SIZES.values()), generator=generator)
 
 
-def export(saved: Checkpoint, path: Path, *, commit: str) -> dict[str, Any]:
-    """Write the averaged weights as ONNX (batch 1, float32) and return the contract; raises `ExportError`."""
+def export(saved: Checkpoint, path: Path, *, commit: str, cost_scale: float) -> dict[str, Any]:
+    """Write the averaged weights as ONNX (batch 1, float32) and return the contract; raises `ExportError`.
+
+    `cost_scale` is what `Validator.cost_scale` measured of the same weights: the planner weighs what it adds by it.
+    """
+    if not cost_scale > 0:
+        raise ExportError(f"the costs of all candidates are the same (spread {cost_scale}); train for longer")
     network = Policy(saved.config)
     load_weights(network, saved)
     network.eval()
@@ -109,7 +115,7 @@ def export(saved: Checkpoint, path: Path, *, commit: str) -> dict[str, Any]:
             verbose=False,
         )
         model = onnx.load(str(raw))
-    agreed = contract(saved, commit=commit)
+    agreed = contract(saved, commit=commit, cost_scale=cost_scale)
     del model.metadata_props[:]
     model.metadata_props.add(key=CONTRACT_KEY, value=json.dumps(agreed))
     for node in model.graph.node:  # the exporter notes source paths and stack traces there

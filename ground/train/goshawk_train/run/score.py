@@ -10,6 +10,7 @@ from pathlib import Path
 from goshawk_train.errors import TrainerError
 from goshawk_train.model import export
 from goshawk_train.model.checkpoint import Checkpoint
+from goshawk_train.run.validate import Validator
 
 TRIALS = 20
 SEED = 4_000_001
@@ -23,23 +24,28 @@ class ScoreError(TrainerError):
     """The campaign could not be flown; the message says why."""
 
 
-def score(saved: Checkpoint, simulator: Path, *, trials: int = TRIALS, threads: int = 0) -> dict[str, float]:
+def score(
+    saved: Checkpoint, simulator: Path, held_out: Validator, *, trials: int = TRIALS, threads: int = 0
+) -> dict[str, float]:
     """Share of successes in each cell, and of all, flown by `goshawk-sim` with the averaged weights.
 
-    A tracking run is scored in both tasks. Raises `ScoreError` if the simulator cannot be run.
+    A tracking run is scored in both tasks. The held-out scenes give the scale of its costs. Raises `ScoreError` if the
+    simulator cannot be run.
     """
     shares: dict[str, float] = {}
+    scale = held_out.cost_scale(saved)
     with tempfile.TemporaryDirectory() as folder:
         if saved.config.task == "track":
-            shares |= _fly(saved, "track", simulator, Path(folder), trials, threads)
+            shares |= _fly(saved, scale, simulator, Path(folder), trials, threads)
             saved = export.for_navigation(saved)
-        shares |= _fly(saved, "navigate", simulator, Path(folder), trials, threads)
+        shares |= _fly(saved, scale, simulator, Path(folder), trials, threads)
     return {**shares, "all": sum(shares.values()) / len(shares)}
 
 
-def _fly(saved: Checkpoint, task: str, simulator: Path, folder: Path, trials: int, threads: int) -> dict[str, float]:
+def _fly(saved: Checkpoint, scale: float, simulator: Path, folder: Path, trials: int, threads: int) -> dict[str, float]:
+    task = saved.config.task
     policy, report = folder / f"{task}.onnx", folder / f"{task}.json"
-    export.export(saved, policy, commit=export.current_commit())
+    export.export(saved, policy, commit=export.current_commit(), cost_scale=scale)
     speeds = ",".join(str(speed) for speed in CELLS[task])
     command = [
         *(str(simulator), "fly", "--task", task, "--policy", str(policy), "--speed", speeds),

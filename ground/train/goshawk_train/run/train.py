@@ -216,7 +216,7 @@ class RunOptions:
     begin: Path | None = None
     """A run's folder or a policy's file, whose weights are the first; a resumed run no longer needs it."""
     simulator: Path | None = None
-    """The `goshawk-sim` that flies the score's campaigns."""
+    """The `goshawk-sim` that flies the score's campaigns; needs `validation`, which gives the costs' scale."""
     score_minutes: float = 30.0
 
 
@@ -225,6 +225,8 @@ def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
 
     Under `torchrun` every process takes `batch` samples of a step; the first one prints and writes.
     """
+    if options.simulator and not options.validation:
+        raise TrainingError("a score needs the costs' scale, which held-out scenes give; add --validation")
     keep_freed_memory()
     torch.set_num_threads(config.training.threads)
     path = out / checkpoint.FILE
@@ -291,8 +293,9 @@ class _Clerk:
         if self.held_out and (last or now - self.checked > training.validate_minutes * 60):
             self._say("validation", self.held_out.evaluate_state(trainer.snapshot()))
             self.checked = time.monotonic()
-        if self.options.simulator and (last or now - self.scored > self.options.score_minutes * 60):
-            flown = score.score(trainer.snapshot(), self.options.simulator, threads=training.threads)
+        due = last or now - self.scored > self.options.score_minutes * 60
+        if self.options.simulator and self.held_out and due:
+            flown = score.score(trainer.snapshot(), self.options.simulator, self.held_out, threads=training.threads)
             self._say("score", flown)
             self.scored = time.monotonic()
 

@@ -43,6 +43,10 @@ class Validator:
         load_weights(network, saved)
         return self.evaluate(network)
 
+    def cost_scale(self, saved: Checkpoint) -> float:
+        """How far apart a checkpoint's costs are, for its policy's contract: three digits of `cost_spread_p50`."""
+        return float(f"{self.evaluate_state(saved)['cost_spread_p50']:.3g}")
+
     def evaluate(self, network: Policy) -> dict[str, float]:
         """Metrics of a network; it is put into evaluation mode."""
         network.eval()
@@ -92,6 +96,7 @@ def batch_metrics(outcome: Outcome, batch: Batch, config: Config) -> dict[str, N
         "aim_missed": missed,
         "aim_missed_height": np.abs(end[frame, cheapest, 2] - aim[:, 2]),
         "cost_rank": np.array(rank),
+        "cost_spread": predicted.max(1) - predicted.min(1),
         "cost_error": np.abs(label - predicted).ravel(),
         "cost_label_hit": label[hit],
         "cost_label_clear": label[~hit],
@@ -127,7 +132,7 @@ def summary(pooled: dict[str, NDArray[np.float64]]) -> dict[str, float]:
     for name, values in pooled.items():
         if not len(values):
             continue
-        if name in ("distance_error", "lateral_error", "cost_error", "aim_missed", "aim_missed_height"):
+        if name in ("distance_error", "lateral_error", "cost_error", "cost_spread", "aim_missed", "aim_missed_height"):
             out[f"{name}_p50"] = float(np.median(np.abs(values)))
             out[f"{name}_p95"] = float(np.percentile(np.abs(values), 95))
         else:
