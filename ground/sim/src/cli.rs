@@ -117,7 +117,7 @@ impl WorldArgs {
         let world = WorldSource::parse(&self.world, self.spacing)?.draw(self.seed, AHEAD_M)?;
         let heading = world.start_heading_rad();
         let goal_world = world.start_world() + Vec3::new(heading.cos(), heading.sin(), 0.0) * AHEAD_M;
-        let site = Site { world: &world, goal_world, runner: None };
+        let site = Site { world: &world, goal_world, evader: None };
         let moving = self.moving.moving;
         let movers = site.draw(moving, self.seed).ok_or(TrialError::NoRoomToMove(moving))?;
         let shown = self.output.display();

@@ -21,7 +21,7 @@ const MARKS: [&str; 2] = ["<!-- file: begin -->", "<!-- file: end -->"];
 /// The camera hangs so high above the ground, m, and looks so far to the side in each further image, rad.
 const HEIGHT_M: f64 = 1.5;
 const TURN_RAD: f64 = 0.35;
-/// The runner has run for so long, s.
+/// The evader has run for so long, s.
 const RUNNING_S: f64 = 1.0;
 
 /// Write the golden images beside a policy, and both files' SHA-256 into its card.

@@ -59,7 +59,7 @@ const AIRBORNE_S: f64 = 2.0;
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
                   goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20")]
 pub struct ServeArgs {
-    /// Seed of the world, the runner and the noise.
+    /// Seed of the world, the evader and the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Mean spacing of the trees, m.
@@ -96,7 +96,7 @@ pub struct ServeArgs {
     moving: MovingArgs,
     #[command(flatten)]
     sensors: SensorArgs,
-    /// What goes wrong with the camera, 1 to 4 s after the runner's start, such as camera-frozen. For a second camera
+    /// What goes wrong with the camera, 1 to 4 s after the evader's start, such as camera-frozen. For a second camera
     /// start a second one.
     #[arg(long, value_name = "NAME")]
     fault: Option<Fault>,

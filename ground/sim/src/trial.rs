@@ -205,7 +205,7 @@ pub struct Flight {
 pub struct Truth<'a> {
     /// The vehicle.
     pub vehicle: &'a QuadrotorState,
-    /// The runner.
+    /// The evader.
     pub evader: Option<EvaderState>,
     /// The moving obstacles.
     pub moving: &'a [Part],

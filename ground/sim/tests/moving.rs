@@ -71,15 +71,15 @@ fn nothing_fixed_nor_another_mover_stands_in_its_way() {
 }
 
 #[test]
-fn the_runner_never_meets_one_and_none_comes_near_the_start() {
+fn the_evader_never_meets_one_and_none_comes_near_the_start() {
     for scene in scenes() {
         let start = scene.world.start_world() + Vec3::z();
         for step in -20..3000 {
             let now = 0.02 * f64::from(step);
             let parts = scene.moving_at(now);
             assert!(clearance(&parts, &start) >= 1.9, "seed {}", scene.world.seed());
-            if let Some(runner) = scene.evader_at(now) {
-                let gap = clearance(&parts, &runner.centre_world());
+            if let Some(evader) = scene.evader_at(now) {
+                let gap = clearance(&parts, &evader.centre_world());
                 assert!(gap > 0.6, "seed {} at {now}: {gap}", scene.world.seed());
             }
         }

@@ -1,7 +1,7 @@
 //! The evader: a person who runs through the true map to a goal, is sent elsewhere midway, and never touches a tree.
 //!
 //! The whole run is planned before it begins, from the world and a seed; [`Evader::at`] then only looks it up. The
-//! turn midway is nevertheless a surprise: until it happens the runner runs as if there were none.
+//! turn midway is nevertheless a surprise: until it happens the evader runs as if there were none.
 
 mod course;
 mod field;
@@ -116,10 +116,10 @@ impl Evader {
     ) -> Result<Self, EvaderError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let look = PersonLook::random(&mut rng);
-        let runner = Runner { world, field: Field::new(world), config, vehicle: vehicle_world, heading_rad };
+        let planning = Planning { world, field: Field::new(world), config, vehicle: vehicle_world, heading_rad };
         for _ in 0..8 {
-            let start = runner.start(&mut rng).ok_or(EvaderError::NoStart)?;
-            if let Some((before, after, switch_s)) = runner.run(start, &mut rng) {
+            let start = planning.start(&mut rng).ok_or(EvaderError::NoStart)?;
+            if let Some((before, after, switch_s)) = planning.run(start, &mut rng) {
                 let (_, along, _) = before.path.at(0.0);
                 return Ok(Self { look, heading_rad: along.y.atan2(along.x), before, after, switch_s });
             }
@@ -192,7 +192,7 @@ impl Evader {
 }
 
 /// What planning needs.
-struct Runner<'a> {
+struct Planning<'a> {
     world: &'a World,
     field: Field<'a>,
     config: &'a EvaderConfig,
@@ -200,8 +200,8 @@ struct Runner<'a> {
     heading_rad: f64,
 }
 
-impl Runner<'_> {
-    /// A wider margin than the runner's, so that smoothing has room.
+impl Planning<'_> {
+    /// A wider margin than the evader's, so that smoothing has room.
     fn way_margin(&self) -> f64 {
         self.config.margin_m + 0.12
     }
@@ -247,7 +247,7 @@ impl Runner<'_> {
         let switch_arc = length * rng.random_range(0.35..0.6);
         let index = before.knots.partition_point(|k| k.arc_m < switch_arc);
         let switch = before.knots[index];
-        // It takes the runner its braking distance and a step to turn.
+        // It takes the evader its braking distance and a step to turn.
         let mut commit = switch.speed_mps * switch.speed_mps / (1.5 * self.config.acc_mps2) + 0.8;
         for _ in 0..30 {
             let keep = (switch.parameter + commit / path::SPACING_M).ceil() as usize + 1;
@@ -270,7 +270,7 @@ impl Runner<'_> {
         None
     }
 
-    /// The nearest place to a point where the runner has room, within 3 m.
+    /// The nearest place to a point where the evader has room, within 3 m.
     fn free_near(&self, at: &Point) -> Option<Point> {
         (0..=12).find_map(|ring| {
             let radius = 0.25 * f64::from(ring);

@@ -2,7 +2,7 @@
 //!
 //! Where one is depends on the time since the task began alone: it stands at one end of its way until then, and swings
 //! from there like a pendulum. So a flight stays a pure function of its configuration. Ways are drawn such that nothing
-//! fixed stands in them, that none comes near the start, and that the runner, whose whole run is known, never meets
+//! fixed stands in them, that none comes near the start, and that the evader, whose whole run is known, never meets
 //! one: it has the right of way.
 
 use clap::Args;
@@ -32,13 +32,13 @@ const ATTEMPTS: u32 = 600;
 const SAMPLE_M: f64 = 0.25;
 /// A way stays this far from what is fixed, at its samples, m: between two of them it comes at most 0.18 m nearer.
 const WALL_CLEAR_M: f64 = 0.2;
-/// No way comes nearer to the line from the vehicle's start to the runner's, m.
+/// No way comes nearer to the line from the vehicle's start to the evader's, m.
 const START_CLEAR_M: f64 = 2.0;
 /// From one way to another, m.
 const APART_M: f64 = 0.2;
-/// From the runner's centre to a surface, at every step of its run and where it ends, m.
-const RUNNER_CLEAR_M: f64 = 0.7;
-const RUNNER_STEP_S: f64 = 0.02;
+/// From the evader's centre to a surface, at every step of its run and where it ends, m.
+const EVADER_CLEAR_M: f64 = 0.7;
+const EVADER_STEP_S: f64 = 0.02;
 /// Ground that rises by more than this from sample to sample is a step, m.
 const STEP_M: f64 = 0.1;
 /// They reach this far below the ground, m, so that none floats on a slope.
@@ -166,7 +166,7 @@ pub struct Site<'a> {
     /// Where a navigation leads; not looked at where somebody runs.
     pub goal_world: Vec3,
     /// Who runs.
-    pub runner: Option<&'a Evader>,
+    pub evader: Option<&'a Evader>,
 }
 
 impl Site<'_> {
@@ -187,8 +187,8 @@ impl Site<'_> {
     /// A point of the way that is flown, at a share of it from 0 to 1.
     fn along(&self, share: f64) -> Flat {
         let start = self.world.start_world().xy();
-        match self.runner {
-            Some(runner) => runner.at(self.world, share * runner.duration_s()).pose.foot_world.xy(),
+        match self.evader {
+            Some(evader) => evader.at(self.world, share * evader.duration_s()).pose.foot_world.xy(),
             None => start.lerp(&self.goal_world.xy(), share),
         }
     }
@@ -214,11 +214,11 @@ impl Site<'_> {
 
     fn has_room(&self, mover: &Mover, others: &[Mover]) -> bool {
         let start = self.world.start_world().xy();
-        let seen = self.runner.map_or(start, |_| self.along(0.0));
+        let seen = self.evader.map_or(start, |_| self.along(0.0));
         mover.gap([start, seen]) >= START_CLEAR_M
             && others.iter().all(|other| mover.gap(other.ends()) >= other.radius_m() + APART_M)
             && self.is_free(mover)
-            && self.runner.is_none_or(|runner| self.is_missed(mover, runner))
+            && self.evader.is_none_or(|evader| self.is_missed(mover, evader))
     }
 
     /// Nothing fixed is in its way, and the ground has no steps there.
@@ -236,15 +236,15 @@ impl Site<'_> {
         })
     }
 
-    /// The runner never meets it, nor does it pass where the runner comes to stand.
-    fn is_missed(&self, mover: &Mover, runner: &Evader) -> bool {
+    /// The evader never meets it, nor does it pass where the evader comes to stand.
+    fn is_missed(&self, mover: &Mover, evader: &Evader) -> bool {
         let goal = self.along(1.0);
-        let steps = (runner.duration_s() / RUNNER_STEP_S).ceil() as usize;
-        mover.gap([goal, goal]) >= RUNNER_CLEAR_M
+        let steps = (evader.duration_s() / EVADER_STEP_S).ceil() as usize;
+        mover.gap([goal, goal]) >= EVADER_CLEAR_M
             && (0..=steps).all(|step| {
-                let now = step as f64 * RUNNER_STEP_S;
-                let centre = runner.at(self.world, now).centre_world();
-                mover.part(self.world, now).shape.signed_distance(&centre) >= RUNNER_CLEAR_M
+                let now = step as f64 * EVADER_STEP_S;
+                let centre = evader.at(self.world, now).centre_world();
+                mover.part(self.world, now).shape.signed_distance(&centre) >= EVADER_CLEAR_M
             })
     }
 }

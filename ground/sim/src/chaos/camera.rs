@@ -18,7 +18,7 @@ use crate::vehicle::quadrotor::QuadrotorState;
 const STEPS: u64 = 66;
 const SECOND_STEPS: u64 = 13;
 const SECOND_SEQ: u64 = 100_000;
-/// The runner begins to run then, s.
+/// The evader begins to run then, s.
 const RUNS_FROM_S: f64 = 7.0;
 
 /// The camera with its errors.

@@ -9,7 +9,7 @@ use crate::trial::Fault as Sense;
 
 /// Prepared scenes of each task.
 pub const SCENES: usize = 12;
-/// One schedule in so many chases a runner: the policy's network takes most of such a flight's time.
+/// One schedule in so many chases an evader: the policy's network takes most of such a flight's time.
 const TRACK_ONE_IN: u64 = 8;
 /// Faults in a schedule, at most.
 const MOST_FAULTS: usize = 7;

@@ -22,10 +22,10 @@ use crate::trial::{Network, Scene, WorldSource};
 /// Trees this far apart, m: open enough for flights to end by their faults.
 const SPACING_M: f64 = 7.0;
 const GOAL_M: f64 = 8.0;
-/// The runner's way, and the size of the scene, m.
+/// The evader's way, and the size of the scene, m.
 const DISTANCE_M: f64 = 24.0;
 const SPEED_MPS: f64 = 4.0;
-const RUNNER_MPS: f64 = 3.0;
+const TARGET_MPS: f64 = 3.0;
 const MAX_SPEED_MPS: f64 = 7.0;
 const HEIGHT_M: f64 = 1.5;
 /// Seeds of the scenes.
@@ -112,7 +112,7 @@ impl Hangar {
         }
         let world = WorldSource::Forest { spacing_m: SPACING_M };
         let seed = mix(SCENE_SEED, (setting.scene % SCENES) as u64);
-        let config = SceneConfig::of_task(task, RUNNER_MPS, world, Course::Goal, seed);
+        let config = SceneConfig::of_task(task, TARGET_MPS, world, Course::Goal, seed);
         let scene = Scene::new(&SceneConfig { distance_m: DISTANCE_M, ..config })?;
         Ok(slot.get_or_init(|| scene))
     }

@@ -45,7 +45,7 @@ pub struct Setting {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Task {
-    /// Chase a runner, with the shipped policy.
+    /// Track an evader, with the shipped policy.
     Track,
     /// Fly to a goal, steered by the depth image alone.
     Navigate,

@@ -21,7 +21,7 @@ use crate::trial::{Difference, Fault, Network, PilotKind, WorldSource};
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TaskName {
-    /// Chase a running person.
+    /// Follow the target, a running person.
     Track,
     /// Fly to a goal 40 m ahead.
     Navigate,

@@ -21,11 +21,11 @@ pub struct Sample {
     pub speed_mps: f32,
     /// From its sphere to the nearest obstacle, m.
     pub clearance_m: f32,
-    /// The runner; none in navigation.
+    /// The evader; none in navigation.
     pub target: Option<TargetSample>,
 }
 
-/// The runner at one instant.
+/// The evader at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TargetSample {
     /// Its centre, m.
@@ -110,7 +110,7 @@ impl Witness for Tracer<'_> {
     }
 
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {
-        // A chase begins when the runner does, a navigation with the take-off's end.
+        // Tracking begins when the evader runs, a navigation with the take-off's end.
         let in_task = truth.evader.as_ref().map_or(self.up, |evader| evader.path_m > 0.0);
         if in_task {
             if self.truths.is_multiple_of(self.trace.stride) {

@@ -35,7 +35,7 @@ const PERSON_RADIUS_M: f64 = 0.25;
 const PERSON_LOW_M: f64 = 0.25;
 const PERSON_HIGH_M: f64 = 1.5;
 
-/// Centre to centre, a vehicle that is nearer to the target than this was too close, m: within two strides of a runner,
+/// Centre to centre, a vehicle that is nearer to the target than this was too close, m: within two strides of an evader,
 /// and a quarter below the least distance that the vehicle file asks for.
 pub const TOO_CLOSE_M: f64 = 1.5;
 

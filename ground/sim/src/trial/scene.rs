@@ -145,7 +145,7 @@ pub struct Scene {
     pub world: World,
     /// Where a navigation leads, on the ground.
     pub goal_world: Vec3,
-    /// The runner.
+    /// The evader.
     pub evader: Option<Evader>,
     /// Moving obstacles.
     pub movers: Vec<Mover>,
@@ -180,8 +180,8 @@ impl Scene {
                 },
                 Some((course, speed)) => {
                     let (course, goal_m) = (course.clone(), distance_m);
-                    let runner = EvaderConfig { course, goal_m, ..EvaderConfig::at_speed(*speed) };
-                    match Evader::plan(&world, &runner, start, heading, mix(seed, 1)) {
+                    let evader = EvaderConfig { course, goal_m, ..EvaderConfig::at_speed(*speed) };
+                    match Evader::plan(&world, &evader, start, heading, mix(seed, 1)) {
                         Ok(evader) => (start, Some(evader)),
                         Err(error) => {
                             failure = error.into();
@@ -190,7 +190,7 @@ impl Scene {
                     }
                 }
             };
-            let site = Site { world: &world, goal_world, runner: evader.as_ref() };
+            let site = Site { world: &world, goal_world, evader: evader.as_ref() };
             match site.draw(config.moving, mix(seed, 4)) {
                 Some(movers) => return Ok(Self { world, goal_world, evader, movers }),
                 None => failure = TrialError::NoRoomToMove(config.moving),
@@ -205,7 +205,7 @@ impl Scene {
         self.world.start_world() + Vec3::new(0.0, 0.0, airframe.leg_m)
     }
 
-    /// The runner's state; `since_start_s` is negative before the run.
+    /// The evader's state; `since_start_s` is negative before the run.
     #[must_use]
     pub fn evader_at(&self, since_start_s: f64) -> Option<EvaderState> {
         self.evader.as_ref().map(|e| e.at(&self.world, since_start_s))
@@ -217,7 +217,7 @@ impl Scene {
         self.movers.iter().map(|mover| mover.part(&self.world, since_start_s)).collect()
     }
 
-    /// The runner to draw.
+    /// The evader to draw.
     #[must_use]
     pub fn person_at(&self, since_start_s: f64) -> Option<Person> {
         self.evader.as_ref().map(|e| e.person(&self.world, since_start_s))

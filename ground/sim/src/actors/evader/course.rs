@@ -11,7 +11,7 @@ const EIGHT_HALF_M: f64 = 14.0;
 const EIGHT_AHEAD_M: f64 = 7.0;
 const EIGHT_POINTS: usize = 16;
 
-/// Aside again and again: the runner crosses in front of a vehicle that cuts the corner.
+/// Aside again and again: the evader crosses in front of a vehicle that cuts the corner.
 const ZIGZAG: [[f64; 3]; 6] =
     [[5.0, 0.0, 0.0], [12.0, 8.0, 0.0], [19.0, -8.0, 0.0], [26.0, 8.0, 0.0], [33.0, -8.0, 0.0], [40.0, 0.0, 0.0]];
 /// Out, and straight back into whoever follows.

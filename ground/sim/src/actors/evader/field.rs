@@ -12,7 +12,7 @@ use crate::world::World;
 /// A point on the ground plane, m.
 pub(super) type Point = nalgebra::Vector2<f64>;
 
-/// Heights above the ground between which a runner's body must keep clear, m.
+/// Heights above the ground between which an evader's body must keep clear, m.
 const BODY_LOW_M: f64 = 0.3;
 const BODY_HIGH_M: f64 = 1.7;
 /// Clearances beyond this are all alike, m.

@@ -1,4 +1,4 @@
-//! When the runner is where on a path: as fast as asked, as slow as the bends and the acceleration limit demand.
+//! When the evader is where on a path: as fast as asked, as slow as the bends and the acceleration limit demand.
 
 use super::path::Path;
 
@@ -18,7 +18,7 @@ pub(super) struct Knot {
     pub(super) speed_mps: f64,
 }
 
-/// Limits of the runner.
+/// Limits of the evader.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limits {
     /// Most speed, m/s.
@@ -30,7 +30,7 @@ pub(super) struct Limits {
 /// Share of the acceleration that bends may use: the rest slows down and speeds up in them.
 const BEND_SHARE: f64 = 0.92;
 
-/// A place where the runner stands for a while.
+/// A place where the evader stands for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stand {
     /// Parameter of the path.
@@ -40,7 +40,7 @@ pub(super) struct Stand {
 }
 
 /// Knots from `from` (a place of an earlier timetable, or rest at the beginning) to rest at the path's end, with a rest
-/// at each of `stands`; none if the runner is too fast at `from` to take what follows.
+/// at each of `stands`; none if the evader is too fast at `from` to take what follows.
 pub(super) fn timetable(path: &Path, from: Knot, limits: Limits, stands: &[Stand]) -> Option<Vec<Knot>> {
     // A little less than the limit: between knots curvature is not quite that of the knots.
     let acc = 0.95 * limits.acc_mps2;

@@ -1,4 +1,4 @@
-//! Facts about the runner, over many forests.
+//! Facts about the evader, over many forests.
 
 use super::*;
 use crate::world::forest::{ForestConfig, forest};
