@@ -42,7 +42,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     std::fs::write(out.join("descriptor_set.bin"), protox::prost::Message::encode_to_vec(&files))?;
 
-    let messages: Vec<&str> = files.file.iter().flat_map(|f| &f.message_type).map(|m| m.name()).collect();
+    let messages: Vec<&str> = files
+        .file
+        .iter()
+        .flat_map(|f| &f.message_type)
+        .map(protox::prost_reflect::prost_types::DescriptorProto::name)
+        .collect();
     let table: Table = toml::from_str(&std::fs::read_to_string("keys.toml")?)?;
     std::fs::write(out.join("keys.rs"), generate(&table, &messages)?)?;
     Ok(())

@@ -5,7 +5,7 @@
 pub mod keys;
 
 /// The messages of `goshawk/v1/goshawk.proto`; frames and units are in its comments.
-#[allow(missing_docs, clippy::doc_markdown)]
+#[allow(missing_docs, clippy::pedantic)]
 pub mod v1 {
     include!(concat!(env!("OUT_DIR"), "/goshawk.v1.rs"));
 }

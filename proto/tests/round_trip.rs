@@ -318,7 +318,8 @@ fn bytes_of_python_decode_to_the_same_values_and_encode_identically() {
 #[test]
 fn every_message_of_the_descriptor_set_is_checked() {
     let set = prost_types::FileDescriptorSet::decode(goshawk_proto::FILE_DESCRIPTOR_SET).unwrap();
-    let mut named: Vec<&str> = set.file.iter().flat_map(|f| &f.message_type).map(|m| m.name()).collect();
+    let mut named: Vec<&str> =
+        set.file.iter().flat_map(|f| &f.message_type).map(prost_types::DescriptorProto::name).collect();
     named.sort_unstable();
     assert_eq!(checks().keys().copied().collect::<Vec<_>>(), named);
 }

@@ -171,9 +171,8 @@ impl Gaze {
         match look {
             Look::Keep => YawGoal::Keep,
             Look::Way(place) => along(self.yaw.config(), place - pos, vel),
-            Look::Chase => glimpse().unwrap_or_else(|| match self.slipped(now, pos) {
-                true => YawGoal::Sweep(self.side),
-                false => self.glancing(now, at_target()),
+            Look::Chase => glimpse().unwrap_or_else(|| {
+                if self.slipped(now, pos) { YawGoal::Sweep(self.side) } else { self.glancing(now, at_target()) }
             }),
             Look::Hold if self.slipped(now, pos) => glimpse().unwrap_or(YawGoal::Sweep(self.side)),
             Look::Search { around: true } => glimpse().unwrap_or(YawGoal::Sweep(self.side)),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 /// Removes the oldest logs of `folder` until those that are left hold at most `keep_bytes`; returns what it removed.
 /// A log is a file named `prefix….mcap`; names begin with the time, so the first by name is the oldest. Nothing else
 /// is touched, and what cannot be read or removed is passed over.
+#[must_use]
 pub fn rotate(folder: &Path, prefix: &str, keep_bytes: u64) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let mut logs: Vec<(PathBuf, u64)> = entries

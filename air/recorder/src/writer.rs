@@ -42,17 +42,14 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// The sink refused.
     pub fn write(&mut self, channel: Channel, time_ns: u64, payload: &[u8]) -> Result<(), mcap::McapError> {
-        let (id, sequence) = match self.channels.get_mut(&channel) {
-            Some((id, sequence)) => {
-                *sequence = sequence.wrapping_add(1);
-                (*id, *sequence)
-            }
-            None => {
-                let schema = self.writer.add_schema(channel.message, "protobuf", goshawk_proto::FILE_DESCRIPTOR_SET)?;
-                let id = self.writer.add_channel(schema, channel.topic, "protobuf", &BTreeMap::new())?;
-                self.channels.insert(channel, (id, 0));
-                (id, 0)
-            }
+        let (id, sequence) = if let Some((id, sequence)) = self.channels.get_mut(&channel) {
+            *sequence = sequence.wrapping_add(1);
+            (*id, *sequence)
+        } else {
+            let schema = self.writer.add_schema(channel.message, "protobuf", goshawk_proto::FILE_DESCRIPTOR_SET)?;
+            let id = self.writer.add_channel(schema, channel.topic, "protobuf", &BTreeMap::new())?;
+            self.channels.insert(channel, (id, 0));
+            (id, 0)
         };
         let header = MessageHeader { channel_id: id, sequence, log_time: time_ns, publish_time: time_ns };
         self.writer.write_to_known_channel(&header, payload)

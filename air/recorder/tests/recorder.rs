@@ -247,7 +247,7 @@ fn the_oldest_logs_make_room_and_nothing_else_does() {
     assert_eq!(goshawk_recorder::rotate(folder.path(), "kite-", 300), Vec::<std::path::PathBuf>::new());
     let removed = goshawk_recorder::rotate(folder.path(), "kite-", 250);
     assert_eq!(removed, [folder.path().join("kite-2026-01.mcap")]);
-    goshawk_recorder::rotate(folder.path(), "kite-", 0);
+    let _ = goshawk_recorder::rotate(folder.path(), "kite-", 0);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     assert!(goshawk_recorder::rotate(&folder.path().join("none"), "kite-", 0).is_empty());
 }

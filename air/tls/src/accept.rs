@@ -57,12 +57,13 @@ pub(crate) async fn run(
 /// One handshake; its link goes to Zenoh.
 async fn admit(stream: TcpStream, from: SocketAddr, identity: Identity, links: NewLinkChannelSender, within: Duration) {
     let claim = Claim::default();
-    let refuse = |why: &str| match claim.name() {
-        Some(name) => {
+    let refuse = |why: &str| {
+        if let Some(name) = claim.name() {
             let name: String = name.chars().filter(|c| !c.is_control()).take(LONGEST_CLAIM).collect();
             tracing::warn!(target: REFUSED, "{} was refused as {name}: {why}", from.ip());
+        } else {
+            tracing::warn!(target: REFUSED, "{} was refused: {why}", from.ip());
         }
-        None => tracing::warn!(target: REFUSED, "{} was refused: {why}", from.ip()),
     };
     let Ok(local) = stream.local_addr() else { return };
     let _ = stream.set_nodelay(true);

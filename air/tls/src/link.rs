@@ -25,7 +25,7 @@ const WAITING: usize = 16_384;
 /// A farewell that the peer does not take is not waited for longer.
 const FAREWELL: Duration = Duration::from_millis(200);
 /// The clock is looked at so often while a certificate ages: it may be set.
-const CLOCK: Duration = Duration::from_secs(60);
+const CLOCK: Duration = Duration::from_mins(1);
 
 pub(crate) struct Link {
     reader: Mutex<ReadHalf<TlsStream<TcpStream>>>,

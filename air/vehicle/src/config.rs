@@ -120,7 +120,7 @@ impl Vehicle {
     }
 
     fn with(mut self, text: String, tuning_text: String, path: &Path) -> Result<Vehicle, VehicleError> {
-        self.folder = folder_of(path).to_owned();
+        folder_of(path).clone_into(&mut self.folder);
         let tuning_path = self.resolve(&self.tuning_file);
         let tuning: Tuning = parsed(&tuning_text, &tuning_path)?;
         tuning.validate().map_err(|cause| VehicleError::Value { path: tuning_path, cause: cause.to_string() })?;

@@ -144,7 +144,7 @@ pub fn scene_world(seed: u64) -> Result<World, WorldError> {
     let spacing_m = if rng.random_bool(0.05) { 12.0 } else { rng.random_range(3.0..7.0) };
     let hills_m = rng.random_range(0.1..0.45);
     let grow = |spacing_m| forest(&ForestConfig { spacing_m, hills_m, ..ForestConfig::default() }, seed);
-    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xc1077e4);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x0c10_77e4);
     if rng.random_bool(clutter::CLUTTERED) {
         Ok(clutter::cluttered(grow(spacing_m + clutter::WIDER_M)?, &mut rng))
     } else {

@@ -94,24 +94,21 @@ fn ray_stops_where_marching_stops(world: &World, least: [usize; 3]) {
         while t < max_m && gap(t) > 1e-6 {
             t += gap(t);
         }
-        match world.ray_cast(&p, &dir, max_m) {
-            Some(hit) => {
-                // A ray that only grazes may be stopped early by the march.
-                assert!(hit.distance_m > t - 1e-4, "{hit:?} before the march's {t}");
-                if hit.distance_m > t + 1e-3 {
-                    assert!(gap(t) < 2e-6);
-                }
-                match hit.surface {
-                    Surface::Ground => on_ground += 1,
-                    Surface::Part(_) => on_parts += 1,
-                }
-                assert!(world.occluded(&p, &(p + dir * (hit.distance_m + 0.01))));
-                assert!(!world.occluded(&p, &(p + dir * (hit.distance_m - 0.01).max(0.0))));
+        if let Some(hit) = world.ray_cast(&p, &dir, max_m) {
+            // A ray that only grazes may be stopped early by the march.
+            assert!(hit.distance_m > t - 1e-4, "{hit:?} before the march's {t}");
+            if hit.distance_m > t + 1e-3 {
+                assert!(gap(t) < 2e-6);
             }
-            None => {
-                assert!(t >= max_m || gap(t) < 2e-6);
-                on_nothing += 1;
+            match hit.surface {
+                Surface::Ground => on_ground += 1,
+                Surface::Part(_) => on_parts += 1,
             }
+            assert!(world.occluded(&p, &(p + dir * (hit.distance_m + 0.01))));
+            assert!(!world.occluded(&p, &(p + dir * (hit.distance_m - 0.01).max(0.0))));
+        } else {
+            assert!(t >= max_m || gap(t) < 2e-6);
+            on_nothing += 1;
         }
     }
     let counts = [on_parts, on_ground, on_nothing];

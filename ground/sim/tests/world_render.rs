@@ -104,7 +104,7 @@ fn every_pixels_depth_and_class_are_the_ray_casts() {
     }
     // Silhouettes and grazing ground may differ by rounding.
     assert!(pixels > 100_000 && parts_seen > 20_000);
-    assert!((wrong as f64) < 0.003 * pixels as f64, "{wrong} of {pixels} pixels differ");
+    assert!((wrong as f64) < 0.003 * f64::from(pixels), "{wrong} of {pixels} pixels differ");
 }
 
 #[test]

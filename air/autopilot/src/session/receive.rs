@@ -215,10 +215,10 @@ impl Endpoint {
             state.view.settled(&settled);
             match settled.outcome {
                 Outcome::Accepted => {
-                    tracing::debug!(command = %settled.command, "autopilot accepted")
+                    tracing::debug!(command = %settled.command, "autopilot accepted");
                 }
                 outcome => {
-                    tracing::warn!(command = %settled.command, %outcome, "autopilot refused")
+                    tracing::warn!(command = %settled.command, %outcome, "autopilot refused");
                 }
             }
         }

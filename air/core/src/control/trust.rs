@@ -165,7 +165,7 @@ impl Trust {
     /// What came before does not belong to what comes: an announced jump, or samples that are missing. Distrust stays.
     pub fn skip(&mut self) {
         let Self { jumps, turned, distrust, disturbance, .. } = *self;
-        *self = Self { jumps, turned, distrust, disturbance, ..Self::default() };
+        *self = Self { disturbance, jumps, turned, distrust, ..Self::default() };
         if let Some(distrust) = &mut self.distrust {
             distrust.lose();
         }

@@ -199,8 +199,8 @@ mod tests {
 
     #[test]
     fn two_keys_that_contradict_each_other_are_refused_by_name() {
-        assert_eq!((shipped::tuning().validate(), shipped::controller().validate()), (Ok(()), Ok(())));
         type Spoil = fn(&mut Tuning, &mut ControllerConfig);
+        assert_eq!((shipped::tuning().validate(), shipped::controller().validate()), (Ok(()), Ok(())));
         let spoiled: [(&str, Spoil); 15] = [
             ("planner.detection.keep_objectness", |t, _| t.planner.detection.keep_objectness = 0.6),
             ("planner.target.confirm_hits", |t, _| t.planner.target.confirm_hits = 7),

@@ -436,7 +436,7 @@ mod tests {
         let ignored = Ignored { at_world: Vec3::new(4.0, 0.0, 1.0), radius: 0.8 };
         let way = ahead(Vec3::zeros(), 6.0, 1.0);
         (0..4).for_each(|_| {
-            obstacles.see(Time::from_secs(1.0), (&Vec3::zeros(), &Rot::identity()), &thing_at(4000), Some(&ignored))
+            obstacles.see(Time::from_secs(1.0), (&Vec3::zeros(), &Rot::identity()), &thing_at(4000), Some(&ignored));
         });
         assert_eq!(obstacles.meeting(&way, None), 0.0);
         (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(4000)));

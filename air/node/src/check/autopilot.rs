@@ -53,8 +53,8 @@ pub(super) fn judge(link: &Result<AutopilotLink, String>, vehicle: &Vehicle, fin
         Firmware::Px4 => {
             loss_time(first, link.parameter(first), "what COM_OBL_RC_ACT says follows", findings);
             loss_action(second, link.parameter(second), findings);
-            let told = status.firmware.stick_parameters().iter();
-            sticks(told.filter_map(|name| Some((*name, link.parameter(name)?))).next(), findings);
+            let told = |name: &&'static str| Some((*name, link.parameter(name)?));
+            sticks(status.firmware.stick_parameters().iter().find_map(told), findings);
         }
         Firmware::ArduPilot(_) => {
             thrust_option(first, &status, findings);

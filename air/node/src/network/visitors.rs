@@ -87,9 +87,10 @@ impl Visitors {
 
     /// A peer is connected; Zenoh's words of it name only its number. `admitted`: something of it is taken.
     pub fn came(&self, id: String, who: &str, admitted: bool, now: Time) {
-        let (severity, text) = match admitted {
-            true => (v1::Severity::Info, format!("{who} is connected")),
-            false => (v1::Severity::Warning, not_admitted(who)),
+        let (severity, text) = if admitted {
+            (v1::Severity::Info, format!("{who} is connected"))
+        } else {
+            (v1::Severity::Warning, not_admitted(who))
         };
         self.note(severity, who, &text, now);
         let mut peers = lock(&self.peers);
@@ -126,14 +127,13 @@ impl Visitors {
         }
         let id = who.split(' ').next().unwrap_or(who);
         let (who, admitted) = lock(&self.peers).get(id).cloned().unwrap_or_else(|| (format!("peer {id}"), true));
-        let text = match admitted {
-            true => format!("{who} may not {} on {key}", action.to_lowercase()),
-            false => not_admitted(&who),
-        };
+        let text =
+            if admitted { format!("{who} may not {} on {key}", action.to_lowercase()) } else { not_admitted(&who) };
         Some((who, text))
     }
 
     /// What is to be told now.
+    #[must_use]
     pub fn take(&self, now: Time) -> Vec<(v1::Severity, String)> {
         let mut table = lock(&self.table);
         table.retain(|note| note.count > 0 || now.since(note.last) < FORGOTTEN_S);

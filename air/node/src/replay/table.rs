@@ -25,7 +25,10 @@ pub fn print(outcome: &Outcome) {
     match &outcome.first_difference {
         None => println!("no difference"),
         Some(d) => {
-            println!("first difference at {:.3} s: {}: {} was {}, is {}", d.at_s, d.what, d.field, d.logged, d.replayed)
+            println!(
+                "first difference at {:.3} s: {}: {} was {}, is {}",
+                d.at_s, d.what, d.field, d.logged, d.replayed
+            );
         }
     }
     let Some(other) = &outcome.other else { return };

@@ -74,7 +74,7 @@ pub struct Recorder {
     /// The folder, relative to this file.
     pub directory: PathBuf,
     /// At a start the oldest logs go, so that those of before hold no more than this, MB.
-    #[schemars(range(min = 0.0, max = 10000000.0), extend("x-why" = "no disk on board holds ten terabytes"))]
+    #[schemars(range(min = 0.0, max = 10_000_000.0), extend("x-why" = "no disk on board holds ten terabytes"))]
     pub keep_mb: f64,
 }
 

@@ -293,12 +293,11 @@ impl Judge {
         match cause {
             Cause::StopCommand => input.command == Some(Command::Stop),
             Cause::StartCommand => matches!(input.command, Some(Command::Start(_))) && input.ready,
-            Cause::TouchedDown | Cause::Disarmed => !autopilot.armed,
+            Cause::TouchedDown | Cause::Disarmed | Cause::FaultOver => !autopilot.armed,
             Cause::ModeTakenAway => !autopilot.offboard,
             Cause::AutopilotLost => !autopilot.connected,
             Cause::PositionLost => autopilot.position == Some(false),
             Cause::BatteryLow => self.low_since.is_some(),
-            Cause::FaultOver => !autopilot.armed,
             _ => true,
         }
     }

@@ -48,7 +48,7 @@ fn wall<R: Rng>(world: &World, parts: &mut Vec<Part>, rng: &mut R) {
     let at = |along: f64| [middle[0] + along * yaw_rad.cos(), middle[1] + along * yaw_rad.sin()];
     let mut piece = |from: f64, to: f64| {
         let half = [(to - from) / 2.0, half_thick_m];
-        parts.push(upright(world, at((from + to) / 2.0), half, height_m, yaw_rad, tint));
+        parts.push(upright(world, at(f64::midpoint(from, to)), half, height_m, yaw_rad, tint));
     };
     let door_m = rng.random_range(0.9..2.0);
     if half_m < 1.5 || rng.random_bool(0.5) {
@@ -70,7 +70,7 @@ fn wall<R: Rng>(world: &World, parts: &mut Vec<Part>, rng: &mut R) {
 /// A box on the ground; `half` its horizontal half edges, m.
 fn upright(world: &World, at: [f64; 2], half: [f64; 2], height_m: f64, yaw_rad: f64, tint: [f32; 3]) -> Part {
     let foot = world.ground_height(at[0], at[1]);
-    let half = Vec3::new(half[0], half[1], (height_m + ROOT_M) / 2.0);
+    let half = Vec3::new(half[0], half[1], f64::midpoint(height_m, ROOT_M));
     let centre = Vec3::new(at[0], at[1], foot - ROOT_M + half.z);
     Part { shape: Shape::Cuboid(Cuboid { centre, half, yaw_rad }), kind: Kind::Building, tint }
 }

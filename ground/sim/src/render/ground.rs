@@ -138,7 +138,7 @@ impl<'a> Seeker<'a> {
 
     /// A ray steeper than any hill meets the ground once.
     #[inline(always)]
-    fn steep(&self, run: f32, dz: f32) -> bool {
+    fn steep(run: f32, dz: f32) -> bool {
         -dz > 1.3 * run
     }
 
@@ -157,9 +157,9 @@ impl<'a> Seeker<'a> {
             let smooth = rate > 0.02;
             let met = (gap.abs() < CLOSED_M) | (smooth & (newton.abs() < most(LAST_STEP_M, LAST_STEP * t[i])));
             let run = self.run(dx[i], dy[i]);
-            let near_step = if self.steep(run, dz[i]) { f32::INFINITY } else { 0.8 };
+            let near_step = if Self::steep(run, dz[i]) { f32::INFINITY } else { 0.8 };
             let walk = gap / most(0.6 * run - dz[i], 1e-3);
-            let step = if (rate > 0.0) & (newton < near_step) { newton } else { walk };
+            let step = if (rate > 0.0) && (newton < near_step) { newton } else { walk };
             let last = if smooth { newton } else { 0.0 };
             found.met[i] = mask(met);
             found.t[i] = most(t[i] + if met { last } else { step }, 0.0);
@@ -171,7 +171,7 @@ impl<'a> Seeker<'a> {
     /// Goes on from `t` along one ray up to `limit`, m of depth; if it meets nothing, how far it got.
     fn follow(&self, dir: V3, mut t: f32, limit: f32) -> Result<Hit, f32> {
         let rays = [[dir.x], [dir.y], [dir.z]];
-        let steep = self.steep(self.run(dir.x, dir.y), dir.z);
+        let steep = Self::steep(self.run(dir.x, dir.y), dir.z);
         for _ in 0..STEPS {
             if t > limit.min(FAR_M) && !steep {
                 break;
@@ -203,11 +203,11 @@ impl<'a> Seeker<'a> {
             let run = self.run(dx[i], dy[i]);
             // The ray enters the layer of the hills here.
             let enter = most(if above { top / dz[i] } else { 0.0 }, proven[i]);
-            open[i] = mask((!above | (dz[i] < 0.0)) & (enter < limit[i]) & (run > dz[i]));
+            open[i] = mask(!above || (dz[i] < 0.0) && (enter < limit[i]) && (run > dz[i]));
             let guess = rise[i] / (dz[i] - along_x[i] * dx[i] - along_y[i] * dy[i]);
             // Beyond what is proven free, but not so far that a crest could hide between.
-            let near = (guess > 0.9 * enter) & ((guess < 1.4 * proven[i] + 0.3) | (proven[i] > CRESTS_M));
-            let good = (guess > 0.0) & (self.steep(run, dz[i]) | near);
+            let near = (guess > 0.9 * enter) && (guess < 1.4 * proven[i] + 0.3) || (proven[i] > CRESTS_M);
+            let good = (guess > 0.0) & (Self::steep(run, dz[i]) | near);
             t[i] = least(if good { guess } else { enter }, 2.0 * FAR_M);
         }
         if any(&open) == 0 {
@@ -262,7 +262,7 @@ pub(super) fn draw(
             let found = seeker.stretch(&dir, &limit, &mut proven, planes);
             below.learn(first, &proven, found.as_ref());
             let Some(found) = found else { continue };
-            let nearer: [u32; LANES] = lanes(|i| found.met[i] & mask((found.t[i] < limit[i]) & (found.t[i] > 0.0)));
+            let nearer: [u32; LANES] = lanes(|i| found.met[i] & mask((found.t[i] < limit[i]) && (found.t[i] > 0.0)));
             let depth: Lanes = lanes(|i| pick(nearer[i], found.t[i], limit[i]));
             canvas.depth[row..row + inside].copy_from_slice(&depth[..inside]);
             for (id, nearer) in canvas.ids[row..row + inside].iter_mut().zip(nearer) {

@@ -104,6 +104,7 @@ fn person_distance(at: &Vec3, person: &EvaderState) -> f64 {
 }
 
 /// From the vehicle's sphere to the nearest obstacle (not the ground), `moving` ones among them, m.
+#[must_use]
 pub fn clearance(world: &World, moving: &[Part], at: &Vec3) -> f64 {
     world.clearance(at).min(moving::clearance(moving, at)) - BODY_RADIUS_M
 }
@@ -139,6 +140,7 @@ impl Follower {
 }
 
 /// What the vehicle's sphere, `clearance_m` from the nearest obstacle, touches; the ground only if it is `airborne`.
+#[must_use]
 pub fn contact(
     world: &World,
     moving: &[Part],
@@ -171,6 +173,7 @@ pub fn contact(
 }
 
 /// Whether the frame shows the target well enough to count as seen.
+#[must_use]
 pub fn in_view(frame: &Frame) -> bool {
     frame.person_pixels_visible >= VIEW_PIXELS && frame.person_visible() >= VIEW_FRACTION
 }

@@ -201,8 +201,8 @@ impl Pilot for Onboard<'_> {
     }
 
     fn faults(&self) -> Vec<&'static str> {
-        let stream = self.stream.fault().map(|fault| fault.name());
-        let answers = self.answers.fault().map(|fault| fault.name());
+        let stream = self.stream.fault().map(goshawk_policy::StreamFault::name);
+        let answers = self.answers.fault().map(goshawk_policy::AnswerFault::name);
         stream.into_iter().chain(answers).chain(self.odometry_fault.map(OdometryFault::name)).collect()
     }
 

@@ -84,7 +84,7 @@ impl DepthSensor {
         let z = lanes(|i| {
             // Matching windows straddle an edge: some pixels get a depth between the two surfaces, or the nearer one.
             let between = true_z[i] + (nearest[i] - true_z[i]) * (second[i] * (1.0 / 0.12));
-            let nearer = if (second[i] < 0.35) & (nearest[i] >= config.min_m) { nearest[i] } else { true_z[i] };
+            let nearer = if (second[i] < 0.35) && (nearest[i] >= config.min_m) { nearest[i] } else { true_z[i] };
             if second[i] < 0.12 { between } else { nearer }
         });
         let inverse = 1.0 / (config.max_m - config.poor_m);
@@ -100,8 +100,8 @@ impl DepthSensor {
             let disparity = nearest_whole(1.0 / (config.step_per_m * most(z[i] + z[i] * z[i] * noise, 0.05)));
             1.0 / (config.step_per_m * most(disparity, 1.0))
         });
-        let within = |z: f32| (z >= config.min_m) & (z <= config.max_m);
-        let known: [bool; LANES] = lanes(|i| within(true_z[i]) & (chance[i] >= hole[i]) & within(measured[i]));
+        let within = |z: f32| (z >= config.min_m) && (z <= config.max_m);
+        let known: [bool; LANES] = lanes(|i| within(true_z[i]) && (chance[i] >= hole[i]) & within(measured[i]));
         let level: [u32; LANES] = lanes(|i| if known[i] { low_bits(measured[i] * 1000.0) } else { 0 });
         level.map(|mm| mm as u16)
     }

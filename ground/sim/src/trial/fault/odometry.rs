@@ -115,6 +115,7 @@ impl Falsified {
 }
 
 /// What the attitude loop does with `setpoint`: it flies with the same estimate, and so by the same wrong heading.
+#[must_use]
 pub fn followed(error: Option<OdometryError>, setpoint: AttitudeThrust) -> AttitudeThrust {
     match error {
         Some(OdometryError::Heading | OdometryError::HeadingFromStart) => {

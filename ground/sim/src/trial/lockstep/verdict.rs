@@ -48,28 +48,25 @@ impl Lockstep<'_> {
             return outcome.or(flew_on.then_some(Outcome::Timeout)).map(|outcome| (outcome, None));
         }
         let given_up = matches!(self.mode, Mode::Stopping | Mode::Landed | Mode::Fault);
-        let outcome = match evader {
-            Some(evader) => {
-                let distance = (evader.centre_world() - at).norm();
-                if evader.arrived {
-                    let behind = distance <= CAUGHT_UP_M && self.judge.seen(now, SEEN_WITHIN_S);
-                    let judged = if behind { Outcome::Success } else { Outcome::Lost };
-                    let (arrived, judged) = *self.arrived.get_or_insert((now, judged));
-                    (now.since(arrived) >= STANDS_S).then(|| self.unless_too_close(judged))
-                } else {
-                    let gone = distance > GONE_M && !self.judge.seen(now, GONE_S) && self.in_task(now);
-                    (gone || given_up).then_some(Outcome::Lost)
-                }
+        let outcome = if let Some(evader) = evader {
+            let distance = (evader.centre_world() - at).norm();
+            if evader.arrived {
+                let behind = distance <= CAUGHT_UP_M && self.judge.seen(now, SEEN_WITHIN_S);
+                let judged = if behind { Outcome::Success } else { Outcome::Lost };
+                let (arrived, judged) = *self.arrived.get_or_insert((now, judged));
+                (now.since(arrived) >= STANDS_S).then(|| self.unless_too_close(judged))
+            } else {
+                let gone = distance > GONE_M && !self.judge.seen(now, GONE_S) && self.in_task(now);
+                (gone || given_up).then_some(Outcome::Lost)
             }
-            None => {
-                let way = (self.scene.goal_world - self.scene.world.start_world()).norm();
-                let limit = NAVIGATION_GRACE_S + way / (0.25 * self.config.speed_mps);
-                let late = self.up.is_some_and(|up| now.since(up) > limit);
-                if (self.goal_world() - at).norm() <= GOAL_RADIUS_M {
-                    Some(Outcome::Success)
-                } else {
-                    (late || given_up).then_some(Outcome::Timeout)
-                }
+        } else {
+            let way = (self.scene.goal_world - self.scene.world.start_world()).norm();
+            let limit = NAVIGATION_GRACE_S + way / (0.25 * self.config.speed_mps);
+            let late = self.up.is_some_and(|up| now.since(up) > limit);
+            if (self.goal_world() - at).norm() <= GOAL_RADIUS_M {
+                Some(Outcome::Success)
+            } else {
+                (late || given_up).then_some(Outcome::Timeout)
             }
         };
         outcome.map(|outcome| (outcome, None))

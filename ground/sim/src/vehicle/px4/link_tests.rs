@@ -278,8 +278,9 @@ fn a_stranger_does_not_become_the_peer_and_garbage_is_counted() {
     let there = bench.link.local_address().unwrap();
     stranger.send_to(&[0x55; 300], there).unwrap();
     stranger.send_to(&[0xFD, 200, 0, 0, 1, 2, 3], there).unwrap();
-    let heartbeat = goshawk_autopilot::wire::encode::Encoder::new(1, 1)
-        .encode(&goshawk_autopilot::messages::MavMessage::HEARTBEAT(Default::default()));
+    let heartbeat = goshawk_autopilot::wire::encode::Encoder::new(1, 1).encode(
+        &goshawk_autopilot::messages::MavMessage::HEARTBEAT(goshawk_autopilot::messages::HEARTBEAT_DATA::default()),
+    );
     stranger.send_to(heartbeat.raw_bytes(), there).unwrap();
     bench.sent += 1; // counted as a stranger's
     bench.run(1.0);

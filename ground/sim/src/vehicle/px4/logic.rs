@@ -101,7 +101,7 @@ impl Px4Logic {
     pub fn restart(&mut self, boot_s: f64) {
         let off_until = Some(self.now.plus(boot_s));
         let (now, faults, odometry_fault) = (self.now, self.faults, self.odometry_fault);
-        *self = Self { now, faults, odometry_fault, off_until, ..Self::new(self.config) };
+        *self = Self { now, odometry_fault, faults, off_until, ..Self::new(self.config) };
     }
 
     /// It stops the motors, wherever it is: a kill switch, or a failsafe.

@@ -3,7 +3,13 @@
 use super::{OdometryFault, VehicleState};
 use goshawk_autopilot::Px4Mode;
 use goshawk_autopilot::frames::{frd_from_flu, ned_from_enu, ned_from_frd};
-use goshawk_autopilot::messages::*;
+use goshawk_autopilot::messages::{
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, ATTITUDE_TARGET_DATA, AttitudeTargetTypemask, BATTERY_STATUS_DATA,
+    CURRENT_MODE_DATA, ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA, EstimatorStatusFlags, HEARTBEAT_DATA,
+    HIGHRES_IMU_DATA, HighresImuUpdatedFlags, LOCAL_POSITION_NED_DATA, MavAutopilot, MavEstimatorType, MavFrame,
+    MavLandedState, MavMessage, MavModeFlag, MavStandardMode, MavState, MavSysStatusSensor, MavType, ODOMETRY_DATA,
+    SYS_STATUS_DATA, TIMESYNC_DATA, VFR_HUD_DATA,
+};
 use goshawk_core::{AttitudeThrust, Vec3};
 use mavlink::MessageData;
 

@@ -46,7 +46,7 @@ pub(super) fn furnish<R: Rng>(plan: &FloorPlan, room: &Room, built: &mut Built, 
         }
         let free = |(other, keep): &([f64; 2], f64)| (at[0] - other[0]).hypot(at[1] - other[1]) > keep + reach;
         if taken.iter().all(free) {
-            let tint = built.tint[if kind == 2 { 0 } else { 1 }];
+            let tint = built.tint[usize::from(kind != 2)];
             built.turned(Vec3::new(at[0], at[1], half.z), half, yaw, tint, rng);
             taken.push((at, PASSAGE_M + reach));
         }
