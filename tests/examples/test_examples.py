@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.state.snapshot import Snapshot
-from rig import ROOT, VEHICLE, Rig
+from rig import ROOT, Rig, copied
 
 EXAMPLES = ROOT / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("*.py"))
@@ -64,7 +64,7 @@ def test_all_images_of_a_log_are_sent(rig: Rig, log: Path) -> None:
 
 
 def test_the_vehicle_takes_the_examples_odometry_for_an_estimators(rig: Rig) -> None:
-    text = VEHICLE.read_text().replace("../models", str(VEHICLE.parent.parent / "models"))
+    text = copied()
     path = rig.folder / "vehicle.toml"
     path.write_text(text.replace('odometry = "autopilot"', 'odometry = "zenoh"'))
     rig.air(vehicle=path)
