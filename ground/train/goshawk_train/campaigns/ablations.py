@@ -147,9 +147,9 @@ def carry_out(plan: Plan, change: Change, folder: Path, runs: Path, simulator: P
     checkpoint.load_weights(network, saved)
     validator = validate.Validator(saved.config, held_out)
     metrics = validator.evaluate(network)
-    agreed = {"commit": export.current_commit(), "cost_scale": validator.cost_scale(saved)}
-    export.export(saved, out / "track.onnx", **agreed)
-    export.export(export.for_navigation(saved), out / "navigate.onnx", **agreed)
+    commit, scale = export.current_commit(), validator.cost_scale(saved)
+    export.export(saved, out / "track.onnx", commit=commit, cost_scale=scale)
+    export.export(export.for_navigation(saved), out / "navigate.onnx", commit=commit, cost_scale=scale)
     reports = [fly(row, out, simulator, out, trials=plan.trials, seed=plan.seed) for row in plan.campaigns]
     result = {
         "identity": identity(plan, change),
