@@ -92,12 +92,6 @@ impl Key {
         format!("{PREFIX}/{vehicle}/{}", self.row().suffix)
     }
 
-    /// The key of every vehicle, `goshawk/*/{suffix}`: for whoever looks for vehicles.
-    #[must_use]
-    pub fn expression_of_any_vehicle(self) -> String {
-        format!("{PREFIX}/*/{}", self.row().suffix)
-    }
-
     /// The key and vehicle that an expression without wildcards names; none if it is not in the table.
     #[must_use]
     pub fn parse(expression: &str) -> Option<(Key, VehicleName)> {
@@ -157,7 +151,6 @@ mod tests {
     #[test]
     fn a_key_expression_has_prefix_vehicle_and_suffix() {
         assert_eq!(Key::Plan.expression(&vehicle("kite-1")), "goshawk/kite-1/tel/plan");
-        assert_eq!(Key::Health.expression_of_any_vehicle(), "goshawk/*/tel/health");
     }
 
     #[test]

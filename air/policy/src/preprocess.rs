@@ -130,17 +130,6 @@ impl Preprocessor {
         Ok(&self.rgbd)
     }
 
-    /// [`Self::run`] with depth as little-endian bytes, as it comes over the wire.
-    ///
-    /// # Errors
-    /// A buffer of the wrong length.
-    pub fn run_bytes(&mut self, rgb: &[u8], depth_mm_le: &[u8]) -> Result<&[f32], PreprocessError> {
-        self.check(rgb, depth_mm_le.len())?;
-        let (pixels, _) = depth_mm_le.as_chunks::<2>();
-        self.prepare(rgb, |index| u16::from_le_bytes(pixels[index]));
-        Ok(&self.rgbd)
-    }
-
     /// The frame at the network's size: colour `[96, 160, 3]` and depth `[96, 160]`, millimetres. Preparing these gives
     /// the very input that preparing the frame gives.
     ///

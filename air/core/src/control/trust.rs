@@ -69,12 +69,6 @@ impl OdometryFault {
     pub fn is_passing(self) -> bool {
         self == OdometryFault::PositionJumped
     }
-
-    /// The attitude is what cannot be believed.
-    #[must_use]
-    pub fn is_of_attitude(self) -> bool {
-        matches!(self, OdometryFault::AttitudeTurned | OdometryFault::HeadingDisagrees)
-    }
 }
 
 impl std::fmt::Display for OdometryFault {

@@ -117,12 +117,6 @@ impl Estimator {
         due.then(|| self.waiting.pop_front()).flatten()
     }
 
-    /// How far the estimate of the position has drifted, m.
-    #[must_use]
-    pub fn drift_world(&self) -> Vec3 {
-        self.drift
-    }
-
     fn noise(&mut self, std: f64) -> Vec3 {
         Vec3::from_fn(|_, _| std * self.rng.sample::<f64, _>(StandardNormal))
     }
