@@ -151,7 +151,7 @@ fn a_model_without_a_contract_is_refused() {
 #[test]
 fn a_contract_of_another_version_is_refused() {
     let (error, message) = failure("wrong_version");
-    let version = matches!(error, PolicyError::Contract { source: ContractError::Version { found: 2 }, .. });
+    let version = matches!(error, PolicyError::Contract { source: ContractError::Version { found: 1 }, .. });
     assert!(version, "{message}");
 }
 
