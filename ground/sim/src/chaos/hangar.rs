@@ -15,6 +15,7 @@ use super::flight::{Flown, Ground, fly};
 use super::schedule::{Odometry, OnStop, Schedule, Setting, Task};
 use super::standin::{Sectors, contract_json};
 use crate::actors::evader::Course;
+use crate::fly::log::header;
 use crate::sense::rgbd::mix;
 use crate::trial::scene::SceneConfig;
 use crate::trial::{Network, Scene, WorldSource};
@@ -124,26 +125,15 @@ impl Hangar {
     pub fn fly(&self, schedule: &Schedule) -> Result<Flown> {
         let vehicle = self.vehicle(&schedule.setting)?;
         let scene = self.scene(&schedule.setting)?;
-        let header = v1::LogHeader {
-            vehicle: vehicle.name.clone(),
-            vehicle_toml: vehicle.text.clone(),
-            tuning_toml: vehicle.tuning_text.clone(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            profile: "chaos".to_owned(),
-            ..Default::default()
-        };
+        let header = |policy| v1::LogHeader { profile: "chaos".to_owned(), ..header(&vehicle, policy) };
         let ground = |header| Ground { vehicle: &vehicle, scene, header, bug: self.bug };
         if schedule.setting.task == Task::Navigate {
-            let header = v1::LogHeader { policy_contract_json: contract_json("navigate"), ..header };
+            let header = v1::LogHeader { policy_contract_json: contract_json("navigate"), ..header(None) };
             let mut network = Sectors { contract: self.contract.clone(), blind: false };
             return Ok(fly(schedule, &ground(&header), &mut network as &mut dyn Network)?);
         }
         let mut policy = self.policy()?;
-        let header = v1::LogHeader {
-            policy_sha256: policy.sha256().to_owned(),
-            policy_contract_json: policy.contract_json().to_owned(),
-            ..header
-        };
+        let header = header(Some(&policy));
         let flown = fly(schedule, &ground(&header), &mut policy as &mut dyn Network);
         self.policies.lock().unwrap_or_else(PoisonError::into_inner).push(policy);
         Ok(flown?)
