@@ -115,6 +115,19 @@ def test_every_command_and_option_that_is_shown_exists(page: Path) -> None:
             assert re.search(rf"(?<!\S){option}\b", sections[path]), f"{named(page)}: {path} has no {option}"
 
 
+@cache
+def crates() -> dict[str, Path]:
+    """The folder of each Rust package."""
+    found = {path: re.search(r'^name = "([\w-]+)"', text(path), re.MULTILINE) for path in ROOT.glob("*/*/Cargo.toml")}
+    return {name[1]: path.parent for path, name in found.items() if name}
+
+
+@pytest.mark.parametrize("page", TODAY, ids=named)
+def test_every_cargo_test_that_is_named_is_there(page: Path) -> None:
+    for crate, test in re.findall(r"-p (goshawk-\w+) --test (\w+)", text(page)):
+        assert (crates()[crate] / f"tests/{test}.rs").exists(), f"{named(page)}: no -p {crate} --test {test}"
+
+
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_every_test_that_is_named_is_there(page: Path) -> None:
     files: dict[str, str] = {}
