@@ -24,7 +24,7 @@ from goshawk_ground.commands.options import (
     TokenFile,
     fail,
 )
-from goshawk_ground.commands.stopping import wait_for_interrupt
+from goshawk_ground.commands.stopping import until_interrupted
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 from goshawk_ground.orders.stop_file import state_folder
 from goshawk_ground.orders.stop_latch import RESUME_S
@@ -79,14 +79,14 @@ def ground(
             dashboard = serve_dashboard(
                 *links, host=host, port=port, radios=radios, access=admitted.access, tls=admitted.tls
             )
-        if as_json:
-            facts = {"url": dashboard.url, "observer_url": dashboard.observer_url, "vehicles": endpoints}
-            typer.echo(json.dumps({**facts, **admitted.facts()}))
-        else:
-            words = ", ".join(f"'{name}' at {endpoint}" for name, endpoint in endpoints.items())
-            typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")
-            typer.echo("\n".join((f"observers: {dashboard.observer_url}", *admitted.words(port))))
-        wait_for_interrupt()
+        with until_interrupted():
+            if as_json:
+                facts = {"url": dashboard.url, "observer_url": dashboard.observer_url, "vehicles": endpoints}
+                typer.echo(json.dumps({**facts, **admitted.facts()}))
+            else:
+                words = ", ".join(f"'{name}' at {endpoint}" for name, endpoint in endpoints.items())
+                typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")
+                typer.echo("\n".join((f"observers: {dashboard.observer_url}", *admitted.words(port))))
         dashboard.close()
         for link in links:
             _say_if_pending(link)
@@ -159,10 +159,10 @@ def review(
             dashboard = open_review(logs, replay, host=host, port=port, access=admitted.access, tls=admitted.tls)
         except LogError as error:
             fail(str(error), REFUSED)
-    typer.echo(f"review: {dashboard.url}  ({', '.join(log.name for log in logs)}; Ctrl-C ends)")
-    for line in admitted.words(port):
-        typer.echo(line)
-    wait_for_interrupt()
+    with until_interrupted():
+        typer.echo(f"review: {dashboard.url}  ({', '.join(log.name for log in logs)}; Ctrl-C ends)")
+        for line in admitted.words(port):
+            typer.echo(line)
     dashboard.close()
 
 

@@ -48,8 +48,10 @@ def interrupted() -> Generator[threading.Event]:
             signal.signal(number, handler)
 
 
-def wait_for_interrupt() -> None:
-    """Returns on Ctrl-C or SIGTERM."""
+@contextmanager
+def until_interrupted() -> Generator[None]:
+    """What is said in it can be answered with Ctrl-C or SIGTERM at once: its end waits for either."""
     with interrupted() as done:
+        yield
         while not done.wait(0.5):
             pass
