@@ -178,15 +178,3 @@ def test_what_cannot_be_replayed_is_one_clear_line(flight: Path, tmp_path: Path,
         assert "log.mcap" in printed
     assert status == 1
     assert len(printed.strip().splitlines()) == 1
-
-
-def test_a_log_from_before_there_were_tuning_files_is_refused_in_one_line(flight: Path, tmp_path: Path) -> None:
-    def older(payload: bytes) -> bytes:
-        header = goshawk_pb2.LogHeader.FromString(payload)
-        header.ClearField("tuning_toml")
-        return header.SerializeToString()
-
-    status, printed = replay(with_a_flip(flight, tmp_path / "older.mcap", "log/header", older))
-    assert status == 1
-    assert "holds no tuning file: replay it with the version that recorded it" in printed
-    assert len(printed.strip().splitlines()) == 1
