@@ -5,4 +5,3 @@ pub mod control;
 pub mod planning;
 pub mod realtime;
 pub mod shared;
-pub mod slot;

@@ -4,6 +4,5 @@
 pub mod check;
 pub mod flight;
 pub mod network;
-pub mod replay;
 pub mod report;
 pub mod run;

@@ -6,9 +6,9 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
+use goshawk_air::check;
 use goshawk_air::network::visitors::Visitors;
 use goshawk_air::run::{Overrides, run};
-use goshawk_air::{check, replay};
 use goshawk_vehicle::config::{Vehicle, reference};
 use goshawk_vehicle::errors::one_line;
 use tracing_subscriber::Layer as _;
@@ -142,9 +142,9 @@ fn start(visitors: Visitors) -> Result<ExitCode> {
             Ok(if findings.ready { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Command::Replay { log, policy, out, json } => {
-            let outcome = replay::replay(&log, &replay::Options { policy, out })?;
+            let outcome = goshawk_replay::replay(&log, &goshawk_replay::Options { policy, out })?;
             write_json(json.as_deref(), &outcome)?;
-            replay::print(&outcome);
+            goshawk_replay::print(&outcome);
             Ok(if outcome.same() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Command::Schema { file } => {

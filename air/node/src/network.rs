@@ -1,6 +1,5 @@
 //! Who is there, what they may do, and what they ask.
 
 pub mod access;
-pub mod bus;
 pub mod commands;
 pub mod visitors;

@@ -11,6 +11,7 @@ use color_eyre::eyre::{Result, WrapErr, bail};
 use goshawk_autopilot::{
     Address, AutopilotError, AutopilotLink, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates,
 };
+use goshawk_bus::Bus;
 use goshawk_core::{FlightController, Planner, PlanningDemand, Profile};
 use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
@@ -24,7 +25,6 @@ use crate::flight::planning::Planning;
 use crate::flight::realtime::{self, Schedule};
 use crate::flight::shared::Shared;
 use crate::network::access::{Access, Guard};
-use crate::network::bus::Bus;
 use crate::network::commands;
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
@@ -82,7 +82,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     let line = link_config(&vehicle)?;
     let exposure = line.exposure();
     let link = Arc::new(AutopilotLink::open(line, clock::now)?);
-    let bus = Bus::listen(&access)?;
+    let bus = access.listen()?;
 
     let (sender, reports) = sync_channel(REPORT_QUEUE);
     let shared = Arc::new(Shared::new(sender));
@@ -102,7 +102,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         exposure,
     };
     let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, visitors.clone(), identity)?;
-    bus.watch_links(access.clone(), visitors)?;
+    visitors.watch(&bus, access.clone())?;
     let _alive = bus.declare_alive()?;
     tracing::info!("listening on {}; policy {}", access.endpoints(), model.display());
 

@@ -14,12 +14,12 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use common::{Sectors, config, contract_json, vehicle};
-use goshawk_air::replay::{Options, replay};
 use goshawk_core::Task;
 use goshawk_policy::Contract;
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::{Channel, Entry, LogReader, LogWriter, image};
+use goshawk_replay::{Options, replay};
 use goshawk_sim::fly::files::Files;
 use goshawk_sim::fly::log::{FlightLog, header};
 use goshawk_sim::pilots::fly_trial;

@@ -7,7 +7,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use goshawk_air::network::access::Identity;
-use goshawk_air::network::commands;
 use goshawk_autopilot::wire::packet::for_each_frame;
 use goshawk_autopilot::{Firmware, Guided, View, messages};
 use goshawk_core::Time;
@@ -17,6 +16,7 @@ use goshawk_proto::keys::{Key, VehicleName};
 use goshawk_recorder::LogReader;
 use goshawk_sim::world::cloud;
 use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::desk;
 use goshawk_vehicle::sensors;
 use mavlink::{Message, calculate_crc};
 
@@ -125,7 +125,7 @@ fn commands() {
     let vehicle = vehicle();
     run("commands", scratch(), |bytes| {
         for key in [Key::CmdStart, Key::CmdStop] {
-            match commands::parse(key, bytes, &vehicle) {
+            match desk::parse(key, bytes, &vehicle) {
                 Ok(parsed) => {
                     assert!((1..=64).contains(&parsed.id.len()), "{parsed:?}");
                     assert!(key == Key::CmdStop || vehicle.profile_names().contains(&parsed.profile), "{parsed:?}");

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use goshawk_autopilot::AutopilotLink;
+use goshawk_bus::Bus;
 use goshawk_core::{Odometry, Time};
 use goshawk_policy::{Policy, Preprocessor};
 use goshawk_proto::keys::Key;
@@ -13,7 +14,6 @@ use goshawk_vehicle::sensors::{self, Frame};
 
 use super::{Findings, autopilot};
 use crate::network::access::{Access, Guard, INSECURE};
-use crate::network::bus::Bus;
 use crate::run::link_config;
 
 const POLL: Duration = Duration::from_millis(5);
@@ -156,7 +156,7 @@ fn network(
     findings: &mut Findings,
 ) -> Option<Bus> {
     let open = || -> Result<Bus, String> {
-        let bus = Bus::listen(access).map_err(|e| e.to_string())?;
+        let bus = access.listen().map_err(|e| e.to_string())?;
         let stream = Arc::clone(frames);
         let receive = move |payload: &[u8], _| {
             let now = clock::now();

@@ -11,10 +11,10 @@ use goshawk_vehicle::clock;
 use goshawk_vehicle::config::OdometrySource;
 use goshawk_vehicle::convert;
 use goshawk_vehicle::sensors;
+use goshawk_vehicle::slot::try_lock;
 
 use crate::flight::realtime;
 use crate::flight::shared::{PendingCommand, Report, Shared, Started};
-use crate::flight::slot::try_lock;
 
 /// What the thread begins with.
 pub struct Control {

@@ -10,8 +10,7 @@ use goshawk_core::{
 use goshawk_policy::AnswerFault;
 use goshawk_proto::v1;
 use goshawk_vehicle::sensors::Frame;
-
-use crate::flight::slot::{Latest, Slot};
+use goshawk_vehicle::slot::{Latest, Slot};
 
 /// Counts what was refused.
 #[derive(Clone, Default)]

@@ -9,6 +9,7 @@ mod rules;
 
 use std::net::{IpAddr, SocketAddr};
 
+use goshawk_bus::{Bus, BusError};
 use goshawk_proto::keys::VehicleName;
 use goshawk_vehicle::config::Vehicle;
 use serde_json::{Value, json};
@@ -99,7 +100,7 @@ impl Access {
 
     /// What to call a peer of this certificate's name and address, and whether anything of it is taken. None: it is
     /// this host's own and showed no certificate.
-    pub(crate) fn visitor(&self, name: Option<&str>, address: &str) -> Option<(String, bool)> {
+    pub(super) fn visitor(&self, name: Option<&str>, address: &str) -> Option<(String, bool)> {
         if name.is_none() && local(address) {
             return None;
         }
@@ -113,8 +114,17 @@ impl Access {
         Some((name.map_or_else(|| host.to_owned(), |name| format!("{name} ({host})")), admitted))
     }
 
+    /// Opens the session that listens so.
+    ///
+    /// # Errors
+    /// An endpoint in use or malformed.
+    pub fn listen(&self) -> Result<Bus, BusError> {
+        let settings: Vec<_> = self.settings().into_iter().map(|(path, value)| (path, value.to_string())).collect();
+        Bus::listen(self.vehicle.clone(), &self.endpoints(), &settings)
+    }
+
     /// Zenoh's settings, path and JSON.
-    pub(crate) fn settings(&self) -> Vec<(&'static str, Value)> {
+    fn settings(&self) -> Vec<(&'static str, Value)> {
         let mut settings = vec![
             ("listen/endpoints", json!(self.listen.iter().map(|e| endpoint(e)).collect::<Vec<_>>())),
             ("connect/endpoints", json!([])),

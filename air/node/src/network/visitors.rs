@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::sync::{Arc, Mutex};
 
+use goshawk_bus::{Bus, BusError};
 use goshawk_core::Time;
 use goshawk_proto::v1;
 use goshawk_vehicle::clock;
@@ -19,6 +20,7 @@ use tracing_subscriber::layer::Context;
 use zenoh_link_tls::REFUSED;
 
 use crate::flight::shared::lock;
+use crate::network::access::Access;
 
 /// Different lines that are told apart at a time; further ones share one.
 const KEPT: usize = 64;
@@ -83,6 +85,22 @@ impl Visitors {
             }
             None => table.push(Note { severity, who: who.to_owned(), text, count: 1, told: None, last: now }),
         }
+    }
+
+    /// Keeps note of whose links come and go, as far as they are of another host or show a certificate.
+    ///
+    /// # Errors
+    /// Zenoh refused the declaration.
+    pub fn watch(&self, bus: &Bus, access: Access) -> Result<(), BusError> {
+        let (came, went) = (self.clone(), self.clone());
+        bus.watch_links(
+            move |link| {
+                if let Some((who, admitted)) = access.visitor(link.name, link.address) {
+                    came.came(link.id, &who, admitted, clock::now());
+                }
+            },
+            move |id| went.went(id, clock::now()),
+        )
     }
 
     /// A peer is connected; Zenoh's words of it name only its number. `admitted`: something of it is taken.

@@ -40,7 +40,7 @@ impl FlightLog {
             policy_sha256: policy.sha256().to_owned(),
             policy_contract_json: policy.contract_json().to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            git_revision: env!("GOSHAWK_GIT_REVISION").to_owned(),
+            git_revision: goshawk_vehicle::REVISION.to_owned(),
             protocol: PROTOCOL,
             ..Default::default()
         };

@@ -7,6 +7,7 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
+use goshawk_bus::{Bus, BusError, Publisher};
 use goshawk_core::{ControllerOutput, Mode, Odometry, OdometryFault, Time};
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
@@ -17,7 +18,6 @@ use goshawk_vehicle::{clock, convert, inputs};
 
 use crate::flight::shared::{Planned, Report, Shared, Started};
 use crate::network::access::INSECURE;
-use crate::network::bus::{Bus, BusError, Publisher};
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
 use crate::report::health::{self, Facts};

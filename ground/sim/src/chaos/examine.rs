@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use goshawk_air::replay::{Options, Outcome, Recording, replay_recording};
 use goshawk_core::Time;
 use goshawk_recorder::LogReader;
+use goshawk_replay::{Options, Outcome, Recording, replay_recording};
 
 use super::properties::{Property, Violation};
 use super::recorder::{Flush, Written};

@@ -3,11 +3,11 @@
 
 use std::collections::VecDeque;
 
-use goshawk_air::network::commands::{Decided, Desk, Parsed, Taken, WAIT};
 use goshawk_core::{Command, Refusal, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::desk::{Decided, Desk, Parsed, Taken, WAIT};
 use prost::Message;
 
 use super::acting::Acting;

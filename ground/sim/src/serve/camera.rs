@@ -6,12 +6,12 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use color_eyre::eyre::{Result, WrapErr};
-use goshawk_air::flight::slot::Slot;
-use goshawk_air::network::bus::Publisher;
+use goshawk_bus::Publisher;
 use goshawk_core::Time;
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_vehicle::config::Vehicle;
+use goshawk_vehicle::slot::Slot;
 
 use super::session::Session;
 use crate::render::{Frame, Renderer};

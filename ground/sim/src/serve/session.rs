@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use color_eyre::eyre::{Result, WrapErr};
-use goshawk_air::network::bus::{Bus, Publisher};
+use goshawk_bus::{Bus, Publisher};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use prost::Message;

@@ -80,7 +80,7 @@ pub fn replay_recording(recording: &Recording, options: &Options) -> Result<Outc
     let mut outcome = Outcome {
         log: log.to_owned(),
         recorded_by: by(&recording.header.version, &recording.header.git_revision),
-        replayed_by: by(env!("CARGO_PKG_VERSION"), env!("GOSHAWK_GIT_REVISION")),
+        replayed_by: by(env!("CARGO_PKG_VERSION"), goshawk_vehicle::REVISION),
         seconds: recording.seconds(),
         plans: Count::default(),
         targets: Count::default(),

@@ -3,13 +3,9 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use goshawk_proto::keys::{Congestion, Key, Priority as KeyPriority, VehicleName};
-use goshawk_vehicle::clock;
 use prost::Message;
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority};
-
-use crate::network::access::Access;
-use crate::network::visitors::Visitors;
 
 /// Why the network could not be set up.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +51,16 @@ const WEAK_LINK: [(&str, &str); 8] = [
     ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "0"),
 ];
 
+/// Whose link came.
+pub struct Link<'a> {
+    /// Zenoh's number of the peer.
+    pub id: String,
+    /// The common name of its certificate; none: it showed none.
+    pub name: Option<&'a str>,
+    /// Where it is.
+    pub address: &'a str,
+}
+
 /// An open session with the vehicle's name.
 pub struct Bus {
     session: zenoh::Session,
@@ -62,18 +68,18 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// Opens a session that listens as `access` says and dials nobody.
+    /// Opens the session of `vehicle` that listens on `endpoints`, as Zenoh's `settings` (path and JSON) say, and dials
+    /// nobody.
     ///
     /// # Errors
     /// An endpoint in use or malformed.
-    pub fn listen(access: &Access) -> Result<Self, BusError> {
-        let error = |cause| BusError::Listen { endpoints: access.endpoints(), cause };
-        let own: Vec<(&str, String)> = access.settings().into_iter().map(|(path, v)| (path, v.to_string())).collect();
-        let own = own.iter().map(|(path, value)| (*path, value.as_str()));
+    pub fn listen(vehicle: VehicleName, endpoints: &str, settings: &[(&str, String)]) -> Result<Self, BusError> {
+        let error = |cause| BusError::Listen { endpoints: endpoints.to_owned(), cause };
+        let own = settings.iter().map(|(path, value)| (*path, value.as_str()));
         // What killed processes of this host left in /dev/shm; a segment that somebody still holds stays.
         zenoh::shm::cleanup_orphaned_shm_segments();
         let session = open(&own.chain(WEAK_LINK).collect::<Vec<_>>()).map_err(error)?;
-        Ok(Bus { session, vehicle: access.vehicle().clone() })
+        Ok(Bus { session, vehicle })
     }
 
     /// Opens a session that dials `endpoint`, listens nowhere, and keeps dialling whenever the other side is away.
@@ -148,11 +154,15 @@ impl Bus {
             .map_err(|e| BusError::Declare { key: expression, cause: e.to_string() })
     }
 
-    /// Tells `visitors` whose links come and go, as far as they are of another host or show a certificate.
+    /// Calls `came` and `went` as links come and go.
     ///
     /// # Errors
     /// Zenoh refused the declaration.
-    pub fn watch_links(&self, access: Access, visitors: Visitors) -> Result<(), BusError> {
+    pub fn watch_links(
+        &self,
+        came: impl Fn(Link<'_>) + Send + Sync + 'static,
+        went: impl Fn(&str) + Send + Sync + 'static,
+    ) -> Result<(), BusError> {
         self.session
             .info()
             .link_events_listener()
@@ -160,12 +170,10 @@ impl Bus {
             .callback(move |event| {
                 let id = event.link().zid().to_string();
                 if event.kind() == zenoh::sample::SampleKind::Delete {
-                    return visitors.went(&id, clock::now());
+                    return went(&id);
                 }
                 let (name, address) = (event.link().auth_identifier(), event.link().dst().to_string());
-                if let Some((who, admitted)) = access.visitor(name, &address) {
-                    visitors.came(id, &who, admitted, clock::now());
-                }
+                came(Link { id, name, address: &address });
             })
             .background()
             .wait()
