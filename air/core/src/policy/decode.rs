@@ -206,6 +206,7 @@ fn validate(policy: &PolicyModel, camera: &CameraModel) -> Result<(), ConfigErro
         1e-3..=1000.0,
         "m: the depth camera sees no farther",
     )?;
+    within("policy.cost_scale", policy.cost_scale, 1e-3..=1e6, "what the planner adds is a multiple of it")?;
     within("policy.hfov", policy.hfov, 0.01..=3.0, "rad: a pinhole camera sees less than half the world")?;
     within("policy.vfov", policy.vfov, 0.01..=3.0, "rad: a pinhole camera sees less than half the world")?;
     within("policy.width", f64::from(policy.width), 1.0..=65_536.0, "px: no onboard network takes more")?;
