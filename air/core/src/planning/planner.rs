@@ -62,16 +62,16 @@ pub struct PlanningConfig {
 #[serde(deny_unknown_fields)]
 pub struct CostConfig {
     /// Meeting at once what stands and was seen; later it costs less.
-    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies into it, and from 10 on nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
     pub obstacle: f64,
     /// Meeting at once what moves and was seen; later it costs less.
-    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies into it, and from 10 on nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
     pub mover: f64,
     /// Flying through the target's centre; nothing at limits.min_target_distance_m.
-    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies into it, and from 10 on nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
     pub target: f64,
     /// Each metre that a navigation ends over its goal, beyond 0.6 m.
-    #[schemars(range(min = 0.0, max = 100.0), extend("x-why" = "0 flies over roofs under which the goal lies"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts"))]
     pub climbing_per_m: f64,
 }
 
