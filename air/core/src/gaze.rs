@@ -28,6 +28,8 @@ pub struct GazeConfig {
     pub objectness: f64,
     /// Largest speed of the target, m/s: `planner.target.max_speed_mps`.
     pub target_speed: f64,
+    /// Look to the sides for a hidden target, and at what looks like it: `extensions.glances`.
+    pub glances: bool,
 }
 
 /// What the camera is to look for.
@@ -86,7 +88,7 @@ impl Gaze {
     /// What a frame of `stamp` shows: the filter's estimate, and what its cells hold.
     pub fn take(&mut self, stamp: Time, target: Option<TargetEstimate>, candidates: &[Candidate]) {
         self.target = target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
-        let likely = |candidate: &&Candidate| candidate.objectness >= self.config.objectness;
+        let likely = |candidate: &&Candidate| self.config.glances && candidate.objectness >= self.config.objectness;
         let seen = candidates.iter().filter(likely).max_by(|a, b| a.objectness.total_cmp(&b.objectness));
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
             self.glimpse = Some((stamp, pos_world));
@@ -194,7 +196,7 @@ impl Gaze {
     fn glancing(&self, now: Time, goal: YawGoal) -> YawGoal {
         let hidden = self.hidden_for(now).unwrap_or(0.0) - hidden::ASIDE;
         match goal {
-            YawGoal::Toward { yaw, rate } if hidden > 0.0 => {
+            YawGoal::Toward { yaw, rate } if hidden > 0.0 && self.config.glances => {
                 let swing = GLANCE_ANGLE.copysign(self.side) * (TAU * hidden / GLANCE_PERIOD).sin();
                 YawGoal::Toward { yaw: wrap(yaw + swing), rate }
             }
@@ -205,7 +207,7 @@ impl Gaze {
     /// The target vanished near by: it is beside us rather than behind something ahead.
     fn slipped(&self, now: Time, pos_world: Vec3) -> bool {
         let (Some(hidden), Some(target)) = (self.hidden_for(now), self.target_at(now)) else { return false };
-        hidden > hidden::ASIDE && (target.pos - pos_world).xy().norm() < SLIPPED_WITHIN
+        self.config.glances && hidden > hidden::ASIDE && (target.pos - pos_world).xy().norm() < SLIPPED_WITHIN
     }
 }
 
@@ -247,7 +249,7 @@ mod tests {
     }
 
     fn gaze() -> Gaze {
-        Gaze::new(GazeConfig { objectness: 0.9, target_speed: 10.0 }, YAW, ViewConfig { top: 0.63 })
+        Gaze::new(GazeConfig { objectness: 0.9, target_speed: 10.0, glances: true }, YAW, ViewConfig { top: 0.63 })
     }
 
     fn odometry() -> Odometry {

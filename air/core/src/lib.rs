@@ -44,7 +44,9 @@ pub use planning::planner::{Asked, CostConfig, Planner, PlannerConfig, PlanningC
 pub use planning::select::SelectConfig;
 pub use planning::target::TargetConfig;
 pub use policy::model::{CameraModel, PolicyModel};
+pub use policy::state::{NetworkState, StateLayout, StateParts};
 pub use values::error::{ConfigError, within};
+pub use values::extensions::Extensions;
 pub use values::history::History;
 pub use values::types::{
     ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,

@@ -4,3 +4,4 @@ mod activation;
 pub mod decode;
 pub mod lattice;
 pub mod model;
+pub mod state;

@@ -30,7 +30,7 @@ fn watch(filter: &mut TargetFilter, from: f64, frames: u32, what: impl Fn(f64) -
 }
 
 fn confirmed_at(pos: Vec3) -> TargetFilter {
-    let mut filter = TargetFilter::new(config());
+    let mut filter = TargetFilter::new(config(), Extensions::ALL);
     watch(&mut filter, 0.0, 30, |_| seen(pos));
     assert!(filter.estimate().unwrap().confirmed);
     filter
@@ -38,7 +38,7 @@ fn confirmed_at(pos: Vec3) -> TargetFilter {
 
 #[test]
 fn four_of_six_frames_confirm_and_three_do_not() {
-    let mut filter = TargetFilter::new(config());
+    let mut filter = TargetFilter::new(config(), Extensions::ALL);
     let here = Vec3::new(5.0, 0.0, 1.0);
     assert_eq!(watch(&mut filter, 0.0, 3, |_| seen(here)), [false, false]);
     assert!(!filter.estimate().unwrap().confirmed);
@@ -48,7 +48,7 @@ fn four_of_six_frames_confirm_and_three_do_not() {
 
 #[test]
 fn a_constant_velocity_is_learned() {
-    let mut filter = TargetFilter::new(config());
+    let mut filter = TargetFilter::new(config(), Extensions::ALL);
     let path = |t: f64| Vec3::new(5.0 + 4.0 * t, -2.0 * t, 1.0);
     watch(&mut filter, 0.0, 60, |t| seen(path(t)));
     let estimate = filter.estimate().unwrap();
@@ -86,7 +86,7 @@ fn a_lost_target_is_taken_again_only_where_it_can_have_run() {
 
 #[test]
 fn what_looks_little_like_the_target_is_never_believed() {
-    let mut filter = TargetFilter::new(config());
+    let mut filter = TargetFilter::new(config(), Extensions::ALL);
     watch(&mut filter, 0.0, 60, |_| seen_as(Vec3::new(5.0, 0.0, 1.0), 0.85));
     assert!(!filter.estimate().unwrap().confirmed);
 }
@@ -116,7 +116,7 @@ fn beyond_its_reach_a_lost_target_is_taken_again_only_if_it_is_sure() {
 /// How far a target, seen for a second at 5 m, has moved after it was seen for two frames `off` of there.
 fn moved(off: Vec3, objectness: f64, doubt: f64) -> f64 {
     let here = Vec3::new(5.0, 0.0, 0.0);
-    let mut filter = TargetFilter::new(TargetConfig { doubt, ..config() });
+    let mut filter = TargetFilter::new(TargetConfig { doubt, ..config() }, Extensions::ALL);
     watch(&mut filter, 0.0, 30, |_| seen(here));
     assert_eq!(watch(&mut filter, 1.0, 2, |_| seen_as(here + off, objectness)), [true, false], "inside the gate");
     (filter.estimate().unwrap().pos_world - here).norm()
@@ -172,7 +172,7 @@ proptest! {
         points in prop::collection::vec(prop::array::uniform3(prop::num::f64::ANY), 1..40),
         near in prop::collection::vec(prop::array::uniform3(-3.0..3.0), 40), step in 0.0..2.0
     ) {
-        let mut filter = TargetFilter::new(config());
+        let mut filter = TargetFilter::new(config(), Extensions::ALL);
         let mut consistent = [false; 2];
         for (k, point) in points.iter().enumerate() {
             let (wild, tame) = (Vec3::from(*point), Vec3::from(near[k]));

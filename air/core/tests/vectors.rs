@@ -75,6 +75,7 @@ fn policy(vectors: &Value, task: Task) -> PolicyModel {
     let get = |key: &str| number(&vectors["policy"][key]);
     PolicyModel {
         task,
+        state: StateLayout { up: true, aim: true, direction: false, agility: true },
         radius: get("radius"),
         azimuth_offset: get("azimuth_offset"),
         elevation_offset: get("elevation_offset"),
@@ -149,7 +150,7 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         pos_cam_body: vector(&case["lens_body_3"]),
     };
     let config =
-        PlannerConfig { camera, policy, planning: common::planning(target_config(&load("target"))), keep_off: 1.5 };
+        PlannerConfig { camera, policy, planning: common::planning(target_config(&load("target"))), extensions: Extensions::ALL, keep_off: 1.5 };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
     for channel in 0..channels(task) {
@@ -205,7 +206,7 @@ fn decoding_agrees_at_other_speeds_and_camera_tilts() {
 #[test]
 fn target_filter_agrees_frame_by_frame() {
     let vectors = load("target");
-    let mut filter = TargetFilter::new(target_config(&vectors));
+    let mut filter = TargetFilter::new(target_config(&vectors), Extensions::ALL);
     let lens = vector(&vectors["lens_3"]);
     for frame in list(&vectors["frames_K"]) {
         let mut detections = [None; 4];

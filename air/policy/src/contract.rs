@@ -3,7 +3,7 @@
 //! It is JSON under the ONNX metadata key `goshawk_contract`. A field that is not known here is refused, except inside
 //! `training`: a newer exporter must raise `version` when it changes what the numbers mean.
 
-use goshawk_core::{PolicyModel, Task};
+use goshawk_core::{PolicyModel, StateLayout, Task};
 use serde::{Deserialize, Serialize};
 
 /// The ONNX metadata key that holds the contract.
@@ -21,9 +21,6 @@ pub const CELL_PX: usize = 32;
 
 const NAVIGATE_CHANNELS: [&str; 10] = ["theta", "phi", "r", "vx", "vy", "vz", "ax", "ay", "az", "cost"];
 const TARGET_CHANNELS: [&str; 4] = ["objectness", "du", "dv", "distance"];
-const STATE: [&str; 5] = ["velocity", "acceleration", "up", "aim", "agility"];
-/// Numbers of the `state` input: four vectors in the camera frame and a share.
-const STATE_LEN: usize = 13;
 
 /// The whole contract, as the file has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,7 +47,8 @@ pub struct Contract {
     /// How far apart the costs of an image's candidates are: the median over held-out scenes of the dearest less the
     /// cheapest, measured at export.
     pub cost_scale: f64,
-    /// What the `state` input holds, in order: vectors of three numbers, and the agility, which is one.
+    /// What the `state` input holds, in order: velocity and acceleration (the paper's), then of up, aim or direction, and
+    /// agility what it has. Vectors are three numbers; the agility is one.
     pub state: Vec<String>,
     /// The channels of the output in order.
     pub channels: Vec<String>,
@@ -185,7 +183,7 @@ impl Contract {
         same("duration_rule", &self.duration_rule.as_str(), &DURATION_RULE)?;
         within("target_depth_scale_m", self.target_depth_scale_m, 0.01, 100.0)?;
         within("cost_scale", self.cost_scale, 1e-3, 1e6)?;
-        same("state", &self.state, &STATE)?;
+        self.validate_state()?;
         same("channels", &self.channels, &expected_channels(self.task))?;
         within("camera_tilt_rad", self.camera_tilt_rad, -right_angle, right_angle)
     }
@@ -193,7 +191,23 @@ impl Contract {
     /// Numbers of the `state` input.
     #[must_use]
     pub fn state_len(&self) -> usize {
-        STATE_LEN
+        self.layout().len()
+    }
+
+    fn layout(&self) -> StateLayout {
+        let held = |name: &str| self.state.iter().any(|held| held == name);
+        StateLayout { up: held("up"), aim: held("aim"), direction: held("direction"), agility: held("agility") }
+    }
+
+    fn validate_state(&self) -> Result<(), ContractError> {
+        let layout = self.layout();
+        same("state", &self.state, &layout.names().collect::<Vec<_>>())?;
+        let led = usize::from(layout.aim) + usize::from(layout.direction);
+        if led == 1 || (led == 0 && self.task == PolicyTask::Track) {
+            return Ok(());
+        }
+        let needed = "an aim or a direction, not both; tracking alone may have neither".to_owned();
+        Err(ContractError::Value { field: "state", found: format!("{:?}", self.state), needed })
     }
 
     /// What the core's planner needs to know of it.
@@ -204,6 +218,7 @@ impl Contract {
                 PolicyTask::Track => Task::Track,
                 PolicyTask::Navigate => Task::Navigate,
             },
+            state: self.layout(),
             radius: self.lattice.radius_m,
             azimuth_offset: self.lattice.azimuth_offset_rad,
             elevation_offset: self.lattice.elevation_offset_rad,
@@ -285,6 +300,17 @@ mod tests {
     }
 
     #[test]
+    fn the_papers_state_of_six_numbers_is_honoured_in_tracking_and_leads_nowhere_in_navigation() {
+        let mut contract = with("/state", json!(["velocity", "acceleration"]));
+        assert_eq!(read(&contract).unwrap().state_len(), 6);
+        contract["task"] = json!("navigate");
+        contract["channels"] = json!(NAVIGATE_CHANNELS);
+        assert!(read(&contract).unwrap_err().to_string().contains("an aim or a direction"));
+        contract["state"] = json!(["velocity", "acceleration", "direction"]);
+        assert_eq!(read(&contract).unwrap().state_len(), 9);
+    }
+
+    #[test]
     fn another_version_is_named_even_when_the_fields_are_unknown() {
         let error = Contract::from_json(r#"{"version": 3, "novelty": true}"#).unwrap_err();
         assert!(matches!(error, ContractError::Version { found: 3 }), "{error}");
@@ -336,7 +362,9 @@ mod tests {
             ("/duration_rule", json!("r/v"), "duration_rule"),
             ("/target_depth_scale_m", json!(0.0), "target_depth_scale_m"),
             ("/cost_scale", json!(0.0), "cost_scale"),
-            ("/state", json!(["velocity", "acceleration", "up", "aim"]), "state"),
+            ("/state", json!(["velocity", "up", "aim", "agility"]), "state"),
+            ("/state", json!(["velocity", "acceleration", "agility", "aim"]), "state"),
+            ("/state", json!(["velocity", "acceleration", "aim", "direction"]), "not both"),
             ("/channels", json!(NAVIGATE_CHANNELS), "channels"),
             ("/camera_tilt_rad", json!(1.6), "camera_tilt_rad"),
             ("/task", json!("land"), "unknown variant `land`"),

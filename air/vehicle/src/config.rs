@@ -248,6 +248,7 @@ impl Vehicle {
             },
             policy,
             planning: self.tuning().planner,
+            extensions: self.tuning().extensions,
             keep_off: self.limits.min_target_distance_m,
         }
     }

@@ -1,9 +1,8 @@
 //! What planner and controller are given, to and from the messages that a log holds and a replay gives back.
 
-use goshawk_core::planning::frame::STATE;
 use goshawk_core::planning::nearest::Nearest;
 use goshawk_core::{
-    AutopilotStatus, Command, FrameInput, FrameRecord, NetworkOutput, Odometry, Profile, Rot, StepInput, Task, Time,
+    AutopilotStatus, Command, FrameInput, FrameRecord, NetworkOutput, NetworkState, Odometry, Profile, Rot, StepInput, Task, Time,
     Vec3,
 };
 use goshawk_proto::v1;
@@ -29,7 +28,7 @@ pub fn planner_input(record: &FrameRecord) -> v1::PlannerInput {
 /// All that a plan was made from, from the log; none: a part is missing.
 #[must_use]
 pub fn frame_record(m: &v1::PlannerInput) -> Option<FrameRecord> {
-    let state: [f32; STATE] = m.state.as_slice().try_into().ok()?;
+    let state = NetworkState::from_slice(&m.state)?;
     let frame = FrameInput {
         flight: 0,
         seq: m.seq,
@@ -145,8 +144,7 @@ mod tests {
         let nearest = std::array::from_fn(|block| 7 * block as u16);
         let frame = FrameInput::new(0, 5, &at_stamp(), Vec3::new(-0.0, 0.7, 0.1), &demand, nearest);
         let network = NetworkOutput { values: [0.0; goshawk_core::MAX_CHANNELS * goshawk_core::ANCHORS] };
-        let mut record = FrameRecord { frame, state: [0.0; STATE], network };
-        record.state[3] = -0.0;
+        let mut record = FrameRecord { frame, state: NetworkState::from_slice(&[0.5, -0.0, 1.0]).unwrap(), network };
         record.network.values[17] = -0.0;
         let bytes = planner_input(&record).encode_to_vec();
         let back = frame_record(&v1::PlannerInput::decode(bytes.as_slice()).unwrap()).unwrap();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, bail};
-use goshawk_core::{ANCHORS, Rot, Task, Vec3};
+use goshawk_core::{ANCHORS, Rot, StateParts, Task, Vec3};
 use goshawk_policy::golden::GoldenFrame;
 use goshawk_policy::{Golden, Policy, Preprocessor, Source};
 use sha2::{Digest, Sha256};
@@ -102,13 +102,13 @@ fn make(policy: &mut Policy, count: u32, seed: u64) -> Result<Golden> {
         let (mut frame, mut image) = (Frame::default(), RgbdImage::default());
         Renderer::new(camera).render_with(&scene.world, &[], person.as_ref(), &pose, &mut frame);
         sensor.capture(&frame, &Motion::still(), mix(seed, u64::from(index)), &mut image);
-        let state = state(&pose, task);
+        let state = policy.contract().model().state.state(&parts(&pose, task));
         let network = policy.infer(preprocessor.run(&image.rgb, &image.depth_mm)?, &state)?;
         let answer = network.values[..policy.contract().channels.len() * ANCHORS].to_vec();
         if !answer.iter().all(|value| value.is_finite()) {
             bail!("the policy's answer to image {index} is no number: export it again");
         }
-        frames.push(GoldenFrame { rgb: image.rgb, depth_mm: image.depth_mm, state, answer });
+        frames.push(GoldenFrame { rgb: image.rgb, depth_mm: image.depth_mm, state: state.to_vec(), answer });
     }
     Ok(Golden { width: camera.width, height: camera.height, frames })
 }
@@ -122,10 +122,14 @@ fn pose(scene: &Scene, turn_rad: f64) -> CameraPose {
 }
 
 /// Half the speed ahead, an aim ahead, the camera's own up.
-fn state(pose: &CameraPose, task: Task) -> Vec<f32> {
-    let up = pose.world_from_cam.inverse_transform_vector(&Vec3::z()).cast::<f32>();
-    let aim = if task == Task::Track { 0.5 } else { 1.0 };
-    vec![0.5, 0.0, 0.0, 0.0, 0.0, 0.0, up.x, up.y, up.z, aim, 0.0, 0.0, 0.7]
+fn parts(pose: &CameraPose, task: Task) -> StateParts {
+    StateParts {
+        velocity: Vec3::new(0.5, 0.0, 0.0),
+        acceleration: Vec3::zeros(),
+        up: pose.world_from_cam.inverse_transform_vector(&Vec3::z()),
+        aim: Vec3::new(if task == Task::Track { 0.5 } else { 1.0 }, 0.0, 0.0),
+        agility: 0.7,
+    }
 }
 
 #[cfg(test)]

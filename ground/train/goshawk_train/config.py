@@ -21,8 +21,12 @@ class ConfigError(TrainerError):
     """A configuration that cannot be used; the message names the field and what to do."""
 
 
-STATE_SIZES = {"velocity": 3, "acceleration": 3, "up": 3, "aim": 3, "agility": 1}
-"""Of the state input: each is a vector in the camera frame, or a number."""
+STATE_SIZES = {"velocity": 3, "acceleration": 3, "up": 3, "aim": 3, "direction": 3, "agility": 1}
+"""What the state input may hold: each is a vector in the camera frame, or a number. The paper's has the first two, and
+in navigation the direction of the goal."""
+
+TASK_STATES = ("aim", "direction", "agility")
+"""Of these, what tells the task. The rest says how the camera moves and hangs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +82,8 @@ class MotionConfig:
 class NetworkConfig:
     """Size of the network; `channels` of the backbone's four stages (ResNet-18: 64, 128, 256, 512)."""
 
+    state: tuple[str, ...]
+    """What the state input holds, in the order of `STATE_SIZES`."""
     channels: tuple[int, int, int, int]
     head_channels: int
     target_depth_scale_m: float
@@ -101,10 +107,14 @@ class CostConfig:
     ground_distance_m: float
     ground_scale_m: float
     feasibility: float
+    goal_rule: Literal["aim", "paper"]
+    """`aim`: every trajectory ends at the aim, and its distance is part of the cost. `paper`: the squared distance from
+    the target, on positive anchors alone and not in the predicted cost; in navigation from the goal, on all."""
     goal: float
     progress: float
     idle: float
     trajectory_loss: float
+    lambda_other: float
     lambda_negative: float
     cost_loss: float
     target_loss: float
@@ -150,6 +160,7 @@ class SamplingConfig:
 class AugmentConfig:
     """Strength of the image augmentation; the last four are probabilities or standard deviations of 0..1."""
 
+    space: Literal["hsv", "yiq"]
     hue_rad: float
     saturation: float
     value: float
@@ -202,9 +213,9 @@ class Config:
         return 2 * self.lattice.radius_m / self.motion.v_max_mps
 
     @property
-    def state_names(self) -> list[str]:
-        """What the network's state input holds, in order; see `STATE_SIZES`."""
-        return list(STATE_SIZES)
+    def state_sizes(self) -> dict[str, int]:
+        """What the network's state input holds, in order."""
+        return {name: STATE_SIZES[name] for name in self.network.state}
 
     @property
     def reach_m(self) -> float:
@@ -225,6 +236,7 @@ class Config:
         vfov_rad = 2 * math.atan(camera.height / 2 / camera.focal_px)
         if abs(vfov_rad - camera.vfov_rad) > 1e-6:
             raise ConfigError(f"camera.vfov_rad must be {vfov_rad!r} for square pixels, not {camera.vfov_rad!r}")
+        self._validate_state()
         positive = {
             "motion.v_max_mps": self.motion.v_max_mps,
             "motion.a_max_mps2": self.motion.a_max_mps2,
@@ -246,6 +258,16 @@ class Config:
         if self.assign.ignored_m < self.assign.positive_m:
             raise ConfigError("assign.ignored_m must not be below assign.positive_m")
 
+    def _validate_state(self) -> None:
+        state = self.network.state
+        if state != tuple(name for name in STATE_SIZES if name in state) or state[:2] != ("velocity", "acceleration"):
+            raise ConfigError(f"network.state must be velocity, acceleration and some of {list(STATE_SIZES)[2:]}, so")
+        goals = sum(name in state for name in ("aim", "direction"))
+        if goals != 1 and not (goals == 0 and self.task == "track"):
+            raise ConfigError("network.state must hold an aim or a direction; only tracking may have neither")
+        if "aim" not in state and self.costs.goal_rule == "aim":
+            raise ConfigError('network.state has no aim; costs.goal_rule must be "paper"')
+
 
 def _convert(value: Any, wanted: Any, name: str) -> Any:
     if dataclasses.is_dataclass(wanted) and isinstance(wanted, type):
@@ -259,6 +281,8 @@ def _convert(value: Any, wanted: Any, name: str) -> Any:
         return value
     if origin is tuple:
         args = typing.get_args(wanted)
+        if args[-1] is Ellipsis:
+            args = args[:1] * (len(cast("Sequence[Any]", value)) if isinstance(value, list | tuple) else 1)
         values = cast("Sequence[Any]", value) if isinstance(value, list | tuple) else ()
         if len(values) != len(args):
             raise ConfigError(f"{name} must be a list of {len(args)} numbers")

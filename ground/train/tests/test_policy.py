@@ -175,7 +175,7 @@ def test_detection_does_not_depend_on_the_task_and_trajectories_do(config: Confi
 
 
 def test_colour_matrices_turn_hue_and_keep_grey_grey(config: Config) -> None:
-    matrix = augment.colour_matrices(np.random.default_rng(0), 100, config.augment)
+    matrix = augment.colour_matrices(augment.draw_jitter(np.random.default_rng(0), 100, config.augment))
     grey = matrix @ np.ones(3)
     np.testing.assert_allclose(grey, np.repeat(grey[:, :1], 3, axis=1), atol=1e-9)
     red = matrix @ np.array([1.0, 0.0, 0.0])

@@ -21,6 +21,7 @@ use crate::mission::limits::LimitsConfig;
 use crate::mission::modes::StopAction;
 use crate::planning::planner::PlanningConfig;
 use crate::values::error::{ConfigError, within};
+use crate::values::extensions::Extensions;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -49,6 +50,8 @@ pub struct ControllerConfig {
     pub limits: LimitsConfig,
     /// The least distance to the target.
     pub separation: SeparationConfig,
+    /// What goes beyond the paper.
+    pub extensions: Extensions,
 }
 
 /// Take-off, holding distance, landing.
@@ -103,6 +106,9 @@ pub struct MissionConfig {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tuning {
+    /// What goes beyond the paper, each with its switch; what is left out is on.
+    #[serde(default)]
+    pub extensions: Extensions,
     /// How to plan.
     pub planner: PlanningConfig,
     /// The disturbance observer.
@@ -146,12 +152,13 @@ impl ControllerConfig {
         Self {
             airframe,
             observer: tuning.observer,
-            lead: tuning.lead,
+            lead: if tuning.extensions.attitude_lead { tuning.lead } else { LeadConfig { limit_mps2: 0.0 } },
             yaw: tuning.yaw,
             view,
             gaze: GazeConfig {
                 objectness: tuning.planner.target.confirm_objectness,
                 target_speed: tuning.planner.target.max_speed_mps,
+                glances: tuning.extensions.glances,
             },
             hold: tuning.hold,
             ladder: tuning.ladder,
@@ -162,17 +169,22 @@ impl ControllerConfig {
                 target_acc: tuning.planner.target.max_acc_mps2,
                 max_acc: tuning.planner.max_acc_mps2,
             },
+            extensions: tuning.extensions,
         }
     }
 
     /// What is believed of the vehicle's motion before anything of it is known.
     #[must_use]
     pub fn motion(&self) -> Motion {
-        let a = &self.airframe;
+        let (a, learnt) = (&self.airframe, &self.extensions);
+        // What is not learnt has no range to move in.
+        let range = |learns: bool, range: [f64; 2], begin: f64| if learns { range } else { [begin; 2] };
+        let hover_range = range(learnt.learnt_hover_thrust, a.hover_thrust_range, a.hover_thrust);
+        let lag_range = range(learnt.learnt_attitude_lag, a.attitude_lag_range_s, a.attitude_lag_s);
         Motion::new(
             Observer::new(self.observer),
-            HoverThrust::new(a.hover_thrust_range, a.hover_thrust),
-            AttitudeLag::new(a.attitude_lag_range_s, a.attitude_lag_s),
+            HoverThrust::new(hover_range, a.hover_thrust),
+            AttitudeLag::new(lag_range, a.attitude_lag_s),
         )
     }
 

@@ -66,7 +66,9 @@ impl Controller {
         let disturbance = self.motion.observer().disturbance();
         let vehicle = self.motion.vehicle(&self.config.airframe);
         let mut command = flat_command(&vehicle, intent.acc_world, disturbance, yaw);
-        command.force = command.force_along(&vehicle, &odometry.world_from_body);
+        if self.config.extensions.thrust_along_body {
+            command.force = command.force_along(&vehicle, &odometry.world_from_body);
+        }
         // A descent may already stand on the ground, which says nothing of how the vehicle flies.
         let descends = self.flight.as_ref().is_some_and(|flight| flight.landing.phase() != Phase::Brake);
         let free = self.mode != Mode::Stopping || !descends;
@@ -148,8 +150,8 @@ impl Controller {
             let led = lead(&self.config.lead, self.motion.attitude_lag(), reference.acc, flown.quintic.jerk(age));
             let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
             let acc_world = match task {
-                Task::Track => self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos),
-                Task::Navigate => acc_world,
+                Task::Track if self.config.extensions.view_limit => self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos),
+                _ => acc_world,
             };
             return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
         }
@@ -219,7 +221,7 @@ impl Controller {
     /// The target, where it may have to be kept away from.
     fn threat(&self, now: Time) -> Option<Threat> {
         let chases = self.flight.as_ref().is_some_and(|flight| flight.profile.task == Task::Track);
-        self.gaze.threat(now).filter(|_| chases)
+        self.gaze.threat(now).filter(|_| chases && self.config.extensions.least_distance)
     }
 
     fn hover_rung(&self) -> Fallback {
@@ -243,7 +245,7 @@ impl Controller {
         let Some(flight) = &mut self.flight else { return };
         let Some(goal) = flight.goal_world else { return };
         flight.waypoint_world = Some(match self.mode {
-            Mode::Navigate => flight.detour.step(now, odometry.pos_world, goal),
+            Mode::Navigate if self.config.extensions.detours => flight.detour.step(now, odometry.pos_world, goal),
             _ => goal,
         });
     }

@@ -2,10 +2,8 @@
 //! before, on board, in lockstep and in a replay alike.
 
 use crate::planning::nearest::Nearest;
+use crate::policy::state::NetworkState;
 use crate::values::types::{NetworkOutput, Odometry, Task, Vec3, unsigned_zeros};
-
-/// Length of the network's `state` input.
-pub const STATE: usize = 13;
 
 /// What the planner should plan for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,7 +65,7 @@ pub struct FrameRecord {
     /// What the planner was given.
     pub frame: FrameInput,
     /// What it told the network.
-    pub state: [f32; STATE],
+    pub state: NetworkState,
     /// What the network answered.
     pub network: NetworkOutput,
 }

@@ -2,10 +2,11 @@
 //! takes what that answers and gives the plan. Each step's value is the next one's argument, so the order cannot be wrong.
 
 use crate::gaze::expected::Expected;
+use crate::gaze::hidden;
 use crate::gaze::threat::Threat;
 use crate::planning::aim::{Chase, ChaseConfig, climbing, crowding, within_reach};
 use crate::planning::evade::{Evading, Evasion, Scene};
-use crate::planning::frame::{FrameInput, STATE};
+use crate::planning::frame::FrameInput;
 use crate::planning::movers::{Movers, meeting};
 use crate::planning::obstacles::{Ignored, Obstacles};
 use crate::planning::plan::Plan;
@@ -13,7 +14,9 @@ use crate::planning::select::{SelectConfig, detect, select};
 use crate::planning::target::{TargetConfig, TargetFilter};
 use crate::policy::decode::{Decoder, FramePose};
 use crate::policy::model::{CameraModel, PolicyModel};
+use crate::policy::state::{NetworkState, StateParts};
 use crate::values::error::ConfigError;
+use crate::values::extensions::Extensions;
 use crate::values::jump::jump;
 use crate::values::quintic::Quintic;
 use crate::values::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Odometry, Task, Time, Vec3};
@@ -29,6 +32,8 @@ pub struct PlannerConfig {
     pub policy: PolicyModel,
     /// How to plan with them.
     pub planning: PlanningConfig,
+    /// What goes beyond the paper.
+    pub extensions: Extensions,
     /// The least distance to the target, m: ways that come nearer cost more.
     pub keep_off: f64,
 }
@@ -84,6 +89,34 @@ impl PlanningConfig {
         self.target.validate()?;
         self.detection.validate()
     }
+
+    /// With what is switched off at the value that does nothing.
+    fn with(self, extensions: &Extensions) -> Self {
+        let mut how = self;
+        if !extensions.obstacle_memory {
+            how.remember_within_m = 0.0;
+        }
+        if !extensions.least_distance {
+            how.costs.target = 0.0;
+        }
+        if !extensions.no_climbing {
+            how.costs.climbing_per_m = 0.0;
+        }
+        if !extensions.agility_limit {
+            (how.max_agility, how.max_acc_mps2) = (1.0, f64::INFINITY);
+        }
+        if !extensions.weak_detections {
+            how.detection.keep_objectness = how.detection.min_objectness;
+        }
+        if !extensions.weighted_detections {
+            how.target.lateral_variance_m2 = how.target.range_variance_m2;
+            (how.target.doubt, how.target.variance_distance_m) = (0.0, f64::INFINITY);
+        }
+        if !extensions.pursuit {
+            how.chase.pursue_until_s = hidden::BEHIND;
+        }
+        how
+    }
 }
 
 /// Where the target is, nothing is an obstacle: [`crowding`] keeps away from it.
@@ -113,7 +146,7 @@ pub struct Asked<'a> {
     planner: &'a mut Planner,
     frame: &'a FrameInput,
     pose: FramePose,
-    state: [f32; STATE],
+    state: NetworkState,
 }
 
 /// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s.
@@ -130,14 +163,15 @@ impl Planner {
     /// A value out of range, or a camera that does not match the policy.
     pub fn new(config: PlannerConfig) -> Result<Self, ConfigError> {
         config.planning.validate()?;
+        let config = PlannerConfig { planning: config.planning.with(&config.extensions), ..config };
         let decoder = Decoder::new(config.policy, &config.camera)?;
-        let filter = TargetFilter::new(config.planning.target);
+        let filter = TargetFilter::new(config.planning.target, config.extensions);
         let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.planning.remember_within_m);
         let chase = Chase::new(config.planning.chase);
         Ok(Self { config, decoder, filter, obstacles, chase, evading: Evading::default(), last: None, flight: 0 })
     }
 
-    /// The configuration that it plans with.
+    /// The configuration that it plans with: what is switched off is at the value that does nothing.
     #[must_use]
     pub fn config(&self) -> &PlannerConfig {
         &self.config
@@ -174,31 +208,25 @@ impl Planner {
         }
     }
 
-    /// The network's `state` input (eq. 5), camera frame: velocity / (alpha·v_max), acceleration / (alpha²·a_max), unit
-    /// world-up, the aim / 2r, at most 1 long (the goal, or where the target will be; without either 0), and the
-    /// agility: the share of alpha²·a_max that the vehicle can give, at most `max_agility`.
-    fn network_state(&mut self, frame: &FrameInput, pose: &FramePose) -> [f32; STATE] {
+    /// The network's `state` input, as far as the policy has it. The aim is the goal, or where the target will be; without
+    /// either it is zero.
+    fn network_state(&mut self, frame: &FrameInput, pose: &FramePose) -> NetworkState {
         let (p, how, odometry) = (&self.config.policy, &self.config.planning, &frame.odometry);
         let alpha = self.alpha(frame.speed);
         let cam_from_world = pose.world_from_cam.inverse();
-        let vel_cam = cam_from_world * odometry.vel_world / (alpha * p.v_max);
-        let acc_cam = cam_from_world * frame.acc_world / (alpha * alpha * p.a_max);
-        let up_cam = cam_from_world * Vec3::z();
         let aim_world = match p.task {
             Task::Navigate => frame.goal_world.map(|goal| goal - odometry.pos_world),
             Task::Track => self
                 .target(odometry.stamp)
                 .map(|target| self.chase.aim(odometry.pos_world, &target, self.decoder.duration(alpha))),
         };
-        let aim_cam = cam_from_world * within_reach(aim_world.unwrap_or_default(), 2.0 * p.radius);
-        let mut state = [0.0; STATE];
-        for (i, v) in [vel_cam, acc_cam, up_cam, aim_cam].iter().enumerate() {
-            for (axis, x) in v.iter().enumerate() {
-                state[3 * i + axis] = *x as f32;
-            }
-        }
-        state[12] = (how.max_acc_mps2 / (alpha * alpha * p.a_max)).min(how.max_agility) as f32;
-        state
+        p.state.state(&StateParts {
+            velocity: cam_from_world * odometry.vel_world / (alpha * p.v_max),
+            acceleration: cam_from_world * frame.acc_world / (alpha * alpha * p.a_max),
+            up: cam_from_world * Vec3::z(),
+            aim: cam_from_world * within_reach(aim_world.unwrap_or_default(), 2.0 * p.radius),
+            agility: (how.max_acc_mps2 / (alpha * alpha * p.a_max)).min(how.max_agility),
+        })
     }
 
     /// Takes in the candidates' detections, and chooses among their trajectories, which last `duration` s from `start`.
@@ -223,6 +251,11 @@ impl Planner {
             return select(Some(avoided), &[None; ANCHORS], candidates);
         }
         let unseen = detect(&self.config.planning.detection, stamp, cam_world, &mut self.filter, candidates);
+        if !self.config.extensions.choice_among_all {
+            for (candidate, why) in candidates.iter_mut().zip(&unseen) {
+                candidate.rejection = candidate.rejection.or(*why);
+            }
+        }
         let crowding = self.target(stamp).map(|target| {
             let (keep_off, obstacles, ignored) = (self.config.keep_off, &self.obstacles, about(&target));
             move |c: &Candidate| {
@@ -236,6 +269,10 @@ impl Planner {
 
     /// What is flown instead of `flown`, out of the way of what moves.
     fn evade(&mut self, stamp: Time, start: &FlatState, flown: Option<&Quintic>, movers: &Movers) -> Option<Evasion> {
+        let extensions = &self.config.extensions;
+        if !extensions.stepping_aside {
+            return None;
+        }
         let ignored = self.target(stamp).map(|target| about(&target));
         let chases = self.config.policy.task == Task::Track;
         let scene = Scene {
@@ -244,7 +281,7 @@ impl Planner {
             movers,
             ignored: ignored.as_ref(),
             chases,
-            threat: self.filter.estimate().filter(|_| chases).and_then(|target| Threat::of(&target, stamp)),
+            threat: self.filter.estimate().filter(|_| chases && extensions.least_distance).and_then(|target| Threat::of(&target, stamp)),
             keep_off: self.config.keep_off,
             target_acc: self.config.planning.target.max_acc_mps2,
         };
@@ -295,7 +332,7 @@ impl Planner {
 impl Asked<'_> {
     /// The network's `state` input, as the contract lays it out.
     #[must_use]
-    pub fn state(&self) -> &[f32; STATE] {
+    pub fn state(&self) -> &NetworkState {
         &self.state
     }
 

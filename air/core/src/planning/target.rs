@@ -6,6 +6,7 @@
 use crate::gaze::expected::Expected;
 use crate::gaze::hidden::hidden_for;
 use crate::values::error::{ConfigError, within};
+use crate::values::extensions::Extensions;
 use crate::values::types::{TargetEstimate, Time, Vec3};
 use nalgebra::{Matrix3, Matrix6};
 use schemars::JsonSchema;
@@ -133,6 +134,7 @@ struct Track {
 #[derive(Clone, Copy, Debug)]
 pub struct TargetFilter {
     config: TargetConfig,
+    extensions: Extensions,
     track: Option<Track>,
     /// The last believed target, once it is lost: where and when it was believed last.
     lost: Option<Track>,
@@ -212,9 +214,10 @@ impl Track {
             && self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)) <= config.gate_sigmas
     }
 
-    fn update(&mut self, config: &TargetConfig, detection: &Detection) {
+    fn update(&mut self, config: &TargetConfig, extensions: &Extensions, detection: &Detection) {
         let covariance = config.covariance(detection.sight_world, detection.objectness);
-        let wrong = (self.inconsistency(detection, &covariance) / OUTLIER).max(1.0);
+        let far = if extensions.outliers { self.inconsistency(detection, &covariance) / OUTLIER } else { 0.0 };
+        let wrong = far.max(1.0);
         self.motion.update(detection.pos_world, &(covariance * (wrong * wrong)));
         let speed = self.motion.vel.norm();
         if speed > config.max_speed_mps {
@@ -223,27 +226,31 @@ impl Track {
         self.last_seen = self.stamp;
     }
 
-    /// One frame: predicts, marks the detections that are its own, and takes the surest of them.
+    /// One frame: predicts, marks the detections that are its own, and takes the surest of them, or the one that fits best.
     fn step<const N: usize>(
         &mut self,
-        config: &TargetConfig,
+        (config, extensions): (&TargetConfig, &Extensions),
         now: Time,
         detections: &[Option<Detection>; N],
         consistent: &mut [bool; N],
     ) {
         self.predict(config, now);
+        let worth = |detection: &Detection| match extensions.weighted_detections {
+            true => detection.objectness,
+            false => -self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)),
+        };
         let mut surest: Option<&Detection> = None;
         for (detection, own) in detections.iter().zip(consistent.iter_mut()) {
             let Some(detection) = detection else { continue };
             if self.takes(config, detection) {
                 *own = true;
-                if surest.is_none_or(|best| detection.objectness > best.objectness) {
+                if surest.is_none_or(|best| worth(detection) > worth(best)) {
                     surest = Some(detection);
                 }
             }
         }
         if let Some(detection) = surest {
-            self.update(config, detection);
+            self.update(config, extensions, detection);
             self.strength += (detection.objectness - self.strength) / f64::from(config.confirm_of);
         }
         self.history = self.history << 1 | u32::from(surest.is_some());
@@ -287,13 +294,13 @@ impl Track {
 impl TargetFilter {
     /// A filter that has seen nothing.
     #[must_use]
-    pub fn new(config: TargetConfig) -> Self {
-        Self { config, track: None, lost: None, rival: None }
+    pub fn new(config: TargetConfig, extensions: Extensions) -> Self {
+        Self { config, extensions, track: None, lost: None, rival: None }
     }
 
     /// Forgets everything.
     pub fn reset(&mut self) {
-        *self = Self::new(self.config);
+        *self = Self::new(self.config, self.extensions);
     }
 
     /// Moves all positions by `jump_world`: the odometry's origin jumped, the target did not.
@@ -308,9 +315,11 @@ impl TargetFilter {
     pub fn step<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
         *consistent = [false; N];
         if let Some(track) = &mut self.track {
-            track.step(&self.config, now, detections, consistent);
+            track.step((&self.config, &self.extensions), now, detections, consistent);
             self.judge(now);
-            self.compete(now, detections, consistent);
+            if self.extensions.rivals {
+                self.compete(now, detections, consistent);
+            }
         }
         if self.track.is_none() {
             self.acquire(now, detections);
@@ -333,7 +342,7 @@ impl TargetFilter {
             return;
         };
         let mut of_rival = [false; N];
-        rival.step(&self.config, now, &others, &mut of_rival);
+        rival.step((&self.config, &self.extensions), now, &others, &mut of_rival);
         let stronger = rival.strength > track.strength + STRONGER;
         let instead = rival.strength >= self.config.sure_objectness && !track.is_seen_often(&self.config);
         if rival.convinces(&self.config) && (!track.confirmed || stronger || instead) {

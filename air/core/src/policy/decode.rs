@@ -230,6 +230,7 @@ fn validate(policy: &PolicyModel, camera: &CameraModel) -> Result<(), ConfigErro
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::policy::state::StateLayout;
     use crate::values::types::MAX_CHANNELS;
     use proptest::prelude::*;
 
@@ -237,6 +238,7 @@ mod tests {
         let (hfov, vfov) = (90_f64.to_radians(), 2.0 * 0.6_f64.atan());
         PolicyModel {
             task,
+            state: StateLayout { up: true, aim: true, direction: false, agility: true },
             radius: 5.0,
             azimuth_offset: 15_f64.to_radians(),
             elevation_offset: 15_f64.to_radians(),

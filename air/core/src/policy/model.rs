@@ -1,5 +1,6 @@
 //! What the core must know of the camera and of the policy.
 
+use crate::policy::state::StateLayout;
 use crate::values::types::{Rot, Task, Vec3};
 
 /// The camera as mounted, and the image that the network sees.
@@ -24,6 +25,8 @@ pub struct CameraModel {
 pub struct PolicyModel {
     /// What it was trained for.
     pub task: Task,
+    /// What its `state` input holds.
+    pub state: StateLayout,
     /// r of eq. 3, m.
     pub radius: f64,
     /// d_phi of eq. 6, rad.

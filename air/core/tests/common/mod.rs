@@ -26,6 +26,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
         },
         policy: PolicyModel {
             task,
+            state: StateLayout { up: true, aim: true, direction: false, agility: true },
             radius: 5.0,
             azimuth_offset: 15_f64.to_radians(),
             elevation_offset: 15_f64.to_radians(),
@@ -39,6 +40,7 @@ pub fn planner_config(task: Task) -> PlannerConfig {
             height: 96,
         },
         planning: planning(shipped::tuning().planner.target),
+        extensions: Extensions::ALL,
         keep_off: 1.5,
     }
 }

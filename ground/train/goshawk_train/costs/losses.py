@@ -44,24 +44,31 @@ class LossModel:
         )
         terms = self.costs(d, batch.situation)
         trajectory = terms.trajectory_BN()
-        label = trajectory.detach().clamp_max(weights.cost_label_max)
+        positive = groups.positive_BN.to(trajectory.dtype)
+        share: Tensor | float = 1.0
+        label = trajectory
+        if config.task == "track":
+            share = positive + weights.lambda_other * (1 - positive)
+            if weights.goal_rule == "paper":
+                label = trajectory - terms.goal_BN
+                trajectory = label + positive * terms.goal_BN
+        label = label.detach().clamp_max(weights.cost_label_max)
         cost_loss = F.smooth_l1_loss(decoded.cost_BN, label, reduction="none")
-        each = weights.trajectory_loss * (trajectory + weights.cost_loss * cost_loss)
+        each = weights.trajectory_loss * share * (trajectory + weights.cost_loss * cost_loss)
         parts = {
             "trajectory": trajectory.mean(),
             "cost_error": cost_loss.mean(),
             **{name: part_BN.mean() for name, part_BN in terms.parts_BN().items()},
         }
         if decoded.objectness_logit_BN is not None and decoded.target_cam_BN3 is not None:
-            truth = groups.positive_BN.to(each.dtype)
-            objectness = F.binary_cross_entropy_with_logits(decoded.objectness_logit_BN, truth, reduction="none")
-            object_share = truth + weights.lambda_negative * groups.negative_BN
+            objectness = F.binary_cross_entropy_with_logits(decoded.objectness_logit_BN, positive, reduction="none")
+            object_share = positive + weights.lambda_negative * groups.negative_BN
             target = F.smooth_l1_loss(
                 decoded.target_cam_BN3, batch.target_net_B3[:, None].expand_as(decoded.target_cam_BN3), reduction="none"
             ).sum(-1)
-            each = each + weights.objectness_loss * object_share * objectness + weights.target_loss * truth * target
+            each = each + weights.objectness_loss * object_share * objectness + weights.target_loss * positive * target
             parts["objectness"] = (object_share * objectness).sum(-1).mean()
-            parts["target"] = (target * truth).sum() / truth.sum().clamp_min(1)
+            parts["target"] = (target * positive).sum() / positive.sum().clamp_min(1)
         loss = each.sum(-1).mean()
         return Outcome(
             loss=loss, terms=terms, label_BN=label, decoded=decoded, assignment=groups, parts={"loss": loss, **parts}

@@ -48,7 +48,7 @@ class CostTerms:
         }
 
     def trajectory_BN(self) -> Tensor:
-        """What the trajectory is optimised for; also the label of its predicted cost."""
+        """The sum of all terms."""
         return reduce(torch.add, self.parts_BN().values())
 
 
@@ -99,15 +99,21 @@ class CostModel:
             clearance_BN=costs.clearance * care * short.square(),
             feasibility_BN=costs.feasibility * (_excess(fast) + _excess(hard)),
             ground_BN=costs.ground * self.step_s * ground.sum(-1),
-            goal_BN=costs.goal * self.miss(d_BN63[:, :, 3], situation.aim_rel_B3[:, None]),
+            goal_BN=costs.goal * self.goal(d_BN63[:, :, 3], situation.aim_rel_B3[:, None]),
             progress_BN=costs.progress * self.miss(pos, situation.aim_rel_B3[:, None, None]).mean(-1),
             idle_BN=costs.idle * self.idle(d_BN63[:, :, 3], situation.aim_rel_B3),
             min_distance_BN=min_distance,
             pos_rel_BNK3=pos,
         )
 
+    def goal(self, end_rel: Tensor, aim_rel: Tensor) -> Tensor:
+        """Jg of ends [..., 3]: the squared distance from the aim (eq. Jg), or what `miss` says."""
+        if self.config.costs.goal_rule == "paper":
+            return (end_rel - aim_rel).square().sum(-1)
+        return self.miss(end_rel, aim_rel)
+
     def miss(self, pos_rel: Tensor, aim_rel: Tensor) -> Tensor:
-        """Jg: smooth-L1 distance of positions [..., 3] from the aim, horizontal and vertical apart: each has a slope of
+        """Smooth-L1 distance of positions [..., 3] from the aim, horizontal and vertical apart: each has a slope of
         1 however far the aim is, so that the way over the trees is no shorter than the one around them.
 
         At the end alone it would leave open when to set out: from rest, a quintic that ends a little too fast first

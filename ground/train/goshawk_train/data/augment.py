@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -16,11 +17,44 @@ _YIQ = np.array([[0.299, 0.587, 0.114], [0.5959, -0.2746, -0.3213], [0.2115, -0.
 _RGB = np.linalg.inv(_YIQ)
 
 
-def colour_matrices(rng: np.random.Generator, count: int, config: AugmentConfig) -> NDArray[np.float64]:
-    """Random hue turn, saturation and value gain as linear maps of RGB, [count, 3, 3]."""
-    hue = rng.uniform(-config.hue_rad, config.hue_rad, count)
-    saturation = 1 + rng.uniform(-config.saturation, config.saturation, count)
-    value = np.exp(rng.uniform(-config.value, config.value, count))
+@dataclass(frozen=True, kw_only=True)
+class Jitter:
+    """What is done to the colours of each image, [count]: hue turn, rad, and the gains of saturation and value."""
+
+    hue: NDArray[np.float64]
+    saturation: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+
+def draw_jitter(rng: np.random.Generator, count: int, config: AugmentConfig) -> Jitter:
+    """Random changes of colour."""
+    return Jitter(
+        hue=rng.uniform(-config.hue_rad, config.hue_rad, count),
+        saturation=1 + rng.uniform(-config.saturation, config.saturation, count),
+        value=np.exp(rng.uniform(-config.value, config.value, count)),
+    )
+
+
+def jitter_hsv(rgb_BHW3: Tensor, jitter: Jitter) -> Tensor:
+    """The changes in the HSV colour space, as the paper has them; values 0..1."""
+    hue, saturation, gain = (
+        torch.as_tensor(values, dtype=rgb_BHW3.dtype)[:, None, None]
+        for values in (jitter.hue * (3 / math.pi), jitter.saturation, jitter.value)
+    )
+    red, green, blue = rgb_BHW3.unbind(-1)
+    value, most = rgb_BHW3.max(-1)
+    chroma = value - rgb_BHW3.amin(-1)
+    ahead = torch.stack([green - blue, blue - red, red - green], -1).gather(-1, most[..., None])[..., 0]
+    sextant = ahead / chroma.clamp_min(1e-6) + 2 * most + hue
+    value_new = (value * gain).clamp(0, 1)
+    chroma_new = value_new * (chroma / value.clamp_min(1e-6) * saturation).clamp(0, 1)
+    k = torch.remainder(sextant[..., None] + rgb_BHW3.new_tensor([5.0, 3.0, 1.0]), 6)
+    return value_new[..., None] - chroma_new[..., None] * torch.minimum(k, 4 - k).clamp(0, 1)
+
+
+def colour_matrices(jitter: Jitter) -> NDArray[np.float64]:
+    """The changes in YIQ, as linear maps of RGB, [count, 3, 3]: a third of the time of HSV."""
+    hue, saturation, value, count = jitter.hue, jitter.saturation, jitter.value, len(jitter.hue)
     turn = np.zeros((count, 3, 3))
     turn[:, 0, 0] = 1
     turn[:, 1, 1] = turn[:, 2, 2] = saturation * np.cos(hue)
@@ -35,9 +69,12 @@ def augment(rgbd_BHW4: Tensor, rng: np.random.Generator, config: AugmentConfig) 
     The mirror is not done here: it changes geometry as well (see `batches.make_batch`).
     """
     count = len(rgbd_BHW4)
-    matrix = torch.tensor(colour_matrices(rng, count, config), dtype=rgbd_BHW4.dtype)
-    out = torch.empty_like(rgbd_BHW4)
-    rgb = torch.einsum("bhwi,bji->bhwj", rgbd_BHW4[..., :3], matrix)
+    out, jitter = torch.empty_like(rgbd_BHW4), draw_jitter(rng, count, config)
+    if config.space == "hsv":
+        rgb = jitter_hsv(rgbd_BHW4[..., :3], jitter)
+    else:
+        matrix = torch.tensor(colour_matrices(jitter), dtype=rgbd_BHW4.dtype)
+        rgb = torch.einsum("bhwi,bji->bhwj", rgbd_BHW4[..., :3], matrix)
     if config.noise > 0:
         # A fresh field for each batch, scaled and rolled for each image: noise is cheap this way.
         seed = int(rng.integers(2**31))

@@ -153,16 +153,24 @@ def make_batch(
     target_rel = np.where(has_target[:, None], labels.target_world_F3[index_B] - pos, 0.0)
     chases = has_target & (rng.uniform(size=count) < config.sampling.chase)
     chase = to_net(sampling.chase_aim(rng, target_rel, config.sampling), net_from_world)
-    aim = sampling.within_reach(np.where(chases[:, None], chase, aim), config.reach_m)
+    aim = np.where(chases[:, None], chase, aim)
+    if "aim" in config.network.state:
+        aim = sampling.within_reach(aim, config.reach_m)
 
     def tensor(value: Any) -> Tensor:
         return torch.as_tensor(np.ascontiguousarray(value, dtype=np.float32))
 
+    state = {
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "up": world_from_net[:, 2],
+        "aim": aim / config.reach_m,
+        "direction": aim / np.maximum(np.linalg.norm(aim, axis=1, keepdims=True), 1e-6),
+        "agility": agility,
+    }
     return Batch(
         rgbd_I4HW=rgbd.permute(0, 3, 1, 2),
-        state_BS=tensor(
-            np.concatenate([velocity, acceleration, world_from_net[:, 2], aim / config.reach_m, agility], axis=1)
-        ),
+        state_BS=tensor(np.concatenate([state[name] for name in config.network.state], axis=1)),
         velocity_net_B3=tensor(velocity * config.motion.v_max_mps),
         acceleration_net_B3=tensor(acceleration * config.motion.a_max_mps2),
         world_from_net_B33=tensor(world_from_net),

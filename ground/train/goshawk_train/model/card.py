@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from goshawk_train.config import STATE_SIZES, Config
+from goshawk_train.config import Config
 
 CONTRACT_KEY = "goshawk_contract"
 """Of the contract in the ONNX file's metadata."""
@@ -33,8 +33,8 @@ def model_card(
 
 Task: {config.task}. ResNet-18 with stages of {", ".join(map(str, config.network.channels))} channels,
 {parameters:,} parameters, float32, {file.stat().st_size / 1e6:.1f} MB. Input: RGB-D of
-{config.camera.width} x {config.camera.height} and {sum(STATE_SIZES.values())} state values
-({", ".join(config.state_names)}; camera frame). Output: {config.lattice.anchors} anchors of
+{config.camera.width} x {config.camera.height} and {sum(config.state_sizes.values())} state values
+({", ".join(config.network.state)}; camera frame). Output: {config.lattice.anchors} anchors of
 {len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.
 
 ## Training

@@ -15,7 +15,7 @@ import onnxruntime
 import torch
 from numpy.typing import NDArray
 
-from goshawk_train.config import STATE_SIZES, Config
+from goshawk_train.config import Config
 from goshawk_train.errors import TrainerError
 from goshawk_train.model.card import CONTRACT_KEY
 from goshawk_train.model.checkpoint import Checkpoint, load_weights
@@ -60,7 +60,7 @@ def contract(saved: Checkpoint, *, commit: str, cost_scale: float) -> dict[str, 
         "duration_rule": "2r/(alpha*v_max)",
         "target_depth_scale_m": config.network.target_depth_scale_m,
         "cost_scale": cost_scale,
-        "state": config.state_names,
+        "state": list(config.network.state),
         "channels": config.channel_names,
         "camera_tilt_rad": camera.tilt_rad,
         "training": {
@@ -87,7 +87,7 @@ def example_inputs(config: Config, seed: int) -> tuple[torch.Tensor, torch.Tenso
     """Random inputs of the exported shapes."""
     generator = torch.Generator().manual_seed(seed)
     rgbd = torch.rand(1, 4, config.camera.height, config.camera.width, generator=generator)
-    return rgbd, torch.randn(1, sum(STATE_SIZES.values()), generator=generator)
+    return rgbd, torch.randn(1, sum(config.state_sizes.values()), generator=generator)
 
 
 def export(saved: Checkpoint, path: Path, *, commit: str, cost_scale: float) -> dict[str, Any]:

@@ -12,14 +12,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from goshawk_train.config import STATE_SIZES, Config
+from goshawk_train.config import TASK_STATES, Config
 from goshawk_train.model import geometry
 
 TRAJECTORY_CHANNELS = 10
 """Of the outputs, the first: end state and cost. The rest is detection."""
-
-MOTION_STATES = 9
-"""Of the state, the first: how the camera moves and hangs. The rest is the task."""
 
 
 def _conv(inputs: int, outputs: int, size: int, stride: int) -> nn.Conv2d:
@@ -51,10 +48,10 @@ def cell_state_matrix(config: Config) -> np.ndarray:
     """[S * N, S]: the state's vectors, each rotated into every cell's frame, and its numbers as they are, laid out
     [S, N] row-major."""
     cell_from_cam = np.swapaxes(geometry.cam_from_cell(config.camera, config.lattice), 1, 2)
-    total, anchors = sum(STATE_SIZES.values()), config.lattice.anchors
+    total, anchors = sum(config.state_sizes.values()), config.lattice.anchors
     matrix = np.zeros((total, anchors, total))
     at = 0
-    for size in STATE_SIZES.values():
+    for size in config.state_sizes.values():
         here = slice(at, at + size)
         matrix[here, :, here] = np.swapaxes(cell_from_cam, 0, 1) if size == 3 else 1
         at += size
@@ -78,7 +75,9 @@ class Policy(nn.Module):
             blocks += [Block(inputs, outputs, 1 if stage == 0 else 2), Block(outputs, outputs, 1)]
             inputs = outputs
         self.blocks = nn.Sequential(*blocks)
-        state = sum(STATE_SIZES.values())
+        state = sum(config.state_sizes.values())
+        self.motion_states = sum(size for name, size in config.state_sizes.items() if name not in TASK_STATES)
+        """Of the state, the first: how the camera moves and hangs. The rest is the task."""
         hidden = config.network.head_channels
         self.head1 = nn.Conv2d(inputs + state, hidden, 1)
         self.head2 = nn.Conv2d(hidden, hidden, 1)
@@ -100,10 +99,11 @@ class Policy(nn.Module):
         """The 1x1 head; weights are shared by all cells. What detects the target does not get the task: the aim and the
         agility, with which the state ends."""
         trajectories = self._head(features, state_BS)
-        if trajectories.shape[1] == TRAJECTORY_CHANNELS:
+        if trajectories.shape[1] == TRAJECTORY_CHANNELS or state_BS.shape[1] == self.motion_states:
             return trajectories
         # Where the target is said to be must not tell where it is seen.
-        unaimed = torch.cat([state_BS[:, :MOTION_STATES], torch.zeros_like(state_BS[:, MOTION_STATES:])], dim=1)
+        motion, task = state_BS.tensor_split([self.motion_states], dim=1)
+        unaimed = torch.cat([motion, torch.zeros_like(task)], dim=1)
         detections = self._head(features, unaimed)
         return torch.cat([trajectories[:, :TRAJECTORY_CHANNELS], detections[:, TRAJECTORY_CHANNELS:]], dim=1)
 
