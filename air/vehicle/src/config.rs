@@ -200,6 +200,17 @@ impl Vehicle {
         self.folder.join(path)
     }
 
+    /// The policy's file for a task.
+    #[must_use]
+    pub fn model(&self, task: Task) -> PathBuf {
+        let own = self.resolve(&self.policy.model);
+        match (task, &self.policy.navigate) {
+            (Task::Track, _) => own,
+            (Task::Navigate, Some(path)) => self.resolve(path),
+            (Task::Navigate, None) => own.with_file_name("navigate.onnx"),
+        }
+    }
+
     /// The file's own model is the one that it pins; a model that was named instead of it is not pinned.
     ///
     /// # Errors

@@ -82,8 +82,7 @@ struct Flying {
 impl Flying {
     fn load(path: &Path) -> Result<Self> {
         let vehicle = Vehicle::load(path)?;
-        let track = vehicle.resolve(&vehicle.policy.model);
-        let navigate = track.with_file_name("navigate.onnx");
+        let [track, navigate] = [Task::Track, Task::Navigate].map(|task| vehicle.model(task));
         Ok(Self { vehicle, track, navigate })
     }
 

@@ -37,6 +37,8 @@ pub struct Policy {
     pub model: PathBuf,
     /// SHA-256 of that file, lower-case hexadecimal, as its card has it. Another file is not flown.
     pub sha256: String,
+    /// What the simulator navigates with, relative to this file; absent: `navigate.onnx` beside the model.
+    pub navigate: Option<PathBuf>,
     /// Threads that run the network on the processor.
     #[schemars(range(min = 1, max = 64), extend("x-why" = "more threads than cores only wait"))]
     pub threads: usize,

@@ -77,7 +77,7 @@ pub struct FlyArgs {
     /// m ahead and left, and stand_s); cells for each.
     #[arg(long, value_name = "COURSE[,…]", value_delimiter = ',', default_value = "goal")]
     course: Vec<String>,
-    /// The policy; absent: the vehicle file's (track), which its SHA-256 must fit, or navigate.onnx beside it.
+    /// The policy; absent: the vehicle file's: policy.model (track), which its SHA-256 must fit, or policy.navigate.
     /// One that is named here needs no SHA-256. Not needed by --pilot classical to
     /// navigate.
     #[arg(long, value_name = "FILE")]
@@ -225,12 +225,11 @@ impl FlyArgs {
     }
 
     fn model(&self, vehicle: &Vehicle) -> PathBuf {
-        let own = vehicle.resolve(&vehicle.policy.model);
-        match (&self.policy, self.task) {
-            (Some(path), _) => path.clone(),
-            (None, TaskName::Track) => own,
-            (None, TaskName::Navigate) => own.with_file_name("navigate.onnx"),
-        }
+        let task = match self.task {
+            TaskName::Track => Task::Track,
+            TaskName::Navigate => Task::Navigate,
+        };
+        self.policy.clone().unwrap_or_else(|| vehicle.model(task))
     }
 }
 
