@@ -226,7 +226,7 @@ fn finite(v: &Vec3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::values::types::{Rejection, Rot};
+    use crate::values::types::{Added, Rejection, Rot};
 
     const YAW: YawConfig = YawConfig {
         max_rate_radps: 2.5,
@@ -269,6 +269,7 @@ mod tests {
         let candidate = Candidate {
             end: FlatState::default(),
             cost: 0.0,
+            added: Added::default(),
             objectness,
             target_world: Some(Vec3::new(5.0, lateral, 1.0)),
             rejection: Some(Rejection::Cost),

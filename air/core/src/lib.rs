@@ -49,6 +49,6 @@ pub use values::error::{ConfigError, within};
 pub use values::extensions::Extensions;
 pub use values::history::History;
 pub use values::types::{
-    ANCHORS, AttitudeThrust, Candidate, FlatState, GRAVITY, MAX_CHANNELS, NetworkOutput, Newtons, NormalisedThrust,
-    Odometry, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
+    ANCHORS, Added, AttitudeThrust, Candidate, FlatState, GRAVITY, Imu, MAX_CHANNELS, NetworkOutput, Newtons,
+    NormalisedThrust, Odometry, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
 };

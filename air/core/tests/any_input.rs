@@ -25,7 +25,7 @@ prop_compose! {
         duration in number(), age in 0.0..0.5f64, distance in number(), target in prop::option::of((vector(), vector(), any::<bool>()))
     ) -> (f64, Plan) {
         let state = FlatState { pos, vel, acc };
-        let candidate = Candidate { end: state, cost: 1.0, objectness: 1.0, target_world: None, rejection: None };
+        let candidate = Candidate { end: state, cost: 1.0, added: Added::default(), objectness: 1.0, target_world: None, rejection: None };
         let estimate = target.map(|(pos_world, vel_world, confirmed)| TargetEstimate {
             stamp: Time(0), pos_world, vel_world, covariance: nalgebra::Matrix6::identity(), confirmed, last_seen: Time(0),
         });
@@ -60,6 +60,7 @@ proptest! {
             // A mostly willing autopilot, so that flights get far.
             let climbing = k > 4;
             let input = StepInput {
+            imu: None,
                 odometry: Some(odometry),
                 plan_seq: Some(plan.seq),
                 autopilot: AutopilotStatus { connected: true, armed: climbing, offboard: climbing, landed: None, battery: Some(0.8), position: None },

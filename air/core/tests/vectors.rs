@@ -149,8 +149,13 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         body_from_cam: Rot::from_axis_angle(&Vec3::y_axis(), -number(&case["tilt"])),
         pos_cam_body: vector(&case["lens_body_3"]),
     };
-    let config =
-        PlannerConfig { camera, policy, planning: common::planning(target_config(&load("target"))), extensions: Extensions::ALL, keep_off: 1.5 };
+    let config = PlannerConfig {
+        camera,
+        policy,
+        planning: common::planning(target_config(&load("target"))),
+        extensions: Extensions::ALL,
+        keep_off: 1.5,
+    };
     let mut planner = Planner::new(config).unwrap();
     let mut network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
     for channel in 0..channels(task) {

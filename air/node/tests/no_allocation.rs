@@ -98,7 +98,14 @@ impl Surroundings {
 
 fn plan(seq: u64, stamp: Time, height: f64) -> Plan {
     let state = |x| FlatState { pos: Vec3::new(x, 0.0, height), ..FlatState::default() };
-    let candidate = Candidate { end: state(3.0), cost: 1.0, objectness: 0.9, target_world: None, rejection: None };
+    let candidate = Candidate {
+        end: state(3.0),
+        cost: 1.0,
+        added: Added::default(),
+        objectness: 0.9,
+        target_world: None,
+        rejection: None,
+    };
     let target = TargetEstimate {
         stamp,
         pos_world: Vec3::new(8.0, 0.0, height),

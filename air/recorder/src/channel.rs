@@ -18,6 +18,8 @@ impl Channel {
     pub const RGBD: Channel = Channel { topic: "log/rgbd", message: "goshawk.v1.CompressedRgbd" };
     /// Odometry as the controller took it.
     pub const ODOMETRY: Channel = Channel { topic: "log/odometry", message: "goshawk.v1.Odometry" };
+    /// Each new sample of the autopilot's IMU, before the step that sees it.
+    pub const IMU: Channel = Channel { topic: "log/imu", message: "goshawk.v1.Imu" };
     /// What the planner was given for each frame.
     pub const PLANNER_INPUT: Channel = Channel { topic: "log/planner_input", message: "goshawk.v1.PlannerInput" };
     /// What the controller was given at each step.

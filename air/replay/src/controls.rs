@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use color_eyre::eyre::{Result, eyre};
-use goshawk_core::{Command, FlightController, Odometry, Plan, StepInput, Time};
+use goshawk_core::{Command, FlightController, Imu, Odometry, Plan, StepInput, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
 use goshawk_vehicle::convert;
-use goshawk_vehicle::inputs::{odometry_from, step_input};
+use goshawk_vehicle::inputs::{imu_from, odometry_from, step_input};
 
 use super::compare::{Difference, keep_first};
 use super::{Outcome, Recording};
@@ -17,6 +17,7 @@ struct Again<'a> {
     plans: &'a BTreeMap<u64, Plan>,
     controller: FlightController,
     odometry: Option<Odometry>,
+    imu: Option<Imu>,
     /// Sequence number of the last step.
     last: Option<u64>,
     answer: v1::Control,
@@ -24,12 +25,15 @@ struct Again<'a> {
 
 impl Again<'_> {
     fn step(&mut self, message: &v1::ControllerInput, missing: &mut Vec<String>) {
-        let (input, now) = (step_input(message, self.odometry), Time(message.stamp_ns));
+        let (input, now) = (step_input(message, self.odometry, self.imu), Time(message.stamp_ns));
         if let Some(last) = self.last.filter(|last| message.seq != last + 1) {
             missing.push(format!("controller steps {} to {}", last + 1, message.seq.saturating_sub(1)));
         }
         if message.odometry_ns != input.odometry.map(|o| o.stamp.0) {
             missing.push(format!("the odometry of controller step {}", message.seq));
+        }
+        if message.imu_ns != input.imu.map(|imu| imu.stamp.0) {
+            missing.push(format!("the inertial sample of controller step {}", message.seq));
         }
         let plan = input.plan_seq.and_then(|seq| self.plans.get(&seq));
         if self.last.is_none() && matches!(input.command, Some(Command::Start(_))) {
@@ -46,10 +50,12 @@ impl Again<'_> {
 pub(super) fn again(recording: &Recording, plans: &BTreeMap<u64, Plan>, outcome: &mut Outcome) -> Result<()> {
     let control = Channel::of(Key::Control).ok_or_else(|| eyre!("the key table has no message for controls"))?;
     let controller = FlightController::new(recording.vehicle.controller_config())?;
-    let mut again = Again { plans, controller, odometry: None, last: None, answer: v1::Control::default() };
+    let mut again = Again { plans, controller, odometry: None, imu: None, last: None, answer: v1::Control::default() };
     for entry in recording.log.entries() {
         if let Some(message) = entry.decode::<v1::Odometry>(Channel::ODOMETRY) {
             again.odometry = odometry_from(&message);
+        } else if let Some(message) = entry.decode::<v1::Imu>(Channel::IMU) {
+            again.imu = imu_from(&message);
         } else if let Some(message) = entry.decode::<v1::ControllerInput>(Channel::CONTROLLER_INPUT) {
             again.step(&message, &mut outcome.missing);
         } else if let Some(logged) = entry.decode::<v1::Control>(control) {

@@ -1,6 +1,7 @@
 //! From the core's values to the messages of the wire and the log.
 
 use goshawk_core as core;
+use goshawk_core::planning::obstacles::VOXEL;
 use goshawk_proto::v1;
 
 /// World- or body-frame vector.
@@ -88,7 +89,40 @@ fn candidate(c: &core::Candidate) -> v1::Candidate {
         objectness: c.objectness as f32,
         target_pos_world: c.target_world.map(vec3f),
         rejection: rejection(c.rejection).into(),
+        added_obstacle: c.added.obstacle as f32,
+        added_mover: c.added.mover as f32,
+        added_target: c.added.target as f32,
+        added_climbing: c.added.climbing as f32,
     }
+}
+
+/// Of what is remembered no more voxels are told than this, the nearest ones: 9 kB.
+const TOLD_VOXELS: usize = 3000;
+
+/// What `planner` remembers about the vehicle at `pos_world`; none: nothing was seen yet.
+#[must_use]
+pub fn obstacle_map(
+    seq: u64,
+    stamp: core::Time,
+    planner: &core::Planner,
+    pos_world: core::Vec3,
+) -> Option<v1::ObstacleMap> {
+    let mut cells = Vec::new();
+    let origin = planner.remembered(&mut cells)?;
+    if cells.len() > TOLD_VOXELS {
+        let at = (pos_world - origin) / VOXEL;
+        let far = |cell: &[u8; 3]| (core::Vec3::from(cell.map(f64::from)) - at).norm_squared();
+        cells.select_nth_unstable_by(TOLD_VOXELS, |a, b| far(a).total_cmp(&far(b)));
+        cells.truncate(TOLD_VOXELS);
+        cells.sort_unstable();
+    }
+    Some(v1::ObstacleMap {
+        seq,
+        stamp_ns: stamp.0,
+        origin_world: Some(vec3(origin)),
+        voxel_m: VOXEL,
+        voxels: cells.concat(),
+    })
 }
 
 /// The plan, ready at `ready`.
@@ -142,7 +176,7 @@ pub fn control(
         acc_des_world: Some(vec3(output.acc_des_world)),
         acc_att_world: Some(vec3(output.acc_att_world)),
         acc_disturbance_world: Some(vec3(output.acc_disturbance_world)),
-        acc_meas_world: Some(vec3(output.acc_meas_world)),
+        acc_meas_world: output.acc_meas_world.map(vec3),
         world_from_body_des: output.setpoint.map(|s| quat(s.world_from_body)),
         thrust_n: output.thrust.0,
         thrust_norm: output.setpoint.map_or(0.0, |s| s.thrust.0),

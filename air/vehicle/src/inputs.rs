@@ -2,8 +2,8 @@
 
 use goshawk_core::planning::nearest::Nearest;
 use goshawk_core::{
-    AutopilotStatus, Command, FrameInput, FrameRecord, NetworkOutput, NetworkState, Odometry, Profile, Rot, StepInput, Task, Time,
-    Vec3,
+    AutopilotStatus, Command, FrameInput, FrameRecord, Imu, NetworkOutput, NetworkState, Odometry, Profile, Rot,
+    StepInput, Task, Time, Vec3,
 };
 use goshawk_proto::v1;
 
@@ -88,15 +88,36 @@ pub fn controller_input(input: &StepInput, seq: u64, stamp: Time) -> v1::Control
         },
         stop: input.command == Some(Command::Stop),
         odometry_ns: input.odometry.map(|o| o.stamp.0),
+        imu_ns: input.imu.map(|imu| imu.stamp.0),
         battery: input.autopilot.battery,
         position: input.autopilot.position,
     }
 }
 
-/// What a step of the controller was given, from the log: the message names its odometry by the stamp, and the last one
-/// before it in the log is `odometry`.
+/// An inertial sample, for the log.
 #[must_use]
-pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>) -> StepInput {
+pub fn imu(imu: &Imu) -> v1::Imu {
+    v1::Imu {
+        stamp_ns: imu.stamp.0,
+        specific_force_body: Some(vec3(imu.specific_force_body)),
+        ang_vel_body: Some(vec3(imu.ang_vel_body)),
+    }
+}
+
+/// A logged inertial sample, bit for bit; none: a part is missing.
+#[must_use]
+pub fn imu_from(m: &v1::Imu) -> Option<Imu> {
+    Some(Imu {
+        stamp: Time(m.stamp_ns),
+        specific_force_body: vector(m.specific_force_body?),
+        ang_vel_body: vector(m.ang_vel_body?),
+    })
+}
+
+/// What a step of the controller was given, from the log: the message names its odometry and its inertial sample by their
+/// stamps, and the last ones before it in the log are `odometry` and `imu`.
+#[must_use]
+pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>, imu: Option<Imu>) -> StepInput {
     let start = m.start.as_ref().map(|start| {
         Command::Start(Profile {
             task: if start.task() == v1::Task::Navigate { Task::Navigate } else { Task::Track },
@@ -107,6 +128,7 @@ pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>) -> StepIn
     });
     StepInput {
         odometry,
+        imu: imu.filter(|_| m.imu_ns.is_some()),
         plan_seq: m.plan_seq,
         autopilot: AutopilotStatus {
             connected: m.connected,
@@ -153,10 +175,12 @@ mod tests {
 
     #[test]
     fn a_steps_input_comes_back_from_the_log() {
+        let sample = Imu { stamp: Time(9), specific_force_body: Vec3::new(0.1, -2.0, 9.8), ang_vel_body: Vec3::y() };
         let profile = Profile { task: Task::Navigate, speed: 5.0, height: 1.5, goal: Some(Vec3::x()) };
         for command in [None, Some(Command::Stop), Some(Command::Start(profile))] {
             let input = StepInput {
                 odometry: Some(at_stamp()),
+                imu: Some(sample),
                 plan_seq: Some(0),
                 autopilot: AutopilotStatus {
                     armed: true,
@@ -169,7 +193,9 @@ mod tests {
             };
             let message = controller_input(&input, 1, Time(2));
             assert_eq!(message.odometry_ns, Some(7));
-            assert_eq!(step_input(&message, input.odometry), input);
+            assert_eq!(message.imu_ns, Some(9));
+            let back = imu_from(&v1::Imu::decode(imu(&sample).encode_to_vec().as_slice()).unwrap());
+            assert_eq!(step_input(&message, input.odometry, back), input);
         }
     }
 }

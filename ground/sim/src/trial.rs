@@ -11,8 +11,8 @@ pub mod onboard;
 pub mod scene;
 
 use goshawk_core::{
-    AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, FrameRecord, Mode, Odometry, Plan, StepInput, Task,
-    Time, Vec3,
+    AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, FrameRecord, Imu, Mode, Odometry, Plan, StepInput,
+    Task, Time, Vec3,
 };
 use goshawk_policy::stream::Arrival;
 use goshawk_policy::{PolicyError, PreprocessError};
@@ -83,6 +83,9 @@ pub trait Pilot {
     /// A state estimate has come.
     fn take_odometry(&mut self, odometry: &Odometry);
 
+    /// An inertial sample has come.
+    fn take_imu(&mut self, imu: &Imu);
+
     /// Plans from a frame; the plan is flown once it is handed to [`Pilot::take_plan`]. None: the controller demands no
     /// plan, there is no odometry around the frame's stamp, or the frame is not to be believed.
     ///
@@ -92,6 +95,12 @@ pub trait Pilot {
 
     /// The last plan has become available.
     fn take_plan(&mut self, plan: Plan);
+
+    /// What it remembers to stand about it, as the `seq`-th such message; none: nothing, or it tells nobody.
+    fn obstacle_map(&self, seq: u64, now: Time) -> Option<v1::ObstacleMap> {
+        let _ = (seq, now);
+        None
+    }
 
     /// The newest state estimate.
     fn odometry(&self) -> Option<&Odometry>;
@@ -269,6 +278,7 @@ impl Truth<'_> {
             target_arrived: evader.is_some_and(|e| e.arrived),
             target_visible: self.visible,
             moving: self.moving.iter().map(|part| part.shape.around().to_proto()).collect(),
+            acc_world: Some(convert::vec3(self.vehicle.acc_world)),
         }
     }
 }

@@ -158,7 +158,7 @@ class CommandReply(_message.Message):
     def __init__(self, command_id: _Optional[str] = ..., accepted: _Optional[bool] = ..., reason: _Optional[str] = ..., mode: _Optional[_Union[Mode, str]] = ...) -> None: ...
 
 class Candidate(_message.Message):
-    __slots__ = ("end_pos_world", "end_vel_world", "end_acc_world", "cost", "objectness", "target_pos_world", "rejection")
+    __slots__ = ("end_pos_world", "end_vel_world", "end_acc_world", "cost", "objectness", "target_pos_world", "rejection", "added_obstacle", "added_mover", "added_target", "added_climbing")
     END_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     END_VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
     END_ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
@@ -166,6 +166,10 @@ class Candidate(_message.Message):
     OBJECTNESS_FIELD_NUMBER: _ClassVar[int]
     TARGET_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     REJECTION_FIELD_NUMBER: _ClassVar[int]
+    ADDED_OBSTACLE_FIELD_NUMBER: _ClassVar[int]
+    ADDED_MOVER_FIELD_NUMBER: _ClassVar[int]
+    ADDED_TARGET_FIELD_NUMBER: _ClassVar[int]
+    ADDED_CLIMBING_FIELD_NUMBER: _ClassVar[int]
     end_pos_world: Vec3f
     end_vel_world: Vec3f
     end_acc_world: Vec3f
@@ -173,7 +177,11 @@ class Candidate(_message.Message):
     objectness: float
     target_pos_world: Vec3f
     rejection: Rejection
-    def __init__(self, end_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_vel_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_acc_world: _Optional[_Union[Vec3f, _Mapping]] = ..., cost: _Optional[float] = ..., objectness: _Optional[float] = ..., target_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., rejection: _Optional[_Union[Rejection, str]] = ...) -> None: ...
+    added_obstacle: float
+    added_mover: float
+    added_target: float
+    added_climbing: float
+    def __init__(self, end_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_vel_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_acc_world: _Optional[_Union[Vec3f, _Mapping]] = ..., cost: _Optional[float] = ..., objectness: _Optional[float] = ..., target_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., rejection: _Optional[_Union[Rejection, str]] = ..., added_obstacle: _Optional[float] = ..., added_mover: _Optional[float] = ..., added_target: _Optional[float] = ..., added_climbing: _Optional[float] = ...) -> None: ...
 
 class Plan(_message.Message):
     __slots__ = ("seq", "frame_ns", "ready_ns", "start_pos_world", "start_vel_world", "start_acc_world", "world_from_cam", "duration_s", "alpha", "candidates", "chosen")
@@ -201,8 +209,22 @@ class Plan(_message.Message):
     chosen: int
     def __init__(self, seq: _Optional[int] = ..., frame_ns: _Optional[int] = ..., ready_ns: _Optional[int] = ..., start_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_cam: _Optional[_Union[Quat, _Mapping]] = ..., duration_s: _Optional[float] = ..., alpha: _Optional[float] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., chosen: _Optional[int] = ...) -> None: ...
 
+class ObstacleMap(_message.Message):
+    __slots__ = ("seq", "stamp_ns", "origin_world", "voxel_m", "voxels")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    ORIGIN_WORLD_FIELD_NUMBER: _ClassVar[int]
+    VOXEL_M_FIELD_NUMBER: _ClassVar[int]
+    VOXELS_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    stamp_ns: int
+    origin_world: Vec3
+    voxel_m: float
+    voxels: bytes
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., origin_world: _Optional[_Union[Vec3, _Mapping]] = ..., voxel_m: _Optional[float] = ..., voxels: _Optional[bytes] = ...) -> None: ...
+
 class Control(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "acc_meas_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s", "odometry_fault", "odometry_doubt")
+    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s", "odometry_fault", "odometry_doubt", "acc_meas_world")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
@@ -213,7 +235,6 @@ class Control(_message.Message):
     ACC_DES_WORLD_FIELD_NUMBER: _ClassVar[int]
     ACC_ATT_WORLD_FIELD_NUMBER: _ClassVar[int]
     ACC_DISTURBANCE_WORLD_FIELD_NUMBER: _ClassVar[int]
-    ACC_MEAS_WORLD_FIELD_NUMBER: _ClassVar[int]
     WORLD_FROM_BODY_DES_FIELD_NUMBER: _ClassVar[int]
     THRUST_N_FIELD_NUMBER: _ClassVar[int]
     THRUST_NORM_FIELD_NUMBER: _ClassVar[int]
@@ -224,6 +245,7 @@ class Control(_message.Message):
     ATTITUDE_LAG_S_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_FAULT_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_DOUBT_FIELD_NUMBER: _ClassVar[int]
+    ACC_MEAS_WORLD_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     mode: Mode
@@ -234,7 +256,6 @@ class Control(_message.Message):
     acc_des_world: Vec3
     acc_att_world: Vec3
     acc_disturbance_world: Vec3
-    acc_meas_world: Vec3
     world_from_body_des: Quat
     thrust_n: float
     thrust_norm: float
@@ -245,7 +266,8 @@ class Control(_message.Message):
     attitude_lag_s: float
     odometry_fault: OdometryFault
     odometry_doubt: float
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ..., odometry_fault: _Optional[_Union[OdometryFault, str]] = ..., odometry_doubt: _Optional[float] = ...) -> None: ...
+    acc_meas_world: Vec3
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ..., odometry_fault: _Optional[_Union[OdometryFault, str]] = ..., odometry_doubt: _Optional[float] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
 
 class Target(_message.Message):
     __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "covariance", "confirmed", "since_seen_s")
@@ -411,6 +433,16 @@ class Odometry(_message.Message):
     reset_counter: int
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., ang_vel_body: _Optional[_Union[Vec3, _Mapping]] = ..., reset_counter: _Optional[int] = ...) -> None: ...
 
+class Imu(_message.Message):
+    __slots__ = ("stamp_ns", "specific_force_body", "ang_vel_body")
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    SPECIFIC_FORCE_BODY_FIELD_NUMBER: _ClassVar[int]
+    ANG_VEL_BODY_FIELD_NUMBER: _ClassVar[int]
+    stamp_ns: int
+    specific_force_body: Vec3
+    ang_vel_body: Vec3
+    def __init__(self, stamp_ns: _Optional[int] = ..., specific_force_body: _Optional[_Union[Vec3, _Mapping]] = ..., ang_vel_body: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
+
 class LogHeader(_message.Message):
     __slots__ = ("vehicle", "vehicle_toml", "policy_sha256", "policy_contract_json", "version", "git_revision", "wall_time", "stamp_ns", "profile", "protocol", "tuning_toml")
     VEHICLE_FIELD_NUMBER: _ClassVar[int]
@@ -478,7 +510,7 @@ class PlannerInput(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., odometry: _Optional[_Union[Odometry, _Mapping]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., speed_mps: _Optional[float] = ..., goal_world: _Optional[_Union[Vec3, _Mapping]] = ..., state: _Optional[_Iterable[float]] = ..., prediction: _Optional[_Iterable[float]] = ..., nearest_mm: _Optional[bytes] = ...) -> None: ...
 
 class ControllerInput(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop", "odometry_ns", "battery", "position")
+    __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop", "odometry_ns", "battery", "imu_ns", "position")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     PLAN_SEQ_FIELD_NUMBER: _ClassVar[int]
@@ -491,6 +523,7 @@ class ControllerInput(_message.Message):
     STOP_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_NS_FIELD_NUMBER: _ClassVar[int]
     BATTERY_FIELD_NUMBER: _ClassVar[int]
+    IMU_NS_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
@@ -504,8 +537,9 @@ class ControllerInput(_message.Message):
     stop: bool
     odometry_ns: int
     battery: float
+    imu_ns: int
     position: bool
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ..., odometry_ns: _Optional[int] = ..., battery: _Optional[float] = ..., position: _Optional[bool] = ...) -> None: ...
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ..., odometry_ns: _Optional[int] = ..., battery: _Optional[float] = ..., imu_ns: _Optional[int] = ..., position: _Optional[bool] = ...) -> None: ...
 
 class StartProfile(_message.Message):
     __slots__ = ("task", "speed_mps", "height_m", "goal_m")
@@ -532,7 +566,7 @@ class CommandRecord(_message.Message):
     def __init__(self, stamp_ns: _Optional[int] = ..., verb: _Optional[str] = ..., profile: _Optional[str] = ..., reply: _Optional[_Union[CommandReply, _Mapping]] = ...) -> None: ...
 
 class SimTruth(_message.Message):
-    __slots__ = ("stamp_ns", "pos_world", "world_from_body", "vel_world", "target_pos_world", "target_vel_world", "clearance_m", "collisions", "target_distance_m", "target_path_m", "target_arrived", "target_visible", "moving")
+    __slots__ = ("stamp_ns", "pos_world", "world_from_body", "vel_world", "target_pos_world", "target_vel_world", "clearance_m", "collisions", "target_distance_m", "target_path_m", "target_arrived", "target_visible", "moving", "acc_world")
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     WORLD_FROM_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -546,6 +580,7 @@ class SimTruth(_message.Message):
     TARGET_ARRIVED_FIELD_NUMBER: _ClassVar[int]
     TARGET_VISIBLE_FIELD_NUMBER: _ClassVar[int]
     MOVING_FIELD_NUMBER: _ClassVar[int]
+    ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
     stamp_ns: int
     pos_world: Vec3
     world_from_body: Quat
@@ -559,7 +594,8 @@ class SimTruth(_message.Message):
     target_arrived: bool
     target_visible: bool
     moving: _containers.RepeatedCompositeFieldContainer[SimBox]
-    def __init__(self, stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., target_distance_m: _Optional[float] = ..., target_path_m: _Optional[float] = ..., target_arrived: _Optional[bool] = ..., target_visible: _Optional[bool] = ..., moving: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ...) -> None: ...
+    acc_world: Vec3
+    def __init__(self, stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., target_distance_m: _Optional[float] = ..., target_path_m: _Optional[float] = ..., target_arrived: _Optional[bool] = ..., target_visible: _Optional[bool] = ..., moving: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
 
 class SimTree(_message.Message):
     __slots__ = ("base_world", "top_world", "radius_m", "foliage_radius_m")

@@ -7,12 +7,12 @@ use crate::frames::ned_from_frd;
 use crate::messages::{AttitudeTargetTypemask, MavMessage, SET_ATTITUDE_TARGET_DATA};
 use crate::session::config::LinkConfig;
 use crate::session::endpoint::Endpoint;
-use crate::state::status::{Imu, Status, StatusText};
+use crate::state::status::{Status, StatusText};
 use crate::wire::address::Peer;
 use crate::wire::error::AutopilotError;
 use crate::wire::peers::PeerEvent;
 use crate::wire::signing::Stream;
-use goshawk_core::{AttitudeThrust, Odometry, Request, Time};
+use goshawk_core::{AttitudeThrust, Imu, Odometry, Request, Time};
 use mavlink::MAVLinkV2MessageRaw;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -25,6 +25,8 @@ pub struct Glance {
     pub status: Status,
     /// Newest odometry in our clock; none: nothing usable came yet.
     pub odometry: Option<Odometry>,
+    /// Newest inertial sample in our clock; none: it sends none.
+    pub imu: Option<Imu>,
     /// Where setpoints go; none: not known yet.
     pub peer: Option<Peer>,
 }
@@ -103,9 +105,9 @@ impl AutopilotLink {
     pub fn glance(&self, now: Time) -> Option<Glance> {
         let state = self.endpoint.try_lock()?;
         let status = Status { unanswered: state.commands.unanswered(), ..state.view.status(now) };
-        let (odometry, peer) = (state.view.odometry(), state.peer);
+        let (odometry, imu, peer) = (state.view.odometry(), state.view.imu(), state.peer);
         drop(state);
-        Some(Glance { status: self.endpoint.counted(status), odometry, peer })
+        Some(Glance { status: self.endpoint.counted(status), odometry, imu, peer })
     }
 
     /// Sends the attitude and thrust (SET_ATTITUDE_TARGET, type mask 7). Call it at the control rate: PX4 wants more

@@ -5,9 +5,8 @@ use crate::state::clock::ClockMap;
 use crate::state::contradiction::Contradiction;
 use crate::state::inertial::Inertial;
 use crate::state::pose::{self, Position, Unusable};
-use crate::state::status::Imu;
 use crate::state::validity::PositionFault;
-use goshawk_core::{Odometry, Time};
+use goshawk_core::{Imu, Odometry, Time};
 
 /// Without ODOMETRY for this long, position and attitude messages are joined instead.
 const ODOMETRY_SILENCE_S: f64 = 0.5;

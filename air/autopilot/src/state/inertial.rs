@@ -7,8 +7,7 @@
 //! f is HIGHRES_IMU's specific force, which holds thrust, wind and drag alike, so that no model of the vehicle is in it.
 //! b is the accelerometer's bias, and a tilt that is a little off. Where either message is missing nothing is said.
 
-use crate::state::status::Imu;
-use goshawk_core::{GRAVITY, Odometry, Time, Vec3};
+use goshawk_core::{GRAVITY, Imu, Odometry, Time, Vec3};
 
 /// Samples farther apart than this are not integrated, s: the slowest that is asked for is 10 Hz.
 const LONGEST_STEP_S: f64 = 0.15;

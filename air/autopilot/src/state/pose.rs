@@ -2,8 +2,7 @@
 
 use crate::frames::{enu_from_ned, flu_from_frd, world_from_body};
 use crate::messages::{ATTITUDE_QUATERNION_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA};
-use crate::state::status::Imu;
-use goshawk_core::{Odometry, Rot, Time, Vec3};
+use goshawk_core::{Imu, Odometry, Rot, Time, Vec3};
 use nalgebra::Quaternion;
 
 /// How far from 1 a quaternion's norm may be; single precision and rounding stay far below.

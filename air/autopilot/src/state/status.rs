@@ -4,7 +4,7 @@ use crate::dialogue::firmware::{Firmware, Identity, THRUST_AS_THRUST};
 use crate::dialogue::mode::FlightMode;
 use crate::dialogue::parameters::Parameter;
 use crate::state::validity::PositionFault;
-use goshawk_core::{AutopilotStatus, Time, Vec3};
+use goshawk_core::{AutopilotStatus, Time};
 
 /// What came and went, counted since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -172,17 +172,6 @@ impl Status {
             position: self.position,
         }
     }
-}
-
-/// One inertial sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Imu {
-    /// When it was true.
-    pub stamp: Time,
-    /// Specific force (what an accelerometer measures; +g along z at rest), m/s².
-    pub specific_force_body: Vec3,
-    /// Angular velocity, rad/s.
-    pub ang_vel_body: Vec3,
 }
 
 /// A line of text from the autopilot. It sends them only to a ground-station heartbeat.

@@ -13,10 +13,10 @@ use crate::messages::{
 use crate::state::clock::ClockMap;
 use crate::state::estimate::Estimate;
 use crate::state::pose::Unusable;
-use crate::state::status::{Counters, Imu, Status, StatusText};
+use crate::state::status::{Counters, Status, StatusText};
 use crate::state::validity::Validity;
 use crate::wire::packet::{Packet, Reject};
-use goshawk_core::{Odometry, Time};
+use goshawk_core::{Imu, Odometry, Time};
 use mavlink::MavHeader;
 use std::collections::{BTreeMap, VecDeque};
 

@@ -127,7 +127,7 @@ fn finite(v: &Vec3) -> bool {
 mod tests {
     use super::*;
     use crate::shipped;
-    use crate::values::types::{ANCHORS, Candidate, FlatState, Rot};
+    use crate::values::types::{ANCHORS, Added, Candidate, FlatState, Rot};
 
     fn ladder() -> LadderConfig {
         shipped::tuning().ladder
@@ -135,7 +135,8 @@ mod tests {
 
     fn plan(seq: u64, stamp: f64, duration: f64, chosen: Option<usize>) -> Plan {
         let end = FlatState { pos: Vec3::x(), ..FlatState::default() };
-        let candidate = Candidate { end, cost: 0.0, objectness: 1.0, target_world: None, rejection: None };
+        let candidate =
+            Candidate { end, cost: 0.0, added: Added::default(), objectness: 1.0, target_world: None, rejection: None };
         Plan {
             seq,
             stamp: Time::from_secs(stamp),

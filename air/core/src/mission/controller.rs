@@ -68,6 +68,8 @@ pub(crate) struct Flight {
     pub(crate) battery_low: Option<Time>,
 }
 
+/// What was felt longer ago than this is not what is felt, s: a few samples of 100 Hz.
+const LONGEST_FELT: f64 = 0.05;
 /// A step longer than this is taken as this, s.
 const LONGEST_STEP: f64 = 0.1;
 
@@ -169,6 +171,8 @@ impl Controller {
         }
         let mut output = self.fly(now, dt, input);
         (output.transition, output.reply, output.readiness) = (transition, reply, readiness);
+        let fresh = input.imu.filter(|imu| now.since(imu.stamp).abs() < LONGEST_FELT);
+        output.acc_meas_world = fresh.zip(self.motion.last()).map(|(imu, odometry)| imu.acc_world(odometry));
         output
     }
 

@@ -150,7 +150,9 @@ impl Controller {
             let led = lead(&self.config.lead, self.motion.attitude_lag(), reference.acc, flown.quintic.jerk(age));
             let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
             let acc_world = match task {
-                Task::Track if self.config.extensions.view_limit => self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos),
+                Task::Track if self.config.extensions.view_limit => {
+                    self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos)
+                }
                 _ => acc_world,
             };
             return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
@@ -341,7 +343,7 @@ impl Controller {
             acc_des_world: Vec3::zeros(),
             acc_att_world: Vec3::zeros(),
             acc_disturbance_world: self.motion.observer().disturbance(),
-            acc_meas_world: self.motion.observer().acceleration(),
+            acc_meas_world: None,
             thrust: Newtons(0.0),
             hover_thrust: self.motion.vehicle(&self.config.airframe).hover_thrust,
             attitude_lag: self.motion.attitude_lag(),

@@ -67,7 +67,8 @@ mod tests {
             reset_counter: 0,
         };
         let autopilot = AutopilotStatus { connected: true, landed: Some(true), ..AutopilotStatus::default() };
-        let standing = StepInput { odometry: Some(odometry), plan_seq: None, autopilot, command: None, ready: true };
+        let standing =
+            StepInput { odometry: Some(odometry), imu: None, plan_seq: None, autopilot, command: None, ready: true };
         assert_eq!(controller.step(Time(1_000_000_000), &standing, None).mode, Mode::Ready);
         let lost = AutopilotStatus { position: Some(false), ..autopilot };
         let command = Some(Command::Start(Profile { task: Task::Track, speed: 3.0, height: 1.5, goal: None }));

@@ -3,7 +3,7 @@
 use crate::control::trust::OdometryFault;
 use crate::mission::modes::{Cause, Fallback, Mode};
 use crate::planning::frame::PlanningDemand;
-use crate::values::types::{AttitudeThrust, FlatState, Newtons, Odometry, Task, Vec3};
+use crate::values::types::{AttitudeThrust, FlatState, Imu, Newtons, Odometry, Task, Vec3};
 
 /// What a flight is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,6 +95,8 @@ pub struct AutopilotStatus {
 pub struct StepInput {
     /// Newest odometry. One that is not finite, or older than the last, is ignored.
     pub odometry: Option<Odometry>,
+    /// The autopilot's newest inertial sample; none: it sends none. It is shown and logged, and nothing is flown by it.
+    pub imu: Option<Imu>,
     /// `seq` of the newest plan.
     pub plan_seq: Option<u64>,
     /// The autopilot's state.
@@ -148,8 +150,8 @@ pub struct ControllerOutput {
     pub acc_att_world: Vec3,
     /// The observer's estimate of the lumped disturbance per unit mass, m/s².
     pub acc_disturbance_world: Vec3,
-    /// The observer's model of the actual acceleration, m/s².
-    pub acc_meas_world: Vec3,
+    /// The acceleration that the autopilot's IMU feels, m/s²; none: it sends nothing fresh.
+    pub acc_meas_world: Option<Vec3>,
     /// Commanded collective force.
     pub thrust: Newtons,
     /// The normalised thrust that hovers, as learnt.

@@ -12,7 +12,7 @@ use crate::values::types::{Rot, Time, Vec3};
 use nalgebra::{Vector2, Vector3};
 
 /// Edge of a voxel, m.
-const VOXEL: f64 = 0.2;
+pub const VOXEL: f64 = 0.2;
 /// Voxels along x, y, z: powers of two, so that an index wraps by a mask. A row along x is one word of bits.
 const SIZE: [i32; 3] = [128, 128, 32];
 const VOXELS: usize = 128 * ROW_COUNT;
@@ -238,6 +238,17 @@ impl Obstacles {
         }
     }
 
+    /// The occupied voxels, counted from the grid's lowest corner, which is returned (m), into `cells`.
+    pub(crate) fn remembered(&self, cells: &mut Vec<[u8; 3]>) -> Option<Vec3> {
+        cells.clear();
+        let low = self.low?;
+        for (y, z) in (0..SIZE[2]).flat_map(|z| (0..SIZE[1]).map(move |y| (y, z))) {
+            let word = self.occupied[row_of(&(low + Voxel::new(0, y, z)))].rotate_right(bit_of(low.x));
+            cells.extend(bits(word).map(|x| [x as u8, y as u8, z as u8]));
+        }
+        Some(low.map(f64::from) * VOXEL)
+    }
+
     /// The room about a place. What was never seen counts as free.
     #[must_use]
     pub fn room(&self, pos_world: &Vec3) -> Room {
@@ -456,6 +467,21 @@ mod tests {
         see(&mut obstacles, Vec3::new(90.0, 0.0, 30.0), &[0; COLUMNS * ROWS]);
         see(&mut obstacles, Vec3::new(7.0, 0.0, 30.0), &[0; COLUMNS * ROWS]);
         assert_eq!(obstacles.meeting(&back(7.0), None), 0.0);
+    }
+
+    #[test]
+    fn what_is_remembered_is_told_where_it_stands_wherever_the_grid_has_rolled() {
+        for x in [0.0, 11.3, -260.7] {
+            let (mut obstacles, lens) = (obstacles(), Vec3::new(x, 2.0, 30.0));
+            (0..4).for_each(|_| see(&mut obstacles, lens, &thing_at(4000)));
+            let mut cells = Vec::new();
+            let origin = obstacles.remembered(&mut cells).unwrap();
+            assert!(!cells.is_empty());
+            for cell in &cells {
+                let centre = origin + Vec3::from(cell.map(|k| (f64::from(k) + 0.5) * VOXEL));
+                assert!((centre.x - lens.x - 4.0).abs() < 0.5 && (centre.yz() - lens.yz()).norm() < 1.5, "{centre}");
+            }
+        }
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::values::error::ConfigError;
 use crate::values::extensions::Extensions;
 use crate::values::jump::jump;
 use crate::values::quintic::Quintic;
-use crate::values::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Odometry, Task, Time, Vec3};
+use crate::values::types::{ANCHORS, Added, Candidate, FlatState, NetworkOutput, Odometry, Task, Time, Vec3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -177,6 +177,12 @@ impl Planner {
         &self.config
     }
 
+    /// What is remembered to stand about the vehicle, as voxels ([`crate::planning::obstacles::VOXEL`]) counted from the place that is returned
+    /// (m), into `cells`; none: nothing was seen.
+    pub fn remembered(&self, cells: &mut Vec<[u8; 3]>) -> Option<Vec3> {
+        self.obstacles.remembered(cells)
+    }
+
     /// alpha for a desired largest speed (m/s): speed / v_max, kept within 0.05..=10.
     #[must_use]
     pub fn alpha(&self, speed: f64) -> f64 {
@@ -246,7 +252,14 @@ impl Planner {
                 let climbing = frame.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
                 let trajectory = Quintic::new(start, &c.end, duration);
                 let standing = costs.obstacle * self.obstacles.meeting(&trajectory, None);
-                scale * (costs.climbing_per_m * climbing + standing + moving(&trajectory))
+                let (climbing, moving) = (costs.climbing_per_m * climbing, moving(&trajectory));
+                Added {
+                    obstacle: scale * standing,
+                    mover: scale * moving,
+                    target: 0.0,
+                    climbing: scale * climbing,
+                    total: scale * (climbing + standing + moving),
+                }
             };
             return select(Some(avoided), &[None; ANCHORS], candidates);
         }
@@ -261,7 +274,15 @@ impl Planner {
             move |c: &Candidate| {
                 let trajectory = Quintic::new(start, &c.end, duration);
                 let standing = costs.obstacle * obstacles.meeting(&trajectory, Some(&ignored));
-                scale * (costs.target * crowding(keep_off, &trajectory, &target) + standing + moving(&trajectory))
+                let crowding = costs.target * crowding(keep_off, &trajectory, &target);
+                let moving = moving(&trajectory);
+                Added {
+                    obstacle: scale * standing,
+                    mover: scale * moving,
+                    target: scale * crowding,
+                    climbing: 0.0,
+                    total: scale * (crowding + standing + moving),
+                }
             }
         });
         select(crowding, &unseen, candidates)
@@ -281,7 +302,11 @@ impl Planner {
             movers,
             ignored: ignored.as_ref(),
             chases,
-            threat: self.filter.estimate().filter(|_| chases && extensions.least_distance).and_then(|target| Threat::of(&target, stamp)),
+            threat: self
+                .filter
+                .estimate()
+                .filter(|_| chases && extensions.least_distance)
+                .and_then(|target| Threat::of(&target, stamp)),
             keep_off: self.config.keep_off,
             target_acc: self.config.planning.target.max_acc_mps2,
         };

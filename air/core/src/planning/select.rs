@@ -3,7 +3,7 @@
 
 use crate::planning::target::{Detection, TargetFilter};
 use crate::values::error::{ConfigError, within};
-use crate::values::types::{ANCHORS, Candidate, Rejection, Time, Vec3};
+use crate::values::types::{ANCHORS, Added, Candidate, Rejection, Time, Vec3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -55,20 +55,21 @@ pub fn detect(
 }
 
 /// Marks why each candidate is not flown and returns the index of the one that is: with an aim the valid one of least
-/// cost, together with what `added` says, which is never negative; without an aim (none added) none, for `unseen`'s
+/// cost, together with what `added` says, of which the total is never negative; without an aim (none added) none, for `unseen`'s
 /// reasons.
 pub fn select(
-    added: Option<impl Fn(&Candidate) -> f64>,
+    added: Option<impl Fn(&Candidate) -> Added>,
     unseen: &[Option<Rejection>; ANCHORS],
     candidates: &mut [Candidate; ANCHORS],
 ) -> Option<usize> {
     let best = added.as_ref().and_then(|added| {
         let mut best: Option<(usize, f64)> = None;
-        for (index, candidate) in candidates.iter().enumerate().filter(|(_, c)| c.rejection.is_none()) {
+        for (index, candidate) in candidates.iter_mut().enumerate().filter(|(_, c)| c.rejection.is_none()) {
             let cheaper = |cost: f64| best.is_none_or(|(_, least)| cost < least);
             // Most are too dear already.
             if cheaper(candidate.cost) {
-                let cost = candidate.cost + added(candidate);
+                candidate.added = added(candidate);
+                let cost = candidate.cost + candidate.added.total;
                 best = if cheaper(cost) { Some((index, cost)) } else { best };
             }
         }

@@ -6,7 +6,7 @@ use crate::policy::activation::{LANES, Lanes, sigmoid, sin_cos, softplus, tanh};
 use crate::policy::lattice::{Anchor, COLUMNS, Lattice, ROWS};
 use crate::policy::model::{CameraModel, PolicyModel};
 use crate::values::error::{ConfigError, within};
-use crate::values::types::{ANCHORS, Candidate, FlatState, NetworkOutput, Rejection, Rot, Task, Vec3};
+use crate::values::types::{ANCHORS, Added, Candidate, FlatState, NetworkOutput, Rejection, Rot, Task, Vec3};
 
 /// Where the camera was, and from where the vehicle plans.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,6 +104,7 @@ impl Decoder {
                     acc: world_from_cam * acc_cam[index],
                 },
                 cost: y[COST][index].into(),
+                added: Added::default(),
                 objectness: y[OBJECTNESS][index].into(),
                 target_world,
                 rejection: None,
@@ -157,6 +158,7 @@ impl Decoder {
         Candidate {
             end: FlatState { pos, ..FlatState::default() },
             cost: f64::from(f32::MAX),
+            added: Added::default(),
             objectness: 0.0,
             target_world: None,
             rejection: Some(Rejection::Invalid),

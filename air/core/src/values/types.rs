@@ -69,6 +69,34 @@ pub struct Odometry {
     pub reset_counter: u32,
 }
 
+/// One sample of the autopilot's accelerometer and gyroscope.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Imu {
+    /// When it was true.
+    pub stamp: Time,
+    /// Specific force (what an accelerometer measures; +g along z at rest), m/s².
+    pub specific_force_body: Vec3,
+    /// Angular velocity, rad/s.
+    pub ang_vel_body: Vec3,
+}
+
+impl Imu {
+    /// The same with no negative zero in it, as a log gives it back.
+    #[must_use]
+    pub fn with_unsigned_zeros(&self) -> Self {
+        let [specific_force_body, ang_vel_body] = [self.specific_force_body, self.ang_vel_body].map(unsigned_zeros);
+        Self { specific_force_body, ang_vel_body, ..*self }
+    }
+
+    /// The acceleration that was felt, m/s²: turned by the attitude of an `odometry` near by, and without gravity.
+    #[must_use]
+    pub fn acc_world(&self, odometry: &Odometry) -> Vec3 {
+        let since = self.stamp.since(odometry.stamp);
+        let turned = Rot::from_scaled_axis(self.ang_vel_body * since);
+        odometry.world_from_body * turned * self.specific_force_body - Vec3::z() * GRAVITY
+    }
+}
+
 /// `v` with no negative zero in it: protobuf does not tell -0 from 0, so neither may what a log gives back.
 pub(crate) fn unsigned_zeros(v: Vec3) -> Vec3 {
     v.map(|x| x + 0.0)
@@ -139,6 +167,21 @@ pub enum Rejection {
     Invalid,
 }
 
+/// What the planner adds to a candidate's cost, on the cost's scale; none is negative.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Added {
+    /// For what stands and was seen.
+    pub obstacle: f64,
+    /// For what moves.
+    pub mover: f64,
+    /// For coming too near to the target.
+    pub target: f64,
+    /// For ending above the goal.
+    pub climbing: f64,
+    /// All of it.
+    pub total: f64,
+}
+
 /// One predicted trajectory, decoded to the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
@@ -146,6 +189,8 @@ pub struct Candidate {
     pub end: FlatState,
     /// Predicted cost; lower is better.
     pub cost: f64,
+    /// What the planner adds to it: known of what would be flown otherwise, zero of what is too dear already.
+    pub added: Added,
     /// Probability that the cell holds the target, 0..=1; 1 in navigation.
     pub objectness: f64,
     /// The detected target's centre, world frame; none in navigation.

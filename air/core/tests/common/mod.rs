@@ -232,6 +232,7 @@ impl Loop {
             self.plan = self.make_plan().or(self.plan.take());
         }
         let input = StepInput {
+            imu: None,
             odometry: self.odometry,
             plan_seq: self.plan.as_ref().map(|plan| plan.seq),
             autopilot: self.autopilot,
@@ -338,7 +339,14 @@ impl Loop {
             FlatState { pos: pos + direction * reach, vel: direction * (2.0 * self.haste), acc: Vec3::zeros() }
         });
         let glimpsed = if let Frames::Glimpse(at) = self.frames { Some(at) } else { target };
-        let candidate = Candidate { end, cost: 1.0, objectness: 1.0, target_world: glimpsed, rejection: None };
+        let candidate = Candidate {
+            end,
+            cost: 1.0,
+            added: Added::default(),
+            objectness: 1.0,
+            target_world: glimpsed,
+            rejection: None,
+        };
         let estimate = target.map(|at| TargetEstimate {
             stamp: self.now,
             pos_world: at,

@@ -100,6 +100,7 @@ impl Control {
         let pending: Option<PendingCommand> = try_lock(&shared.command).and_then(|mut slot| slot.take());
         let input = StepInput {
             odometry: held.odometry,
+            imu: held.glance.and_then(|glance| glance.imu).map(|imu| imu.with_unsigned_zeros()),
             plan_seq: held.plan.as_ref().map(|plan| plan.seq),
             autopilot: held.glance.map_or_else(Default::default, |glance| self.source.concerning(&glance.status)),
             command: pending.as_ref().map(|pending| pending.command),

@@ -4,13 +4,16 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use goshawk_core::{FrameInput, FrameRecord, Plan, Planner, PlanningDemand};
+use goshawk_core::{FrameInput, FrameRecord, Plan, Planner, PlanningDemand, Time};
 use goshawk_policy::{AnswerMonitor, Policy, Preprocessor};
-use goshawk_vehicle::clock;
 use goshawk_vehicle::sensors::Frame;
+use goshawk_vehicle::{clock, convert};
 
 use crate::flight::realtime::Schedule;
 use crate::flight::shared::{Planned, Report, Shared, lock};
+
+/// What is remembered about the vehicle is told so often, s: it is for people.
+const MAP_PERIOD_S: f64 = 1.0;
 
 /// What the thread owns.
 pub struct Planning {
@@ -33,6 +36,7 @@ impl Planning {
     pub fn run(mut self, shared: &Shared) {
         self.schedule.apply("planner");
         let (mut seen, mut seq) = (0, 0);
+        let (mut maps, mut mapped) = (0, Time(0));
         while !shared.stopping() {
             let Some((frame, missed)) = shared.frame.wait_newer(&mut seen, Duration::from_millis(100)) else {
                 continue;
@@ -52,8 +56,15 @@ impl Planning {
                     if fault.is_none() {
                         shared.plan.put(plan.clone());
                     }
-                    let planned = Planned { plan, record, ready: clock::now(), inference_s, fault };
+                    let (ready, start_world) = (clock::now(), plan.start.pos);
+                    let planned = Planned { plan, record, ready, inference_s, fault };
                     shared.report(Report::Plan(Box::new(planned)));
+                    if ready.since(mapped) >= MAP_PERIOD_S
+                        && let Some(map) = convert::obstacle_map(maps, ready, &self.planner, start_world)
+                    {
+                        (maps, mapped) = (maps + 1, ready);
+                        shared.report(Report::Map(map));
+                    }
                 }
                 Err(why) => shared.report(Report::PlanFailed(why)),
             }

@@ -70,6 +70,8 @@ pub enum Report {
     Plan(Box<Planned>),
     /// The planner could not answer a frame, and why.
     PlanFailed(String),
+    /// What the planner remembers.
+    Map(v1::ObstacleMap),
     /// Odometry was taken.
     Odometry(Odometry),
     /// A controller step.

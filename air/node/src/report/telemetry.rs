@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
 use goshawk_bus::{Bus, BusError, Publisher};
-use goshawk_core::{ControllerOutput, Mode, Odometry, OdometryFault, Time};
+use goshawk_core::{ControllerOutput, Imu, Mode, Odometry, OdometryFault, Time};
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
@@ -55,6 +55,7 @@ pub struct Identity {
 
 struct Publishers {
     plan: Publisher,
+    map: Publisher,
     control: Publisher,
     target: Publisher,
     health: Publisher,
@@ -88,6 +89,7 @@ pub struct Telemetry {
     restarts: u64,
     /// The autopilot does not stand by the position that is flown by.
     position_lost: bool,
+    last_imu: Option<Time>,
     last_control: Time,
     last_check: Time,
     last_health: Time,
@@ -113,6 +115,7 @@ impl Telemetry {
         Ok(Telemetry {
             publishers: Publishers {
                 plan: bus.publisher(Key::Plan)?,
+                map: bus.publisher(Key::Map)?,
                 control: bus.publisher(Key::Control)?,
                 target: bus.publisher(Key::Target)?,
                 health: bus.publisher(Key::Health)?,
@@ -134,6 +137,7 @@ impl Telemetry {
             checks: Vec::new(),
             restarts: 0,
             position_lost: false,
+            last_imu: None,
             last_control: Time(0),
             last_check: Time(0),
             last_health: Time(0),
@@ -163,6 +167,10 @@ impl Telemetry {
         match report {
             Report::Frame(frame) => self.take_frame(&frame),
             Report::Plan(planned) => self.take_plan(&planned),
+            Report::Map(map) => {
+                self.publishers.map.put(&map);
+                self.log.record(Key::Map, Time(map.stamp_ns), map);
+            }
             Report::PlanFailed(why) => self.facts.plan_failed = Some(why),
             Report::Odometry(odometry) => {
                 self.facts.odometry = Some(odometry.stamp);
@@ -176,6 +184,7 @@ impl Telemetry {
                 if let Some(started) = started {
                     self.begin_flight(&started, input.odometry.as_ref());
                 }
+                self.record_imu(input.imu.as_ref());
                 self.log.record_on(Channel::CONTROLLER_INPUT, stamp, inputs::controller_input(&input, seq, stamp));
                 self.take_control(seq, stamp, &output, input.odometry.as_ref());
             }
@@ -187,6 +196,7 @@ impl Telemetry {
     /// Opens the log; what the flight's first step saw comes first.
     fn begin_flight(&mut self, started: &Started, odometry: Option<&Odometry>) {
         self.flight = started.flight;
+        self.last_imu = None;
         started.profile.as_ref().clone_into(&mut self.profile);
         self.facts.recorder_failed = self.log.open(&started.profile).err();
         self.tell_exposure();
@@ -206,6 +216,14 @@ impl Telemetry {
         let message = convert::odometry(self.sequences.odometry, odometry);
         self.sequences.odometry += 1;
         self.log.record_on(Channel::ODOMETRY, odometry.stamp, message);
+    }
+
+    /// A sample is recorded with the first step that sees it.
+    fn record_imu(&mut self, imu: Option<&Imu>) {
+        if let Some(new) = imu.filter(|imu| self.last_imu != Some(imu.stamp)) {
+            self.last_imu = Some(new.stamp);
+            self.log.record_on(Channel::IMU, new.stamp, inputs::imu(new));
+        }
     }
 
     fn take_plan(&mut self, planned: &Planned) {

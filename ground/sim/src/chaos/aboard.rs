@@ -163,6 +163,7 @@ impl<'a> Aboard<'a> {
         }
         let input = StepInput {
             odometry: self.odometry,
+            imu: None,
             plan_seq: self.plan.as_ref().map(|plan| plan.seq),
             autopilot: self.source.concerning(status),
             command,

@@ -1,8 +1,8 @@
 //! The classical pilot: the vehicle's own mission, detector and target filter, its own map, trajectories and control.
 
 use goshawk_core::{
-    ANCHORS, AutopilotStatus, Candidate, Command, Controller, ControllerOutput, FlatState, History, Odometry, Plan,
-    PlanningDemand, Rejection, StepInput, TargetEstimate, Task, Time, Vec3, hidden_for,
+    ANCHORS, Added, AutopilotStatus, Candidate, Command, Controller, ControllerOutput, FlatState, History, Imu,
+    Odometry, Plan, PlanningDemand, Rejection, StepInput, TargetEstimate, Task, Time, Vec3, hidden_for,
 };
 use goshawk_vehicle::config::Vehicle;
 
@@ -66,6 +66,7 @@ pub struct Classical<'a> {
     mount: Mount,
     history: History,
     odometry: Option<Odometry>,
+    imu: Option<Imu>,
     demand: Option<PlanningDemand>,
     plan: Option<Plan>,
     flown: Option<Trajectory>,
@@ -93,6 +94,7 @@ impl<'a> Classical<'a> {
             mount: *mount,
             history: History::new(),
             odometry: None,
+            imu: None,
             demand: None,
             plan: None,
             flown: None,
@@ -111,8 +113,14 @@ impl<'a> Classical<'a> {
         }
         let odometry = seen.odometry;
         let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: seen.acc_world };
-        let candidate =
-            Candidate { end: start, cost: 0.0, objectness: 1.0, target_world: None, rejection: Some(Rejection::Cost) };
+        let candidate = Candidate {
+            end: start,
+            cost: 0.0,
+            added: Added::default(),
+            objectness: 1.0,
+            target_world: None,
+            rejection: Some(Rejection::Cost),
+        };
         Ok(Plan {
             seq: seen.seq,
             stamp: odometry.stamp,
@@ -213,6 +221,10 @@ impl Pilot for Classical<'_> {
         self.odometry = Some(*odometry);
     }
 
+    fn take_imu(&mut self, imu: &Imu) {
+        self.imu = Some(imu.with_unsigned_zeros());
+    }
+
     fn plan(&mut self, arrival: &Arrival, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
         let stamp = arrival.stamp;
         self.frames += 1;
@@ -258,7 +270,7 @@ impl Pilot for Classical<'_> {
 
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
         let plan_seq = self.plan.as_ref().map(|plan| plan.seq);
-        let input = StepInput { odometry: self.odometry, plan_seq, autopilot, command, ready: true };
+        let input = StepInput { odometry: self.odometry, imu: self.imu, plan_seq, autopilot, command, ready: true };
         let mut output = self.controller.step(now, &input, self.plan.as_ref());
         self.flying = output.plan_seq.is_some();
         let reference = self.flown.as_ref().filter(|_| self.flying).map(|flown| flown.at(now));

@@ -80,7 +80,6 @@ impl Tracker {
         output.setpoint = Some(AttitudeThrust { world_from_body: command.world_from_body, thrust });
         output.acc_att_world = command.acc_att_world;
         output.acc_disturbance_world = observer.disturbance();
-        output.acc_meas_world = observer.acceleration();
         output.thrust = vehicle.force(thrust);
         output.hover_thrust = vehicle.hover_thrust;
         output.attitude_lag = self.motion.attitude_lag();

@@ -28,6 +28,9 @@ pub struct LogError {
     cause: String,
 }
 
+/// As on board, s.
+const MAP_PERIOD_S: f64 = 1.0;
+
 /// Writes one flight.
 pub struct FlightLog {
     path: PathBuf,
@@ -37,6 +40,10 @@ pub struct FlightLog {
     failure: Option<String>,
     controls: u64,
     odometry: Option<Time>,
+    imu: Option<Time>,
+    /// Obstacle maps, and when the last one was written.
+    maps: u64,
+    mapped: Time,
 }
 
 /// The header of a campaign's logs: vehicle file and, if one flies, policy.
@@ -66,8 +73,18 @@ impl FlightLog {
         }
         let (file, unfinished) = files.begin(path).map_err(|e| error(e.to_string()))?;
         let writer = LogWriter::new(BufWriter::new(file)).map_err(|e| error(e.to_string()))?;
-        let mut log =
-            Self { path: path.to_owned(), unfinished, camera, writer, failure: None, controls: 0, odometry: None };
+        let mut log = Self {
+            path: path.to_owned(),
+            unfinished,
+            camera,
+            writer,
+            failure: None,
+            controls: 0,
+            odometry: None,
+            imu: None,
+            maps: 0,
+            mapped: Time(0),
+        };
         log.write(Channel::HEADER, Time(0), header);
         Ok(log)
     }
@@ -111,10 +128,21 @@ impl Witness for FlightLog {
             self.odometry = Some(fresh.stamp);
             self.write(Channel::ODOMETRY, now, &convert::odometry(self.controls, fresh));
         }
+        let imu = onboard.step_input().and_then(|input| input.imu);
+        if let Some(fresh) = imu.filter(|imu| self.imu != Some(imu.stamp)) {
+            self.imu = Some(fresh.stamp);
+            self.write(Channel::IMU, now, &inputs::imu(&fresh));
+        }
         if let Some(input) = onboard.step_input() {
             self.write(Channel::CONTROLLER_INPUT, now, &inputs::controller_input(input, self.controls, now));
         }
         self.tell(Key::Control, now, &convert::control(self.controls, now, output, odometry));
+        if now.since(self.mapped) >= MAP_PERIOD_S
+            && let Some(map) = onboard.obstacle_map(self.maps, now)
+        {
+            (self.maps, self.mapped) = (self.maps + 1, now);
+            self.tell(Key::Map, now, &map);
+        }
         if let Some(t) = output.transition {
             let event = v1::Event {
                 stamp_ns: now.0,

@@ -18,6 +18,7 @@ use super::{Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
 use crate::render::{Frame, Renderer};
 use crate::sense::odometry::Estimator;
 use crate::sense::rgbd::{Sensor, mix};
+use crate::vehicle::imu::Imu;
 use crate::vehicle::quadrotor::{Quadrotor, STEP_S, Wind};
 use crate::world::Part;
 
@@ -46,6 +47,7 @@ pub(crate) struct Lockstep<'a> {
     /// The moving obstacles, now.
     moving: Vec<Part>,
     estimator: Estimator,
+    imu: Imu,
     autopilot: Obliging,
     onboard: Box<dyn Pilot + 'a>,
     renderer: Renderer,
@@ -97,6 +99,7 @@ impl<'a> Lockstep<'a> {
             wind_world: Vec3::zeros(),
             moving: scene.moving_at(0.0),
             estimator: Estimator::new(config.sensors.odometry, mix(config.seed, 11)),
+            imu: Imu::new(config.sensors.imu, mix(config.seed, 15)),
             autopilot: Obliging::default(),
             onboard,
             renderer: Renderer::new(mount.camera),
@@ -175,6 +178,8 @@ impl<'a> Lockstep<'a> {
     fn sense(&mut self, now: Time) {
         if self.step.is_multiple_of(ODOMETRY_STEPS) {
             self.estimator.observe(now, self.quad.state());
+            let sample = self.imu.measure(self.quad.state(), ODOMETRY_STEPS as f64 / STEPS_PER_S as f64);
+            self.onboard.take_imu(&sample.at(now));
         }
         while let Some(odometry) = self.estimator.known(now) {
             let odometry = self.falsified.apply(self.injection.odometry(), &odometry);

@@ -1,14 +1,15 @@
 //! The vehicle's software in lockstep: the same planner and controller as on board, fed by hand.
 
 use goshawk_core::{
-    AutopilotStatus, Command, ControllerOutput, FlightController, FrameInput, FrameRecord, History, Mode,
+    AutopilotStatus, Command, ControllerOutput, FlightController, FrameInput, FrameRecord, History, Imu, Mode,
     NetworkOutput, Odometry, OdometryFault, Plan, Planner, PlanningDemand, StepInput, Time, Vec3,
 };
 use goshawk_policy::{
     AnswerMonitor, Arrival, Contract, Moving, Policy, PolicyError, Preprocessor, Source, StreamMonitor,
 };
+use goshawk_proto::v1;
 use goshawk_vehicle::config::Vehicle;
-use goshawk_vehicle::sensors;
+use goshawk_vehicle::{convert, sensors};
 
 use super::airframe::Mount;
 use super::{Pilot, TrialError};
@@ -110,6 +111,7 @@ pub struct Onboard<'a> {
     planner: PolicyPlanner<'a>,
     history: History,
     odometry: Option<Odometry>,
+    imu: Option<Imu>,
     demand: Option<PlanningDemand>,
     plan: Option<Plan>,
     frames: u64,
@@ -135,6 +137,7 @@ impl<'a> Onboard<'a> {
             planner: PolicyPlanner::new(vehicle, mount, network)?,
             history: History::new(),
             odometry: None,
+            imu: None,
             demand: None,
             plan: None,
             frames: 0,
@@ -158,6 +161,10 @@ impl Pilot for Onboard<'_> {
         let odometry = odometry.with_unsigned_zeros();
         self.history.push_odometry(&odometry);
         self.odometry = Some(odometry);
+    }
+
+    fn take_imu(&mut self, imu: &Imu) {
+        self.imu = Some(imu.with_unsigned_zeros());
     }
 
     fn plan(&mut self, arrival: &Arrival, image: &RgbdImage) -> Result<Option<Plan>, TrialError> {
@@ -184,13 +191,17 @@ impl Pilot for Onboard<'_> {
         }
     }
 
+    fn obstacle_map(&self, seq: u64, now: Time) -> Option<v1::ObstacleMap> {
+        convert::obstacle_map(seq, now, &self.planner.planner, self.odometry?.pos_world)
+    }
+
     fn odometry(&self) -> Option<&Odometry> {
         self.odometry.as_ref()
     }
 
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
         let plan_seq = self.plan.as_ref().map(|plan| plan.seq);
-        let input = StepInput { odometry: self.odometry, plan_seq, autopilot, command, ready: true };
+        let input = StepInput { odometry: self.odometry, imu: self.imu, plan_seq, autopilot, command, ready: true };
         let output = self.controller.step(now, &input, self.plan.as_ref());
         self.step_input = Some(input);
         self.history.push_acceleration(now, output.acc_des_world);

@@ -1,6 +1,6 @@
 //! The IMU: the true specific force and angular velocity with offsets and noise.
 
-use goshawk_core::{GRAVITY, Vec3};
+use goshawk_core::{GRAVITY, Time, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -41,6 +41,12 @@ impl ImuSample {
             force_body: truth.world_from_body.inverse_transform_vector(&(acc_world + up)),
             ang_vel_body: truth.ang_vel_body,
         }
+    }
+
+    /// As the vehicle's software knows it, taken at `stamp`.
+    #[must_use]
+    pub fn at(&self, stamp: Time) -> goshawk_core::Imu {
+        goshawk_core::Imu { stamp, specific_force_body: self.force_body, ang_vel_body: self.ang_vel_body }
     }
 }
 
