@@ -141,6 +141,9 @@ def export(
     run: Run,
     data: HeldOut,
     out: Annotated[Path, typer.Option(help="ONNX file; the card lies beside it as .md.")],
+    half: Annotated[
+        bool, typer.Option("--half", help="Keep the weights in half precision: half the file, nearly the same answers.")
+    ] = False,
     task: Annotated[
         Literal["navigate"] | None, typer.Option(help="Export a tracking run's trajectories for navigation.")
     ] = None,
@@ -159,8 +162,10 @@ def export(
         network = Policy(saved.config)
         checkpoint.load_weights(network, saved)
         validator = Validator(saved.config, data)
-        agreed = export.export(saved, out, commit=export.current_commit(), cost_scale=validator.cost_scale(saved))
-        worst = export.verify(network.eval(), out, saved.config)
+        scale = validator.cost_scale(saved)
+        agreed = export.export(saved, out, commit=export.current_commit(), cost_scale=scale, half=half)
+        allowed = export.AGREEMENT_HALF if half else export.AGREEMENT
+        worst = export.verify(network.eval(), out, saved.config, agreement=allowed)
         card = model_card(
             saved.config,
             agreed["training"],

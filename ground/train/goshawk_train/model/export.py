@@ -24,6 +24,10 @@ from goshawk_train.model.network import TRAJECTORY_CHANNELS, Policy
 OPSET = 18
 AGREEMENT = 1e-4
 """Largest difference allowed between PyTorch and ONNX Runtime, relative where values exceed 1."""
+AGREEMENT_HALF = 3e-2
+"""The same with weights that are kept in half precision."""
+HALVED_FROM = 1024
+"""Numbers of a weight that is worth halving."""
 
 
 class ExportError(TrainerError):
@@ -90,10 +94,24 @@ def example_inputs(config: Config, seed: int) -> tuple[torch.Tensor, torch.Tenso
     return rgbd, torch.randn(1, sum(config.state_sizes.values()), generator=generator)
 
 
-def export(saved: Checkpoint, path: Path, *, commit: str, cost_scale: float) -> dict[str, Any]:
+def halve(model: onnx.ModelProto) -> None:
+    """Keep the large weights in half precision; ONNX Runtime makes them float32 once, as it loads the file."""
+    graph = model.graph
+    for weight in list(graph.initializer):
+        values = onnx.numpy_helper.to_array(weight)
+        if values.dtype != np.float32 or values.size < HALVED_FROM:
+            continue
+        name = f"{weight.name}.half"
+        graph.initializer.remove(weight)
+        graph.initializer.append(onnx.numpy_helper.from_array(values.astype(np.float16), name))
+        graph.node.insert(0, onnx.helper.make_node("Cast", [name], [weight.name], to=onnx.TensorProto.FLOAT))
+
+
+def export(saved: Checkpoint, path: Path, *, commit: str, cost_scale: float, half: bool = False) -> dict[str, Any]:
     """Write the averaged weights as ONNX (batch 1, float32) and return the contract; raises `ExportError`.
 
     `cost_scale` is what `Validator.cost_scale` measured of the same weights: the planner weighs what it adds by it.
+    `half` keeps the large weights in half precision: half the file.
     """
     if not cost_scale > 0:
         raise ExportError(f"the costs of all candidates are the same (spread {cost_scale}); train for longer")
@@ -115,6 +133,8 @@ def export(saved: Checkpoint, path: Path, *, commit: str, cost_scale: float) -> 
             verbose=False,
         )
         model = onnx.load(str(raw))
+    if half:
+        halve(model)
     agreed = contract(saved, commit=commit, cost_scale=cost_scale)
     del model.metadata_props[:]
     model.metadata_props.add(key=CONTRACT_KEY, value=json.dumps(agreed))
@@ -127,13 +147,13 @@ def export(saved: Checkpoint, path: Path, *, commit: str, cost_scale: float) -> 
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     partial.write_bytes(model.SerializeToString())
-    verify(network, partial, saved.config)
+    verify(network, partial, saved.config, agreement=AGREEMENT_HALF if half else AGREEMENT)
     partial.replace(path)
     return agreed
 
 
-def verify(network: Policy, path: Path, config: Config, *, trials: int = 4) -> float:
-    """Largest difference between the network and the file in ONNX Runtime; raises `ExportError` above 1e-4."""
+def verify(network: Policy, path: Path, config: Config, *, trials: int = 4, agreement: float = AGREEMENT) -> float:
+    """Largest difference between the network and the file in ONNX Runtime; raises `ExportError` above `agreement`."""
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     inputs = cast("list[Any]", session.get_inputs())
     shapes = {i.name: tuple(i.shape) for i in inputs}
@@ -149,8 +169,8 @@ def verify(network: Policy, path: Path, config: Config, *, trials: int = 4) -> f
         if got.shape != want.shape:
             raise ExportError(f"{path} gives shape {got.shape}, the network {want.shape}")
         worst = max(worst, float(np.max(np.abs(got - want) / np.maximum(1, np.abs(want)))))
-    if not worst <= AGREEMENT:
-        raise ExportError(f"{path} differs from the network by {worst:.2e}, more than {AGREEMENT:.0e}")
+    if not worst <= agreement:
+        raise ExportError(f"{path} differs from the network by {worst:.2e}, more than {agreement:.0e}")
     return worst
 
 

@@ -58,6 +58,9 @@ def of_policy(path: Path) -> Beginning:
     values = {
         entry.name: torch.tensor(np.array(onnx.numpy_helper.to_array(entry))) for entry in model.graph.initializer
     }
+    for node in model.graph.node:  # weights that are kept in half precision
+        if node.op_type == "Cast" and node.input[0] in values:
+            values[node.output[0]] = values[node.input[0]].float()
     weights: dict[str, Tensor] = {}
     for node in model.graph.node:
         if node.op_type != "Conv":
