@@ -11,7 +11,7 @@ use crate::control::lag::AttitudeLag;
 use crate::control::lead::LeadConfig;
 use crate::control::motion::Motion;
 use crate::control::plans::LadderConfig;
-use crate::control::separation::SeparationConfig;
+use crate::control::separation::{SeparationConfig, SeparationTuning};
 use crate::control::thrust::HoverThrust;
 use crate::control::vehicle::Airframe;
 use crate::gaze::GazeConfig;
@@ -19,6 +19,7 @@ use crate::gaze::view::ViewConfig;
 use crate::gaze::yaw::YawConfig;
 use crate::mission::limits::LimitsConfig;
 use crate::mission::modes::StopAction;
+use crate::planning::evade::EvasionConfig;
 use crate::planning::planner::PlanningConfig;
 use crate::values::error::{ConfigError, within};
 use crate::values::extensions::Extensions;
@@ -50,6 +51,8 @@ pub struct ControllerConfig {
     pub limits: LimitsConfig,
     /// The least distance to the target.
     pub separation: SeparationConfig,
+    /// Ways aside.
+    pub evasion: EvasionConfig,
     /// What goes beyond the paper.
     pub extensions: Extensions,
 }
@@ -121,6 +124,8 @@ pub struct Tuning {
     pub hold: HoldConfig,
     /// The fallback ladder.
     pub ladder: LadderConfig,
+    /// How the least distance to the target is kept.
+    pub separation: SeparationTuning,
     /// Take-off, holding distance, landing.
     pub mission: MissionConfig,
 }
@@ -168,7 +173,9 @@ impl ControllerConfig {
                 min_distance: limits.min_target_distance_m,
                 target_acc: tuning.planner.target.max_acc_mps2,
                 max_acc: tuning.planner.max_acc_mps2,
+                tuning: tuning.separation,
             },
+            evasion: tuning.planner.evasion,
             extensions: tuning.extensions,
         }
     }
@@ -213,10 +220,11 @@ mod tests {
     fn two_keys_that_contradict_each_other_are_refused_by_name() {
         type Spoil = fn(&mut Tuning, &mut ControllerConfig);
         assert_eq!((shipped::tuning().validate(), shipped::controller().validate()), (Ok(()), Ok(())));
-        let spoiled: [(&str, Spoil); 15] = [
+        let spoiled: [(&str, Spoil); 16] = [
             ("planner.detection.keep_objectness", |t, _| t.planner.detection.keep_objectness = 0.6),
             ("planner.target.confirm_hits", |t, _| t.planner.target.confirm_hits = 7),
             ("planner.target.sure_objectness", |t, _| t.planner.target.sure_objectness = 0.8),
+            ("planner.movers.radius_m", |t, _| t.planner.movers.radius_m[0] = 0.8),
             ("observer.alpha2", |t, _| t.observer.alpha2 = 4.6),
             ("yaw.search_rate_radps", |t, _| t.yaw.search_rate_radps = 9.0),
             ("mission.request_timeout_s", |t, _| t.mission.request_timeout_s = 0.5),

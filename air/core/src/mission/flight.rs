@@ -138,7 +138,7 @@ impl Controller {
         let mut fallback = Fallback::None;
         if let Some(evasion) = self.evading(now) {
             self.hover.reset();
-            let acc = self.config.limits.within_speed(evasion.acc(pos.z, vel), vel, hold.kv);
+            let acc = self.config.limits.within_speed(evasion.acc(&self.config.evasion, pos.z, vel), vel, hold.kv);
             let reference = FlatState { pos, vel: evasion.vel_world, acc };
             return Intent { reference, acc_world: acc, fallback, plan: None };
         }

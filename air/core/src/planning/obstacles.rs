@@ -6,10 +6,31 @@
 
 use crate::planning::movers::{Followed, Fresh, Movers};
 use crate::planning::nearest::{Blocks, COLUMNS, Nearest, ROWS};
+use crate::planning::planner::PlanningConfig;
 use crate::planning::room::{FARTHEST_ROOM, Room, among};
 use crate::values::quintic::Quintic;
 use crate::values::types::{Rot, Time, Vec3};
 use nalgebra::{Vector2, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// What is remembered as standing about the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObstaclesConfig {
+    /// The vehicle's body and half of what is remembered as one thing, m.
+    #[schemars(range(min = 0.1, max = 2.0), extend("x-why" = "less than the airframe does not pass, with more there is room nowhere"))]
+    pub body_radius_m: f64,
+    /// What is so near to the target's axis is the target, m: half a person, its stride, and the estimate's error.
+    #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "with less the target is an obstacle, with more what stands beside it is none"))]
+    pub target_radius_m: f64,
+    /// Looking through ends this far before the measured depth, m,
+    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "with less a thing is looked through, with more it is never forgotten"))]
+    pub depth_margin_m: f64,
+    /// and as much farther before it as this times the depth's square, 1/m: its noise.
+    #[schemars(range(min = 0.0, max = 0.1), extend("x-why" = "a camera with more noise sees nothing"))]
+    pub depth_margin_per_m: f64,
+}
 
 /// Edge of a voxel, m.
 pub const VOXEL: f64 = 0.2;
@@ -26,10 +47,7 @@ const OCCUPIED: i8 = 6;
 const LEAST: i8 = -4;
 const MOST: i8 = 24;
 
-/// Looking through ends this far before the measured depth, m, and as much more as this times its square, 1/m: its noise.
-const SHORT: f32 = 0.25;
-const SHORT_PER_M: f32 = 0.006;
-/// And no farther than this, m: what comes nearer than is remembered came through what was seen to be free.
+/// Looking through ends no farther than this, m: what comes nearer than is remembered came through what was seen to be free.
 const LOOKED: f32 = 10.0;
 /// Between the points of a ray, voxels.
 const STEP: f32 = 0.8;
@@ -69,6 +87,10 @@ pub struct Obstacles {
     blocks: Blocks,
     /// Nothing farther is remembered, m along the optical axis.
     range: f32,
+    /// Looking through ends so far before the depth, m and 1/m.
+    margin: [f32; 2],
+    /// m.
+    body: f32,
     /// Lowest voxel; none: nothing was seen.
     low: Option<Voxel>,
     evidence: Vec<i8>,
@@ -87,13 +109,15 @@ pub struct Obstacles {
 }
 
 impl Obstacles {
-    /// Seen through a camera of these fields of view, rad, and remembered within `range`, m (6; 0: nothing is): beyond,
-    /// depth is worse than a voxel is wide.
+    /// Seen through a camera of these fields of view, rad.
     #[must_use]
-    pub fn new(hfov: f64, vfov: f64, range: f64) -> Self {
+    pub fn new(hfov: f64, vfov: f64, config: &PlanningConfig) -> Self {
+        let how = config.obstacles;
         Self {
             blocks: Blocks::new(hfov, vfov),
-            range: range as f32,
+            range: config.remember_within_m as f32,
+            margin: [how.depth_margin_m, how.depth_margin_per_m].map(|x| x as f32),
+            body: how.body_radius_m as f32,
             low: None,
             evidence: vec![0; VOXELS],
             occupied: Box::new([0; ROW_COUNT]),
@@ -102,7 +126,7 @@ impl Obstacles {
             passed: Box::new([0; ROW_COUNT]),
             moved: Box::new([0; ROW_COUNT]),
             new: Fresh::new(COLUMNS * ROWS),
-            followed: Followed::new(),
+            followed: Followed::new(config.movers),
         }
     }
 
@@ -145,7 +169,7 @@ impl Obstacles {
         let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
         for (block, mm) in nearest.iter().enumerate().filter(|(_, mm)| **mm > 0) {
             let (ray, depth) = (turn * self.blocks.rays[block], f32::from(*mm) * 1e-3);
-            let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(LOOKED);
+            let free = (depth - self.margin[0] - self.margin[1] * depth * depth).min(LOOKED);
             pass(&mut self.passed, &fine, &ray, free);
             let at = lens + ray * depth;
             let expected = skipped.is_some_and(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) < radius);
@@ -252,19 +276,22 @@ impl Obstacles {
     /// The room about a place. What was never seen counts as free.
     #[must_use]
     pub fn room(&self, pos_world: &Vec3) -> Room {
-        let Some(low) = self.low else { return among(std::iter::empty()) };
+        let Some(low) = self.low else { return among(self.body, std::iter::empty()) };
         let at = in_voxels(pos_world, &low);
         let inner = at.map(|x| x as i32);
         let far = (f64::from(FARTHEST_ROOM) / VOXEL) as i32;
         let about = |axis: usize, by: i32| (inner[axis] - by).max(0)..=(inner[axis] + by).min(SIZE[axis] - 1);
         let rows = about(2, 1).flat_map(|z| about(1, far).map(move |y| Voxel::new(0, y, z)));
-        among(rows.map(|row| (row, self.occupied[row_of(&(low + row))])).filter(|(_, word)| *word != 0).flat_map(
-            |(row, word)| {
-                about(0, far)
-                    .filter(move |x| word & 1 << bit_of(low.x + x) != 0)
-                    .map(move |x| (Vector2::new(x as f32 + 0.5, row.y as f32 + 0.5) - at.xy()) * VOXEL as f32)
-            },
-        ))
+        among(
+            self.body,
+            rows.map(|row| (row, self.occupied[row_of(&(low + row))])).filter(|(_, word)| *word != 0).flat_map(
+                |(row, word)| {
+                    about(0, far)
+                        .filter(move |x| word & 1 << bit_of(low.x + x) != 0)
+                        .map(move |x| (Vector2::new(x as f32 + 0.5, row.y as f32 + 0.5) - at.xy()) * VOXEL as f32)
+                },
+            ),
+        )
     }
 
     /// Something is in the point's voxel or in one of those about it: within 0.2 to 0.4 m.
@@ -369,13 +396,14 @@ fn bit_of(x: i32) -> u32 {
 mod tests {
     use super::*;
     use crate::planning::room::HEADINGS;
+    use crate::shipped;
     use crate::values::types::FlatState;
     use proptest::prelude::*;
 
     const AHEAD: usize = COLUMNS * ROWS / 2 + COLUMNS / 2;
 
     fn obstacles() -> Obstacles {
-        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0)
+        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), &shipped::tuning().planner)
     }
 
     fn see(obstacles: &mut Obstacles, from: Vec3, nearest: &Nearest) {
@@ -486,7 +514,8 @@ mod tests {
 
     #[test]
     fn with_a_range_of_zero_nothing_is_remembered() {
-        let mut none = Obstacles::new(1.5, 1.0, 0.0);
+        let config = PlanningConfig { remember_within_m: 0.0, ..shipped::tuning().planner };
+        let mut none = Obstacles::new(1.5, 1.0, &config);
         (0..4).for_each(|_| see(&mut none, Vec3::zeros(), &thing_at(1000)));
         assert_eq!(none.meeting(&ahead(Vec3::zeros(), 6.0, 1.0), None), 0.0);
     }
