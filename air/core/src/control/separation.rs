@@ -43,24 +43,27 @@ pub struct SeparationConfig {
     pub tuning: SeparationTuning,
 }
 
-/// Faster than this nothing is flown, m/s, and so many steps find the speed at which a target may be approached.
+/// Faster than this nothing is flown, m/s: the most that `limits.max_speed_mps` may be.
 const MOST_APPROACH: f64 = 30.0;
+/// Steps of Newton's method, at most; they end before at a millimetre. Chosen by eye.
 const NEWTON: u32 = 12;
-/// Gain on a closing speed that is too high, 1/s.
+/// Gain on a closing speed that is too high, 1/s. Chosen by eye.
 const KV: f64 = 4.0;
-/// Nearer than the least distance the vehicle backs away with so much of what is missing, 1/s.
+/// Nearer than the least distance the vehicle backs away with so much of what is missing, 1/s. Chosen by eye.
 const OPENING: f64 = 1.5;
-/// A target that comes nearer faster than this, m/s, is stepped aside from if it passes within this, s.
+/// A target comes that is faster toward the vehicle than this, m/s. Chosen by eye.
 const COMING: f64 = 0.5;
+/// The vehicle steps aside from one that would pass within this, s. Chosen by eye.
 const FORESEEN: f64 = 1.5;
-/// The soonest that stepping aside can be of use, s.
+/// The soonest that stepping aside can be of use, s. Chosen by eye.
 const SOONEST: f64 = 0.35;
-/// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s².
+/// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s². Chosen by eye.
 const SHORT: (f64, f64) = (0.3, 4.0);
-/// A slower vehicle goes nowhere, m/s.
+/// A slower vehicle goes nowhere, m/s. Chosen by eye.
 const CREEPS: f64 = 0.3;
-/// Who is so much higher than a target's centre, m, is above it. Unseen, the target strolls off, m/s.
+/// Who is so much higher than a target's centre, m, is above it: over a person's head. Chosen by eye.
 const ABOVE: f64 = 1.2;
+/// Unseen below the vehicle, the target strolls off, m/s: a walker's pace.
 const STROLLS: f64 = 1.5;
 
 /// Keeps the distance.

@@ -27,11 +27,11 @@ struct Intent {
     plan: Option<(u64, f64)>,
 }
 
-/// Off the ground: above the start by this, m, or rising at this, m/s.
+/// Off the ground: above the start by this, m, or rising at this, m/s. Chosen by eye.
 const LIFTED: (f64, f64) = (0.15, 0.3);
-/// The take-off's thrust rises to this, over the greatest hover thrust that the vehicle file allows.
+/// The take-off's thrust rises to this, over the greatest hover thrust that the vehicle file allows. Chosen by eye.
 const RAMP_END: f64 = 1.25;
-/// Stepping over a target ends so far below the ceiling, m.
+/// Stepping over a target ends so far below the ceiling, m. Chosen by eye.
 const BELOW_CEILING: f64 = 1.0;
 
 impl Controller {

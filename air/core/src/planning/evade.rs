@@ -60,40 +60,45 @@ impl Evasion {
     }
 }
 
-/// Gain on the velocity, 1/s.
+/// Gain on the velocity, 1/s. Chosen by eye.
 const GAIN: f64 = 5.0;
-/// Gain of the climbing speed on the height that is left, 1/s.
+/// Gain of the climbing speed on the height that is left, 1/s. Chosen by eye.
 const CLIMB_GAIN: f64 = 3.0;
-/// How far a way aside is foreseen, s.
+/// How far a way aside is foreseen, s. Chosen by eye.
 const HORIZON: f64 = 1.2;
-/// At this time places are compared with where the vehicle would be, s.
+/// At this time places are compared with where the vehicle would be, s. Chosen by eye.
 const SOON: f64 = 0.6;
-/// Headings that are tried, and turns of the velocity, rad.
+/// Headings that are tried. Chosen by eye.
 const HEADINGS: u32 = 16;
+/// Turns of the velocity that are tried, rad. Chosen by eye.
 const TURNS: [f64; 6] = [-0.9, -0.45, -0.2, 0.2, 0.45, 0.9];
 /// What the trajectory that would be flown costs at least for movers, so that another is looked for: a navigation takes
-/// its time, a chase that steps aside loses its target.
+/// its time, a chase that steps aside loses its target. Chosen by eye.
 const WORTH: (f64, f64) = (2.0, 14.0);
-/// A way aside costs less by so much, or is not flown.
+/// A way aside costs less by so much, or is not flown. Chosen by eye.
 const BETTER: f64 = 1.0;
-/// On the scale of the network's costs: a place that was never looked through; each metre from where the vehicle would
-/// be; each m/s from what was flown a frame ago.
+/// What a place costs that was never looked through. Chosen by eye.
 const UNKNOWN: f64 = 6.0;
+/// What each metre costs from where the vehicle would be. Chosen by eye.
 const ASIDE: f64 = 0.5;
+/// What each m/s costs from what was flown a frame ago. Chosen by eye.
 const RESTLESS: f64 = 0.5;
-/// Times of a way at which it is looked whether one knows the place, s.
+/// Times of a way at which it is looked whether one knows the place, s. Chosen by eye.
 const KNOWN_AT: [f64; 4] = [0.4, 0.7, 1.0, 1.3];
-/// What it costs to go up out of a target's way, for it leaves the image.
+/// What it costs to go up out of a target's way, for it leaves the image. Chosen by eye.
 const UPWARD: f64 = 1.0;
-/// Each m/s away from it costs so much: who backs before it only puts it off.
+/// What each m/s away from it costs: who backs before it only puts it off. Chosen by eye.
 const BACKWARD: f64 = 1.5;
-/// What it costs to meet something at once. Costs here are compared with one another only, never with the network's.
+/// What it costs to meet something at once; the other costs here are weighed against it, never against the network's.
+/// Chosen by eye.
 const MEETING: f64 = 30.0;
-/// What it costs to be where a target may be, and at how many instants one looks, up to so late, s.
+/// What it costs to be where a target may be: twice what it costs to meet something. Chosen by eye.
 const NEAR: f64 = 60.0;
+/// At how many instants one looks for the target. Chosen by eye.
 const LOOKS: u32 = 12;
+/// Up to how late one looks for it, s. Chosen by eye.
 const FORESEEN: f64 = 1.5;
-/// A target comes that is faster toward the vehicle than this, m/s.
+/// A target comes that is faster toward the vehicle than this, m/s. Chosen by eye, as in `separation.rs`.
 const COMES: f64 = 0.5;
 
 /// Chooses ways aside.

@@ -40,7 +40,7 @@ impl MoversConfig {
     }
 }
 
-/// So many are followed at once.
+/// So many are followed at once. Chosen by eye.
 pub const MOST: usize = 8;
 
 /// What is followed, each in a place of its own for as long as it is followed.
@@ -61,10 +61,11 @@ pub struct Mover {
     pub pos_doubt: f64,
 }
 
-/// Between frames a mover is carried on for so long, s.
+/// Between frames a mover is carried on for so long, s. Chosen by eye.
 const LONGEST_CARRY: f64 = 0.3;
-/// Out of sight its velocity fades with this time constant, s, and its place is in doubt by so much more, m/s, up to m.
+/// Out of sight its velocity fades with this time constant, s. Chosen by eye.
 const FADES: f64 = 0.8;
+/// Out of sight its place is in doubt by so much more, m/s, up to this, m. Chosen by eye.
 const STRAYS: (f64, f64) = (0.5, 1.0);
 
 impl Mover {
@@ -75,36 +76,38 @@ impl Mover {
     }
 }
 
-/// A new point is followed together with others within so many cells.
+/// A new point is followed together with others within so many cells: as many as the grid is wide.
 const CELLS: usize = 128;
-/// Fewer points are noise.
+/// Fewer points are noise. Chosen by eye.
 const LEAST_POINTS: usize = 3;
-/// More than so many groups in a frame are not looked at.
+/// More than so many groups in a frame are not looked at. Chosen by eye.
 const MOST_GROUPS: usize = 16;
-/// From the middle of what is seen, its surface, to the axis, m.
+/// From the middle of what is seen, its surface, to the axis, m. Chosen by eye.
 const BEHIND: f64 = 0.1;
 
-/// What comes so near before one that is followed is it, m.
+/// What comes so near before one that is followed is it, m. Chosen by eye.
 const AHEAD: f64 = 0.3;
 
-/// Standard deviation of a group's middle, m, and white noise of the acceleration, m²/s³.
+/// Standard deviation of a group's middle, m. Chosen by eye.
 const SIGHTING: f64 = 0.15;
+/// White noise of a mover's acceleration, m²/s³. Chosen by eye.
 const RESTLESS: f64 = 2.0;
-/// Variance of the velocity of what is new, m²/s².
+/// Variance of the velocity of what is new, m²/s²: a walker's pace. Chosen by eye.
 const ANY_SPEED: f64 = 2.0;
-/// A group belongs to what should be within this, m.
+/// A group belongs to what should be within this, m. Chosen by eye.
 const GATE: f64 = 0.7;
-/// It moves once it was seen for so long, s, in so many frames, and went so far, m.
+/// It moves once it was seen for so long, s, in so many frames, and went so far, m. Chosen by eye.
 const PROVEN: (f64, u32, f64) = (0.2, 5, 0.25);
-/// What does not yet move, and what does, is forgotten when it was not seen for so long, s.
+/// What does not yet move, and what does, is forgotten when it was not seen for so long, s. Chosen by eye.
 const FORGOTTEN: (f64, f64) = (0.2, 3.0);
-/// What should be seen and is not, since something behind it is, is gone after this, s.
+/// What should be seen and is not, since something behind it is, is gone after this, s. Chosen by eye.
 const GONE: f64 = 0.2;
 
-/// A trajectory is looked at in so many instants, and no farther ahead than this, s.
+/// A trajectory is looked at in so many instants. Chosen by eye.
 const LOOKS: u32 = 20;
+/// And no farther ahead than this, s. Chosen by eye.
 const HORIZON: f64 = 2.0;
-/// What its place is in doubt by with time, m/s.
+/// What a mover's place comes to be in doubt by with time, m/s. Chosen by eye.
 const DOUBT: f64 = 0.3;
 
 /// What has come to be where nothing was, in one frame, seen from above: points in cells of a grid.

@@ -32,35 +32,43 @@ pub struct ObstaclesConfig {
     pub depth_margin_per_m: f64,
 }
 
-/// Edge of a voxel, m.
+/// Edge of a voxel, m: as in the maps that the policies are trained in.
 pub const VOXEL: f64 = 0.2;
 /// Voxels along x, y, z: powers of two, so that an index wraps by a mask. A row along x is one word of bits.
 const SIZE: [i32; 3] = [128, 128, 32];
+/// All of them.
 const VOXELS: usize = 128 * ROW_COUNT;
+/// Rows along x.
 const ROW_COUNT: usize = 128 * 32;
 
-/// Evidence for something in a voxel: a frame that ends in it gives `HIT`, one that looks through it takes `MISS`. Two
-/// frames make an obstacle, a stray pixel does not.
+/// Evidence for something in a voxel that a frame gives which ends there: two make an obstacle, a stray pixel does not.
 const HIT: i8 = 3;
+/// Evidence that a frame takes which looks through it: a branch that every third image misses stays.
 const MISS: i8 = 2;
+/// From this evidence on something is there: two hits.
 const OCCUPIED: i8 = 6;
+/// The least evidence: two frames that look through.
 const LEAST: i8 = -4;
+/// The most evidence: ten frames that look through forget it. Chosen by eye.
 const MOST: i8 = 24;
 
-/// Looking through ends no farther than this, m: what comes nearer than is remembered came through what was seen to be free.
+/// Looking through ends no farther than this, m: what comes nearer than is remembered came through what was seen to be
+/// free. As far as the D455's depth is of use.
 const LOOKED: f32 = 10.0;
-/// Between the points of a ray, voxels.
+/// Between the points of a ray, voxels. Chosen by eye.
 const STEP: f32 = 0.8;
 
-/// A trajectory is looked at in so many instants.
+/// A trajectory is looked at in so many instants. Chosen by eye.
 const LOOKS: u32 = 20;
 /// Meeting something matters the less the later, and not at all after this time, s: till then there is another way.
+/// Chosen by eye.
 const HORIZON: f64 = 2.5;
 
-/// What moves is looked for from so far below the camera to so far above it, m.
+/// What moves is looked for from so far below the camera to so far above it, m. Chosen by eye.
 const LEVEL: (f32, f32) = (-1.0, 0.7);
-/// It is gone if one sees this much farther, m, where it should be, at the camera's height and so far below, m.
+/// It is gone if one sees this much farther, m, where it should be. Chosen by eye.
 const BEYOND: f64 = 0.8;
+/// One looks for it at the camera's height and so far below, m. Chosen by eye.
 const BELOW: f64 = -0.5;
 
 type Voxel = Vector3<i32>;
@@ -79,6 +87,7 @@ type Bits = Box<[u128; ROW_COUNT]>;
 
 /// A voxel's edge in steps of whole numbers.
 const FINE: f32 = (1 << FINE_BITS) as f32;
+/// Its bits; those above them hold a place in the grid.
 const FINE_BITS: u32 = 16;
 
 /// The grid.

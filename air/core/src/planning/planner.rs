@@ -151,9 +151,9 @@ pub struct Asked<'a> {
     state: NetworkState,
 }
 
-/// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s.
+/// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s. Chosen by eye.
 const LONGEST_BRIDGED_GAP: f64 = 0.5;
-/// A target that is farther off than this is not made room for, m.
+/// A target that is farther off than this is not made room for, m. Chosen by eye.
 const ROOM_MATTERS: f64 = 10.0;
 
 impl Planner {

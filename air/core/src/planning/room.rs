@@ -3,14 +3,14 @@
 use nalgebra::Vector2;
 use std::f32::consts::TAU;
 
-/// Headings of [`Room`], from the world's x axis counterclockwise.
+/// Headings of [`Room`], from the world's x axis counterclockwise. Chosen by eye.
 pub const HEADINGS: usize = 16;
 
 /// For each heading, how far the vehicle's body could go at its height before it meets something, m; at most
 /// [`FARTHEST_ROOM`].
 pub type Room = [f32; HEADINGS];
 
-/// Room is not looked for farther than this, m.
+/// Room is not looked for farther than this, m. Chosen by eye.
 pub const FARTHEST_ROOM: f32 = 4.0;
 
 /// The room for a `body` of this radius (m) among `things`, which stand so far from the vehicle, m, level, world axes.

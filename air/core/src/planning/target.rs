@@ -142,10 +142,11 @@ pub struct TargetFilter {
     rival: Option<Track>,
 }
 
-/// A rival must be so much stronger than the target that is held, as long as that is seen.
+/// By how much a rival's mean objectness must exceed that of the target that is held, as long as that is seen. By eye.
 const STRONGER: f64 = 0.2;
-/// A detection that is farther off than this, in standard deviations, counts as one of that much more variance: the range
-/// of a half hidden target may be wrong by metres for some frames, and its velocity must not follow.
+/// A detection that is farther off than this, in standard deviations, counts as one of that much more variance: the
+/// range of a half hidden target may be wrong by metres for some frames. Tried on recorded flights: the notebook,
+/// "Weighing detections".
 const OUTLIER: f64 = 2.0;
 
 impl TargetConfig {
