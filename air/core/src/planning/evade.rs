@@ -293,7 +293,9 @@ mod tests {
 
     /// One looks at a wall 9 m ahead.
     fn open_space() -> Obstacles {
-        let mut obstacles = Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), &shipped::tuning().planner);
+        let how = shipped::tuning().planner;
+        let (hfov, vfov) = (90_f64.to_radians(), 62_f64.to_radians());
+        let mut obstacles = Obstacles::new(hfov, vfov, 6.0, &how.obstacles, how.movers);
         for _ in 0..4 {
             obstacles.see(STAMP, (&Vec3::zeros(), &Rot::identity()), &[9000; COLUMNS * ROWS], None);
         }

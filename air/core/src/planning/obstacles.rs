@@ -4,9 +4,8 @@
 //! nearest depths of each image are kept in a voxel grid that rolls along, and the trajectories are held against it. One
 //! that meets something costs more, the sooner the more; none is forbidden, since one must be flown.
 
-use crate::planning::movers::{Followed, Fresh, Movers};
+use crate::planning::movers::{Followed, Fresh, Movers, MoversConfig};
 use crate::planning::nearest::{Blocks, COLUMNS, Nearest, ROWS};
-use crate::planning::planner::PlanningConfig;
 use crate::planning::room::{FARTHEST_ROOM, Room, among};
 use crate::values::quintic::Quintic;
 use crate::values::types::{Rot, Time, Vec3};
@@ -118,15 +117,14 @@ pub struct Obstacles {
 }
 
 impl Obstacles {
-    /// Seen through a camera of these fields of view, rad.
+    /// Seen through a camera of these fields of view, rad, and remembered within `range`, m; 0: nothing is.
     #[must_use]
-    pub fn new(hfov: f64, vfov: f64, config: &PlanningConfig) -> Self {
-        let how = config.obstacles;
+    pub fn new(hfov: f64, vfov: f64, range: f64, config: &ObstaclesConfig, movers: MoversConfig) -> Self {
         Self {
             blocks: Blocks::new(hfov, vfov),
-            range: config.remember_within_m as f32,
-            margin: [how.depth_margin_m, how.depth_margin_per_m].map(|x| x as f32),
-            body: how.body_radius_m as f32,
+            range: range as f32,
+            margin: [config.depth_margin_m, config.depth_margin_per_m].map(|x| x as f32),
+            body: config.body_radius_m as f32,
             low: None,
             evidence: vec![0; VOXELS],
             occupied: Box::new([0; ROW_COUNT]),
@@ -135,7 +133,7 @@ impl Obstacles {
             passed: Box::new([0; ROW_COUNT]),
             moved: Box::new([0; ROW_COUNT]),
             new: Fresh::new(COLUMNS * ROWS),
-            followed: Followed::new(config.movers),
+            followed: Followed::new(movers),
         }
     }
 
@@ -412,7 +410,12 @@ mod tests {
     const AHEAD: usize = COLUMNS * ROWS / 2 + COLUMNS / 2;
 
     fn obstacles() -> Obstacles {
-        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), &shipped::tuning().planner)
+        remembering(6.0)
+    }
+
+    fn remembering(range: f64) -> Obstacles {
+        let how = shipped::tuning().planner;
+        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), range, &how.obstacles, how.movers)
     }
 
     fn see(obstacles: &mut Obstacles, from: Vec3, nearest: &Nearest) {
@@ -523,8 +526,7 @@ mod tests {
 
     #[test]
     fn with_a_range_of_zero_nothing_is_remembered() {
-        let config = PlanningConfig { remember_within_m: 0.0, ..shipped::tuning().planner };
-        let mut none = Obstacles::new(1.5, 1.0, &config);
+        let mut none = remembering(0.0);
         (0..4).for_each(|_| see(&mut none, Vec3::zeros(), &thing_at(1000)));
         assert_eq!(none.meeting(&ahead(Vec3::zeros(), 6.0, 1.0), None), 0.0);
     }

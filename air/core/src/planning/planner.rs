@@ -166,7 +166,8 @@ impl Planner {
         let config = PlannerConfig { planning: config.planning.with(&config.extensions), ..config };
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.planning.target, config.extensions);
-        let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, &config.planning);
+        let (camera, how) = (&config.camera, &config.planning);
+        let obstacles = Obstacles::new(camera.hfov, camera.vfov, how.remember_within_m, &how.obstacles, how.movers);
         let chase = Chase::new(config.planning.chase);
         let evading = Evading::new(config.planning.evasion);
         Ok(Self { config, decoder, filter, obstacles, chase, evading, last: None, flight: 0 })
