@@ -13,16 +13,16 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct ChaseConfig {
     /// Horizontal distance to keep from a target that stands, m.
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "from farther off the target is not seen well"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "chosen by eye: 1 m over the shipped limits.min_target_distance_m"))]
     pub standoff_m: f64,
     /// What is kept beyond that for each m/s of the target's speed, s: it may turn.
-    #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well"))]
+    #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "tried, notebook: What the chase is lost by"))]
     pub headway_s: f64,
     /// Height above the target's centre, m.
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down", "x-source" = "0 was tried and gives the same, notebook: What does not help the chase"))]
     pub above_target_m: f64,
     /// A target hidden for longer than this is not pursued any more, s.
-    #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere"))]
+    #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere", "x-source" = "tried, notebook: The way that it took"))]
     pub pursue_until_s: f64,
 }
 

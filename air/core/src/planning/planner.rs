@@ -43,13 +43,13 @@ pub struct PlannerConfig {
 #[serde(deny_unknown_fields)]
 pub struct PlanningConfig {
     /// Acceleration that trajectories may ask for, m/s²: below g tan(max_tilt), since gusts need some of it.
-    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less turns nowhere, more no airframe gives"))]
+    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less turns nowhere, more no airframe gives", "x-source" = "tried, notebook: Navigation after the chase"))]
     pub max_acc_mps2: f64,
     /// Largest share of the acceleration for which the speed asks in training: less flies smoother, more turns quicker.
-    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "1 is all that the training asks for"))]
+    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "1 is all that the training asks for", "x-source" = "tried, notebook: Navigation after the chase"))]
     pub max_agility: f64,
     /// What is seen nearer than this is remembered and flown around, if it moves too, m. 0: nothing is.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "what stands farther is not looked through, so it would never be forgotten"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "what stands farther is not looked through, so it would never be forgotten", "x-source" = "where the D455's depth is good to 10 cm; tried against 0, notebook: Memory"))]
     pub remember_within_m: f64,
     /// Which detections are worth a look.
     pub detection: SelectConfig,
@@ -73,16 +73,16 @@ pub struct PlanningConfig {
 #[serde(deny_unknown_fields)]
 pub struct CostConfig {
     /// Meeting at once what stands and was seen; later it costs less.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub obstacle: f64,
     /// Meeting at once what moves and was seen; later it costs less.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub mover: f64,
     /// Flying through the target's centre; nothing at limits.min_target_distance_m.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub target: f64,
     /// Each metre that a navigation ends over its goal, beyond 0.6 m.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts", "x-source" = "tried, notebook: Not climbing"))]
     pub climbing_per_m: f64,
 }
 
