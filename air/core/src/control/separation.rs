@@ -17,16 +17,16 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct SeparationTuning {
     /// From the target's move to the vehicle's, s: camera, network, filter, attitude loop.
-    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "no vehicle answers sooner, and one that answers later closes in on nobody", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "no vehicle answers sooner, and one that answers later could not chase", "x-source" = "chosen by eye"))]
     pub reaction_s: f64,
     /// What is aimed at beyond the least distance when stepping aside, m.
     #[schemars(range(min = 0.0, max = 3.0), extend("x-why" = "with more it steps aside from whoever passes", "x-source" = "chosen by eye"))]
     pub aside_margin_m: f64,
     /// Largest acceleration when stepping aside, m/s².
-    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "less gets out of nobody's way, and two g is all that tilt gives", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "less is too slow to get out of the way, and two g is all that tilt gives", "x-source" = "chosen by eye"))]
     pub aside_acc_mps2: f64,
     /// Largest speed when backing away, m/s.
-    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "less is overtaken by who walks, and behind it the camera sees nothing", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "with less a walker overtakes it, and the camera does not look back", "x-source" = "chosen by eye"))]
     pub retreat_mps: f64,
 }
 

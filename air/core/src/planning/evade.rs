@@ -19,10 +19,10 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct EvasionConfig {
     /// Acceleration with which a way aside begins, m/s².
-    #[schemars(range(min = 1.0, max = 20.0), extend("x-why" = "less gets out of nobody's way, and two g is all that tilt gives", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 1.0, max = 20.0), extend("x-why" = "less is too slow to get out of the way, and two g is all that tilt gives", "x-source" = "chosen by eye"))]
     pub acc_mps2: f64,
     /// How long the vehicle flies on as it does before it begins, s: network and attitude.
-    #[schemars(range(min = 0.0, max = 0.5), extend("x-why" = "who answers later gets out of nobody's way", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.0, max = 0.5), extend("x-why" = "a vehicle that answers later does not get out of the way", "x-source" = "chosen by eye"))]
     pub begins_after_s: f64,
     /// Speeds that are tried to each side, m/s.
     #[schemars(inner(range(min = 0.1, max = 10.0)), extend("x-why" = "slower is a stop, faster flies into what stands beside", "x-source" = "chosen by eye"))]
@@ -31,10 +31,10 @@ pub struct EvasionConfig {
     #[schemars(range(min = 0.1, max = 15.0), extend("x-why" = "slower is a stop, faster flies into what stands beside", "x-source" = "chosen by eye"))]
     pub from_target_mps: f64,
     /// Acceleration upward, over a target that comes, m/s².
-    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less gets over nobody, more no airframe gives", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less is too slow to get over the target, more no airframe gives", "x-source" = "chosen by eye"))]
     pub climb_acc_mps2: f64,
     /// Speed upward, over a target that comes, m/s.
-    #[schemars(range(min = 0.5, max = 10.0), extend("x-why" = "slower gets over nobody, faster reaches the ceiling", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.5, max = 10.0), extend("x-why" = "slower does not get over the target, faster reaches the ceiling", "x-source" = "chosen by eye"))]
     pub climb_mps: f64,
 }
 

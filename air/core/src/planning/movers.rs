@@ -22,10 +22,10 @@ pub struct MoversConfig {
     #[schemars(inner(range(min = 0.05, max = 3.0)), extend("x-why" = "the least is at most the most, and what is wider shows but a part of itself", "x-source" = "chosen by eye"))]
     pub radius_m: [f64; 2],
     /// What is seen to be less high than this is taken for leaves, m.
-    #[schemars(range(min = 0.0, max = 3.0), extend("x-why" = "of more than the camera shows near by nothing is high enough", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.0, max = 3.0), extend("x-why" = "nothing near by shows more of its height", "x-source" = "chosen by eye"))]
     pub min_height_m: f64,
     /// What goes slower than this does not move, m/s.
-    #[schemars(range(min = 0.05, max = 5.0), extend("x-why" = "slower are errors of depth and odometry, faster nobody walks", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.05, max = 5.0), extend("x-why" = "slower are errors of depth and odometry, and people walk at 1.4 m/s", "x-source" = "chosen by eye"))]
     pub min_speed_mps: f64,
 }
 

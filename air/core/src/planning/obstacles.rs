@@ -18,16 +18,16 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct ObstaclesConfig {
     /// The vehicle's body and half of what is remembered as one thing, m.
-    #[schemars(range(min = 0.1, max = 2.0), extend("x-why" = "less than the airframe does not pass, with more there is room nowhere", "x-source" = "chosen by eye"))]
+    #[schemars(range(min = 0.1, max = 2.0), extend("x-why" = "with less the airframe does not pass, with more there is no room", "x-source" = "chosen by eye"))]
     pub body_radius_m: f64,
     /// What is so near to the target's axis is the target, m: half a person, its stride, and the estimate's error.
     #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "with less the target is an obstacle, with more what stands beside it is none", "x-source" = "chosen by eye"))]
     pub target_radius_m: f64,
-    /// Looking through ends this far before the measured depth, m,
+    /// Looking through ends this far before the measured depth, m.
     #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "with less a thing is looked through, with more it is never forgotten", "x-source" = "chosen by eye"))]
     pub depth_margin_m: f64,
-    /// and as much farther before it as this times the depth's square, 1/m: its noise.
-    #[schemars(range(min = 0.0, max = 0.1), extend("x-why" = "a camera with more noise sees nothing", "x-source" = "three times the D455's noise in ground/sim/sensors/d455.toml"))]
+    /// It ends farther before that depth by this times its square, 1/m: the depth's noise.
+    #[schemars(range(min = 0.0, max = 0.1), extend("x-why" = "with more noise nothing can be looked through", "x-source" = "three times the D455's noise in ground/sim/sensors/d455.toml"))]
     pub depth_margin_per_m: f64,
 }
 
