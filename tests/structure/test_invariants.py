@@ -51,6 +51,21 @@ def test_adapters_do_not_import_each_other() -> None:
         assert not DEPENDENCIES[crate] & {"goshawk-air", "goshawk-sim"}, crate
 
 
+def test_every_numeric_constant_says_what_it_is() -> None:
+    numeric = re.compile(r"\s*(?:pub(?:\(\w+\))? )?const (\w+): [^=]*\b(?:[iuf]\d+|[iu]size|Duration)\b[^=]*=")
+    constants = 0
+    for path in sorted((ROOT / "air").glob("*/src/**/*.rs")):
+        if path.stem.endswith("tests"):
+            continue
+        above = ""
+        for line in path.read_text().split("#[cfg(test)]\nmod ")[0].splitlines():
+            if constant := numeric.match(line):
+                constants += 1
+                assert above.lstrip().startswith("///"), f"{path}: {constant[1]} has no doc comment: unit and reason"
+            above = above if line.lstrip().startswith("#[") else line
+    assert constants > 300
+
+
 def test_core_reaches_nothing_outside() -> None:
     outside = re.compile(r"std::(fs|net|thread|env|process|time::(Instant|SystemTime))|println!|tracing::|\brand\b")
     for path in sorted((ROOT / "air/core/src").rglob("*.rs")):

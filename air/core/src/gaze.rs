@@ -50,14 +50,16 @@ pub enum Look {
     Way(Vec3),
 }
 
-/// What looked like the target so long ago is looked at no more, s.
+/// What looked like the target so long ago is looked at no more, s. Chosen by eye.
 const GLIMPSE_LASTS: f64 = 0.2;
-/// A glimpse may be this much farther from where the target was than it can have run, m.
+/// A glimpse may be this much farther from where the target was than it can have run, m. Chosen by eye, as the shipped
+/// `planner.target.reacquire_margin_m`.
 const GLIMPSE_MARGIN: f64 = 1.0;
-/// A hidden target that should be nearer than this, m, has left the image at its side.
+/// A hidden target that should be nearer than this, m, has left the image at its side. Chosen by eye.
 const SLIPPED_WITHIN: f64 = 4.0;
-/// One that is farther off is looked for so far to the sides, rad, to and fro in this, s.
+/// One that is farther off is looked for so far to the sides, rad. Chosen by eye.
 const GLANCE_ANGLE: f64 = 1.0;
+/// To and fro in this, s. Chosen by eye.
 const GLANCE_PERIOD: f64 = 2.0;
 
 /// The camera's heading, and what is believed of the target.

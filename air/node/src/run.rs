@@ -64,6 +64,7 @@ impl Overrides {
     }
 }
 
+/// Reports that may wait for the telemetry thread. Chosen by eye.
 const REPORT_QUEUE: usize = 2048;
 
 /// Runs the onboard process until SIGINT or SIGTERM.

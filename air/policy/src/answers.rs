@@ -41,11 +41,11 @@ impl AnswerFault {
     }
 }
 
-/// Answers must stay the same for so long before that is believed, s.
+/// Answers must stay the same for so long before that is believed, s. Chosen by eye.
 const CONSTANT_S: f64 = 0.5;
-/// A fault is over once it has not been seen for so long, s.
+/// A fault is over once it has not been seen for so long, s. Chosen by eye.
 const OVER_S: f64 = 0.5;
-/// A change of less than this is none: a share of the value, and of 1.
+/// A change of less than this is none: a share of the value, and of 1. Chosen by eye.
 const SAME: f32 = 1e-5;
 /// The channels that must change.
 const WATCHED: [&str; 2] = ["cost", "objectness"];

@@ -12,7 +12,7 @@ use crate::preprocess::{PreprocessError, Preprocessor, Source};
 
 /// What a file of golden images begins with.
 pub const MAGIC: &[u8; 16] = b"GOSHAWK GOLDEN 1";
-/// An answer may differ so much, as a share of it and of 1: another provider rounds otherwise.
+/// An answer may differ so much, as a share of it and of 1: another provider rounds otherwise. Chosen by eye.
 pub const TOLERANCE: f32 = 0.02;
 /// No file is larger: frames, pixels of a side, numbers.
 const MOST: [u32; 5] = [16, 1024, 1024, 64, 1024];

@@ -12,7 +12,7 @@ use goshawk_core::planning::nearest::{COLUMNS, Nearest, ROWS};
 
 use crate::contract::{Contract, Depth, Image};
 
-/// Largest relative difference between the source's field of view and the policy's.
+/// Largest relative difference between the source's field of view and the policy's. Chosen by eye.
 pub const FIELD_OF_VIEW_TOLERANCE: f64 = 0.02;
 
 /// Stands for "no measurement" while filling: it never wins a minimum.

@@ -111,10 +111,11 @@ impl StreamFault {
     }
 }
 
-/// Below these a vehicle stands, m/s and rad/s.
+/// Below this a vehicle stands, m/s. Chosen by eye.
 const STILL_MPS: f64 = 0.3;
+/// And below this it does not turn, rad/s. Chosen by eye.
 const STILL_RADPS: f64 = 0.1;
-/// A fault is over once it has not been seen for so long, s.
+/// A fault is over once it has not been seen for so long, s. Chosen by eye.
 const OVER_S: f64 = 0.5;
 
 /// One fault's history.

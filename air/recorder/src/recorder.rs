@@ -17,8 +17,10 @@ use crate::channel::Channel;
 use crate::error::RecorderError;
 use crate::writer::LogWriter;
 
+/// Records that may wait for the disk. Chosen by eye.
 const QUEUE: usize = 1024;
 const PANICKED: &str = "the recorder's thread panicked";
+/// What is recorded is on the disk after this, so that a power cut costs a second at most.
 const SYNC_PERIOD: Duration = Duration::from_millis(500);
 
 /// Makes a record's bytes; runs on the recorder's thread, so that compression costs the caller nothing. None: it could

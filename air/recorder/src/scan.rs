@@ -8,15 +8,21 @@ use std::ops::Range;
 /// A chunk holds at most so much unpacked; ours end at 1 MB and the record that exceeds it.
 pub(crate) const CHUNK_LIMIT: usize = 64 << 20;
 
+/// Bytes before a record's content: its opcode and length.
 const HEADER: usize = 9;
+/// The opcode of a message.
 const MESSAGE: u8 = 0x05;
+/// Of a channel.
 const CHANNEL: u8 = 0x04;
+/// Of a chunk.
 const CHUNK: u8 = 0x06;
+/// The last opcode that the format knows.
 const LAST_OPCODE: u8 = 0x0F;
 /// From a chunk record's begin to its compression's name: opcode, length, times, size, checksum.
 const TO_NAME: usize = HEADER + 28;
 /// The footer record and the magic bytes.
 const FOOTER: usize = HEADER + 20 + mcap::MAGIC.len();
+/// What a footer begins with: its opcode and length.
 const FOOTER_HEADER: [u8; HEADER] = [0x02, 20, 0, 0, 0, 0, 0, 0, 0];
 /// The compression's name as it stands in a chunk: the string's length and the string.
 const NAMES: [&[u8]; 2] = [b"\x04\0\0\0zstd", b"\0\0\0\0"];

@@ -12,6 +12,7 @@ use mcap::{Compression, WriteOptions, Writer};
 
 use crate::channel::Channel;
 
+/// A chunk ends at this size, unpacked. Chosen by eye.
 const CHUNK_BYTES: u64 = 1 << 20;
 
 /// An open MCAP file.

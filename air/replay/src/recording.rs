@@ -56,7 +56,9 @@ impl Recording {
         let contract = Contract::from_json(&header.policy_contract_json)
             .wrap_err_with(|| format!("the policy's contract in {name}"))?;
         let (text, tuning) = (header.vehicle_toml.clone(), header.tuning_toml.clone());
-        let vehicle = Vehicle::parse(text, tuning, Path::new("the vehicle file in the log"))?;
+        let vehicle = Vehicle::parse(text, tuning, Path::new("the vehicle file in the log")).wrap_err_with(|| {
+            format!("{name} was flown with other keys: replay it with the version that flew ({})", header.version)
+        })?;
         let mut stamps = log
             .entries()
             .filter_map(|entry| entry.decode::<v1::ControllerInput>(Channel::CONTROLLER_INPUT))

@@ -25,6 +25,7 @@ const CERTIFICATE: &str = "listen_certificate_file";
 const KEY: &str = "listen_private_key_file";
 const SEND_BUFFER: &str = "so_sndbuf";
 const HANDSHAKE_MS: &str = "tls_handshake_timeout_ms";
+/// A handshake may take so long where the endpoint does not say, ms. Chosen by eye.
 const DEFAULT_HANDSHAKE_MS: u64 = 5000;
 
 /// Turns Zenoh's settings into an endpoint's.

@@ -11,8 +11,9 @@ use prost::Message;
 
 use crate::config::Vehicle;
 
+/// Answers that are kept for commands that are repeated. Chosen by eye.
 const REMEMBERED: usize = 64;
-/// The controller's answer is waited for so long.
+/// The controller's answer is waited for so long. Chosen by eye.
 pub const WAIT: Duration = Duration::from_millis(200);
 
 /// A command that can be put to the controller.

@@ -67,6 +67,7 @@ pub enum SampleError {
     Stamp,
 }
 
+/// More pixels than a camera of 1920 x 1200 has are no image.
 const MAX_PIXELS: usize = 1920 * 1200;
 
 /// Decodes and validates an image message received at `now`.

@@ -2,6 +2,7 @@
 
 use goshawk_core::Time;
 
+/// Samples that quantiles are made of.
 const WINDOW: usize = 1024;
 /// Below 1 µs, 2 µs, 4 µs … 0.52 s, and longer.
 const BUCKETS: usize = 21;

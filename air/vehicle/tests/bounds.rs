@@ -125,7 +125,7 @@ fn keys<'a>(schema: &'a Value, name: &str, found: &mut Vec<(String, &'a Value)>)
 }
 
 #[test]
-fn every_key_says_what_it_does_and_every_number_has_bounds_and_their_reason() {
+fn every_key_says_what_it_does_and_every_number_has_bounds_their_reason_and_a_source() {
     let schemas = [reference::vehicle_schema(), reference::tuning_schema()];
     let mut found = Vec::new();
     for schema in &schemas {
@@ -140,6 +140,7 @@ fn every_key_says_what_it_does_and_every_number_has_bounds_and_their_reason() {
         if ["number", "integer"].contains(&kind) {
             assert!(number["minimum"].is_number() && number["maximum"].is_number(), "{name} has no bounds");
             assert!(schema["x-why"].as_str().is_some_and(|why| why.len() > 5), "{name} has no reason for its bounds");
+            assert!(schema["x-source"].as_str().is_some_and(|from| from.len() > 5), "{name}: where is it from?");
         }
     }
 }

@@ -12,14 +12,17 @@ use goshawk_core::Time;
 
 /// PX4's number of Offboard among its navigation states, as a bit of a check's modes.
 const OFFBOARD: u32 = 1 << 14;
+/// A check's modes when it concerns them all.
 const EVERY_MODE: u32 = u32::MAX;
+/// The event that ends a report of arming checks.
 const ARMING_SUMMARY: u32 = event_id("commander_arming_check_summary");
+/// The event that ends a report of health checks.
 const HEALTH_SUMMARY: u32 = event_id("commander_health_summary");
 /// Where the summary's modes that can arm are among its arguments: after the chunk's number, errors and warnings.
 const CAN_ARM: usize = 9;
 /// Checks of one report; PX4 queues fewer events than this.
 const CHECKS: usize = 32;
-/// A text's age, s, up to which it is a reason.
+/// A text's age, s, up to which it is a reason. Chosen by eye: ArduPilot repeats its own every 30 s.
 const TEXT_S: f64 = 40.0;
 /// How texts begin that say why arming is, or would be, refused: PX4's, then ArduPilot's.
 const REASONS: [&str; 5] = ["Preflight Fail", "Arming denied", "Disarming denied", "PreArm:", "Arm:"];

@@ -8,6 +8,7 @@ use std::fmt;
 
 /// PX4 was measured to answer in 1–15 ms; a lost datagram is repeated after this.
 const REPEAT_AFTER_S: f64 = 0.25;
+/// Then it is given up, after a second in all.
 const ATTEMPTS: u8 = 4;
 /// Answers kept for whoever takes them.
 const ANSWERS_KEPT: usize = 64;

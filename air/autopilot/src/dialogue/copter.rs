@@ -6,6 +6,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct CopterMode(pub u32);
 
+/// ArduCopter's modes by their numbers.
 const NAMES: [(u32, &str); 18] = [
     (0, "STABILIZE"),
     (1, "ACRO"),

@@ -147,8 +147,9 @@ pub const GUIDED_OPTIONS: &str = "GUID_OPTIONS";
 /// The bit of [`GUIDED_OPTIONS`] that makes SET_ATTITUDE_TARGET's thrust a thrust. Without it 0.5 holds the height and
 /// more or less than that climbs or sinks.
 pub const THRUST_AS_THRUST: i32 = 8;
-/// PX4 tells its battery unasked; ArduPilot only what is asked for, or set for the port.
+/// PX4 tells its battery unasked; ArduPilot only what is asked for, or set for the port. Chosen by eye.
 const BATTERY_HZ: f64 = 2.0;
+/// The kinds of vehicle that are flown.
 const COPTERS: [MavType; 7] = [
     MavType::MAV_TYPE_QUADROTOR,
     MavType::MAV_TYPE_HEXAROTOR,

@@ -18,13 +18,15 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
+/// Our heartbeat, s: MAVLink's usual 1 Hz.
 const HEARTBEAT_EVERY_S: f64 = 1.0;
+/// The clocks are compared so often, s. Chosen by eye.
 const TIMESYNC_EVERY_S: f64 = 0.1;
-/// A parameter that was not told, or is not right, is asked for again after this.
+/// A parameter that was not told, or is not right, is asked for again after this. Chosen by eye.
 const PARAMETERS_EVERY_S: f64 = 0.5;
-/// Streams that were asked for in vain are asked for again after this.
+/// Streams that were asked for in vain are asked for again after this. Chosen by eye.
 const STREAMS_EVERY_S: f64 = 2.0;
-/// An autopilot that refuses to arm is asked for its reasons so often: they change, and its answer may be lost.
+/// An autopilot that refuses to arm is asked for its reasons so often: they change, and its answer may be lost. By eye.
 const CHECKS_EVERY_S: f64 = 5.0;
 
 impl Endpoint {

@@ -8,9 +8,9 @@ const TRIPS: usize = 32;
 const DRIFT: f64 = 0.02;
 /// Requests in flight that an answer may belong to.
 const REQUESTS: usize = 16;
-/// A round trip slower than this says nothing.
+/// A round trip slower than this says nothing. Chosen by eye.
 const SLOWEST_TRIP_NS: u64 = 1_000_000_000;
-/// The remote clock going back by more than this means that the autopilot started again.
+/// The remote clock going back by more than this means that the autopilot started again. Chosen by eye.
 const RESTART_NS: u64 = 1_000_000_000;
 
 #[derive(Clone, Copy, Debug)]

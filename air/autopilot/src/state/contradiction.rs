@@ -14,22 +14,25 @@ use goshawk_core::{Odometry, Time, Vec3};
 
 /// A local position farther from ODOMETRY's stamp than this is not compared with it, s: it comes at 10 Hz or more.
 const NEAR_S: f64 = 0.12;
-/// Comparisons farther apart do not belong together, s.
+/// Comparisons farther apart do not belong together, s. Chosen by eye.
 const LONGEST_GAP_S: f64 = 0.5;
-/// Position: time constant, s, and gate, m: a third of a metre a second for long.
+/// Time constant of the position's check, s. Chosen by eye.
 const POSITION_TIME_S: f64 = 3.0;
+/// And its gate, m: a drift of a quarter of a metre a second is found in the end. Chosen by eye.
 const POSITION_GATE_M: f64 = 0.75;
-/// Velocity: time constant, s, and gate, m/s.
+/// Time constant of the velocity's check, s. Chosen by eye.
 const VELOCITY_TIME_S: f64 = 0.5;
+/// And its gate, m/s. Chosen by eye.
 const VELOCITY_GATE_MPS: f64 = 1.0;
-/// More than this at once is a jump of one of them, m: it moves a frame and no more.
+/// More than this at once is a jump of one of them, m: it moves a frame and no more. Chosen by eye.
 const JUMP_M: f64 = 0.3;
-/// The stamps may be wrong by so much against each other, s: so far apart are both at 1 m/s.
+/// The stamps may be wrong by so much against each other, s: so far apart are both at 1 m/s. Chosen by eye.
 const STAMPS_S: f64 = 0.05;
-/// They must contradict each other for so long, s, and agree for so long before they are believed again.
+/// They must contradict each other for so long, s. Chosen by eye.
 const LASTS_S: f64 = 0.2;
+/// And agree for so long before they are believed again, s. Chosen by eye.
 const AGAIN_S: f64 = 1.0;
-/// A contradiction that was found longer ago is none, s: they come no more.
+/// A contradiction that was found longer ago is none, s: they come no more. Chosen by eye.
 const FRESH_S: f64 = 1.0;
 
 /// One comparison.

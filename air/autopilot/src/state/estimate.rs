@@ -8,15 +8,16 @@ use crate::state::pose::{self, Position, Unusable};
 use crate::state::validity::PositionFault;
 use goshawk_core::{Imu, Odometry, Time};
 
-/// Without ODOMETRY for this long, position and attitude messages are joined instead.
+/// Without ODOMETRY for this long, position and attitude messages are joined instead. Chosen by eye.
 const ODOMETRY_SILENCE_S: f64 = 0.5;
-/// A position older than this is not joined with an attitude.
+/// A position older than this is not joined with an attitude. Chosen by eye.
 const POSITION_AGE_S: f64 = 0.3;
-/// Packets that come this much late are old news; more is a restart.
+/// Packets that come this much late are old news; more is a restart. Chosen by eye.
 const REORDER_NS: u64 = 1_000_000_000;
-/// Joined messages have no reset counter. A place or a heading that differs by more than this, and more with each
-/// second between, from where the motion led is a reset, m and rad.
+/// Joined messages have no reset counter. A place that differs by more than this, and more with each second between,
+/// from where the motion led is a reset, m. Chosen by eye.
 const JUMP_M: f64 = 0.5;
+/// So is a heading that differs by more than this, rad. Chosen by eye.
 const TURN_RAD: f64 = 0.3;
 
 /// Newest motion, stamped in our clock.

@@ -11,16 +11,18 @@ use goshawk_core::{GRAVITY, Imu, Odometry, Time, Vec3};
 
 /// Samples farther apart than this are not integrated, s: the slowest that is asked for is 10 Hz.
 const LONGEST_STEP_S: f64 = 0.15;
-/// Time constant of the check, s, and its gate, m/s: vibration, late stamps and a hard landing stay below.
+/// Time constant of the check, s. Chosen by eye.
 const TIME_S: f64 = 0.5;
+/// And its gate, m/s: vibration, late stamps and a hard landing stay below. Chosen by eye.
 const GATE_MPS: f64 = 1.5;
-/// Time constant of the bias, s, and its bound, m/s².
+/// Time constant of the bias, s. Chosen by eye.
 const BIAS_TIME_S: f64 = 5.0;
+/// And its bound, m/s². Chosen by eye.
 const BIAS_MPS2: f64 = 1.5;
-/// Less force than this is no accelerometer that works, or a fall, m/s²; more is an impact.
+/// Less force than this is no accelerometer that works, or a fall, m/s²; more is an impact. Chosen by eye.
 const FELT_MPS2: std::ops::Range<f64> = 1.0..60.0;
-/// How long the check must hold before the velocity is believed again, s. An offset that stays is for the controller,
-/// to which the position contradicts it.
+/// How long the check must hold before the velocity is believed again, s. It was 3. An offset that stays is for the
+/// controller, to which the position contradicts it.
 const AGAIN_S: f64 = 1.0;
 
 /// What velocity and accelerometer say of each other.

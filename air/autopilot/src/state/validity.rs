@@ -12,11 +12,11 @@ use std::fmt;
 /// A witness must say so for this long, s: two reports of the unasked 1 Hz, three of the asked 10 Hz.
 const LOST_AFTER_S: f64 = 0.2;
 /// And say otherwise for this long before it is believed again, s: a filter that has just begun to take measurements
-/// still moves.
+/// still moves. Chosen by eye.
 const BACK_AFTER_S: f64 = 1.0;
-/// PX4 streams LOCAL_POSITION_NED at 30 Hz, and only while position and velocity are valid.
+/// LOCAL_POSITION_NED is missed after this, s: PX4 streams it at 30 Hz, and only while position and velocity are valid.
 const LOCAL_SILENT_S: f64 = 1.0;
-/// ODOMETRY younger than this shows that the line works, s.
+/// ODOMETRY younger than this shows that the line works, s. Chosen by eye.
 const ODOMETRY_FRESH_S: f64 = 0.3;
 /// Standard deviations beyond these are no position to fly among trees by: 5 m, and 2 m/s. GPS gives 0.2 and 0.1.
 const LARGEST_VARIANCE: (f32, f32) = (25.0, 4.0);

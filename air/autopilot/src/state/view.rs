@@ -22,7 +22,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 mod contact;
 
-/// Without a heartbeat for this long the autopilot counts as gone.
+/// Without a heartbeat for this long the autopilot counts as gone: three are missing.
 pub const HEARTBEAT_TIMEOUT_S: f64 = 3.0;
 /// Texts and events kept for whoever takes them; older ones go first.
 const NOTES_KEPT: usize = 64;

@@ -18,15 +18,17 @@ use std::time::Duration;
 
 /// How long a look for bytes takes at most.
 const WAIT: Duration = Duration::from_millis(5);
-/// Before a broken line is opened again: at first, and at most, s.
+/// Before a broken line is opened again, s: at first. Chosen by eye.
 const FIRST_RETRY_S: f64 = 0.1;
+/// And at most, s. Chosen by eye.
 const LAST_RETRY_S: f64 = 2.0;
-/// How long a TCP peer may take to answer a call. Nothing else is to be done meanwhile.
+/// How long a TCP peer may take to answer a call. Nothing else is to be done meanwhile. Chosen by eye.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
-/// A TCP connection on which nothing came for so long is dead, whatever the system believes.
+/// A TCP connection on which nothing came for so long is dead, whatever the system believes: five heartbeats.
 const TCP_SILENCE_S: f64 = 5.0;
 /// Bytes that may wait in a TCP connection that does not move: old setpoints help nobody.
 const TCP_WAITING: usize = 16_384;
+/// Bytes read at once.
 const READ: usize = 4096;
 
 /// One line, as all threads share it.

@@ -7,8 +7,11 @@ use mavlink::{MavHeader, MavlinkVersion, Message, calculate_crc};
 pub const MAGIC: u8 = mavlink::MAV_STX_V2;
 /// Bytes before the payload.
 const HEADER: usize = 10;
+/// Bytes of the checksum behind the payload.
 const CHECKSUM: usize = 2;
+/// Bytes of a signature behind that.
 const SIGNATURE: usize = 13;
+/// The flag of a packet that is signed.
 const SIGNED: u8 = 0x01;
 
 /// One message with its sender.

@@ -19,13 +19,15 @@ use std::time::{SystemTime, UNIX_EPOCH};
 const EPOCH_S: u64 = 1_420_070_400;
 /// Stamps a second.
 const PER_SECOND: u64 = 100_000;
-/// How far behind a new stream's first stamp may be.
+/// How far behind a new stream's first stamp may be: a minute, as MAVLink's signing says.
 const NEW_STREAM: u64 = 60 * PER_SECOND;
-/// How often the newest stamp is written down, s.
+/// How often the newest stamp is written down, s. Chosen by eye.
 pub(crate) const SAVE_EVERY_S: f64 = 10.0;
 /// Streams remembered; each has shown a right signature.
 const STREAMS: usize = 64;
+/// The largest stamp: it has 48 bits.
 const LARGEST: u64 = (1 << 48) - 1;
+/// Bytes of a signature's value.
 const VALUE: usize = 6;
 
 /// The stream that a frame of ours belongs to; the value is its link id.

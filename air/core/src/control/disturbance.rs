@@ -29,16 +29,16 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct ObserverConfig {
     /// First gain of eq. 15; the paper's alpha1.
-    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a higher gain only follows noise"))]
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a higher gain only follows noise", "x-source" = "the paper's authors, in their published code"))]
     pub alpha1: f64,
     /// Second gain of eq. 15, at most alpha1² / 2; the paper's alpha2.
-    #[schemars(range(min = 0.01, max = 200.0), extend("x-why" = "with more than alpha1^2 / 2 the observer overshoots"))]
+    #[schemars(range(min = 0.01, max = 200.0), extend("x-why" = "with more than alpha1^2 / 2 the observer overshoots", "x-source" = "the paper's authors, in their published code"))]
     pub alpha2: f64,
     /// Time scale of eq. 15, s; the paper's zeta.
-    #[schemars(range(min = 0.02, max = 2.0), extend("x-why" = "a slower observer is no answer to a gust"))]
+    #[schemars(range(min = 0.02, max = 2.0), extend("x-why" = "a slower observer is no answer to a gust", "x-source" = "the paper's authors, in their published code"))]
     pub zeta_s: f64,
     /// Largest disturbance that is believed, m/s².
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "no wind pushes with more than two g"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "no wind pushes with more than two g", "x-source" = "chosen by eye"))]
     pub limit_mps2: f64,
 }
 

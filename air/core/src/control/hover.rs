@@ -10,19 +10,19 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct HoldConfig {
     /// Position gain, 1/s².
-    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "less does not hold, more oscillates with the attitude's lag"))]
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "less does not hold, more oscillates with the attitude's lag", "x-source" = "chosen by eye"))]
     pub kp: f64,
     /// Velocity gain, 1/s.
-    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "less does not brake, more oscillates with the attitude's lag"))]
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "less does not brake, more oscillates with the attitude's lag", "x-source" = "chosen by eye"))]
     pub kv: f64,
     /// Largest horizontal acceleration of hold and brake, m/s².
-    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "less does not stop before the fence, two g is all that tilt gives"))]
+    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "less does not stop before the fence, two g is all that tilt gives", "x-source" = "chosen by eye"))]
     pub max_acc_horizontal_mps2: f64,
     /// Largest vertical acceleration of hold and brake, m/s².
-    #[schemars(range(min = 0.5, max = 9.5), extend("x-why" = "less does not hold the height, more than gravity cannot be had downward"))]
+    #[schemars(range(min = 0.5, max = 9.5), extend("x-why" = "less does not hold the height, more than gravity cannot be had downward", "x-source" = "chosen by eye"))]
     pub max_acc_vertical_mps2: f64,
     /// Speed below which braking becomes position hold, m/s.
-    #[schemars(range(min = 0.05, max = 3.0), extend("x-why" = "a place is held only where braking has ended"))]
+    #[schemars(range(min = 0.05, max = 3.0), extend("x-why" = "a place is held only where braking has ended", "x-source" = "chosen by eye"))]
     pub stopped_speed_mps: f64,
 }
 

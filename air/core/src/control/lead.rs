@@ -10,7 +10,7 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct LeadConfig {
     /// Largest lead, m/s².
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "more than two g of lead is noise"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "more than two g of lead is noise", "x-source" = "chosen by eye"))]
     pub limit_mps2: f64,
 }
 

@@ -51,9 +51,10 @@ pub struct Motion {
     fault: Option<OdometryFault>,
 }
 
-/// Cosine of the tilt beyond which the vertical says little of the thrust.
+/// Cosine of the tilt, 60 degrees, beyond which the vertical says little of the thrust. Chosen by eye.
 const LEAST_UPRIGHT: f64 = 0.5;
-/// Samples farther apart are not one step of the observer, s.
+/// Samples farther apart are not one step of the observer, s. Chosen by eye, as old as the shipped
+/// `ladder.odometry_stale_s` lets odometry get.
 const LONGEST_STEP: f64 = 0.2;
 
 impl Motion {

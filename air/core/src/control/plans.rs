@@ -13,22 +13,22 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct LadderConfig {
     /// Track: how old the last chosen trajectory may get while frames without a choice arrive, s.
-    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "an older trajectory leads through what was not seen"))]
+    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "an older trajectory leads through what was not seen", "x-source" = "chosen by eye"))]
     pub missed_detection_s: f64,
     /// How old the last chosen trajectory may get while no frame arrives, s.
-    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "without a frame for longer it flies blind"))]
+    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "without a frame for longer it flies blind", "x-source" = "chosen by eye"))]
     pub plan_stale_s: f64,
     /// How long to hold without any plan before landing, s.
-    #[schemars(range(min = 1.0, max = 120.0), extend("x-why" = "the battery is for more than waiting"))]
+    #[schemars(range(min = 1.0, max = 120.0), extend("x-why" = "the battery is for more than waiting", "x-source" = "chosen by eye"))]
     pub no_plan_land_s: f64,
     /// Odometry that is older than this is not flown on, s.
-    #[schemars(range(min = 0.02, max = 0.5), extend("x-why" = "less than a few periods is none, and half a second of dead reckoning is metres"))]
+    #[schemars(range(min = 0.02, max = 0.5), extend("x-why" = "less than a few periods is none, and half a second of dead reckoning is metres", "x-source" = "chosen by eye"))]
     pub odometry_stale_s: f64,
     /// Net downward acceleration while descending without odometry, m/s².
-    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "it is to be a gentle descent"))]
+    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "it is to be a gentle descent", "x-source" = "chosen by eye"))]
     pub descend_acc_mps2: f64,
     /// How long to descend without odometry before handing back to the autopilot, s.
-    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "without odometry nothing bounds the speed: the autopilot must have it soon"))]
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "without odometry nothing bounds the speed: the autopilot must have it soon", "x-source" = "chosen by eye"))]
     pub hand_back_s: f64,
 }
 

@@ -9,6 +9,26 @@
 use crate::gaze::threat::{Pace, Threat};
 use crate::planning::room::{Room, toward};
 use crate::values::types::{Flat, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// How the least distance to the target is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SeparationTuning {
+    /// From the target's move to the vehicle's, s: camera, network, filter, attitude loop.
+    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "no vehicle answers sooner, and one that answers later could not chase", "x-source" = "chosen by eye"))]
+    pub reaction_s: f64,
+    /// What is aimed at beyond the least distance when stepping aside, m.
+    #[schemars(range(min = 0.0, max = 3.0), extend("x-why" = "with more it steps aside from whoever passes", "x-source" = "chosen by eye"))]
+    pub aside_margin_m: f64,
+    /// Largest acceleration when stepping aside, m/s².
+    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "less is too slow to get out of the way, and two g is all that tilt gives", "x-source" = "chosen by eye"))]
+    pub aside_acc_mps2: f64,
+    /// Largest speed when backing away, m/s.
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "with less a walker overtakes it, and the camera does not look back", "x-source" = "chosen by eye"))]
+    pub retreat_mps: f64,
+}
 
 /// How far to keep, and what both can do.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,30 +39,31 @@ pub struct SeparationConfig {
     pub target_acc: f64,
     /// and what the vehicle may spend on keeping away from it, m/s² (10).
     pub max_acc: f64,
+    /// How to keep it.
+    pub tuning: SeparationTuning,
 }
 
-/// Faster than this nothing is flown, m/s, and so many steps find the speed at which a target may be approached.
+/// Faster than this nothing is flown, m/s: the most that `limits.max_speed_mps` may be.
 const MOST_APPROACH: f64 = 30.0;
+/// Steps of Newton's method, at most; they end before at a millimetre. Chosen by eye.
 const NEWTON: u32 = 12;
-/// From the target's move to the vehicle's, s: camera, network, filter, attitude loop.
-const REACTION: f64 = 0.25;
-/// Gain on a closing speed that is too high, 1/s.
+/// Gain on a closing speed that is too high, 1/s. Chosen by eye.
 const KV: f64 = 4.0;
-/// Nearer than the least distance the vehicle backs away with so much of what is missing, 1/s, at most so fast, m/s.
-const OPENING: (f64, f64) = (1.5, 3.0);
-/// A target that comes nearer faster than this, m/s, is stepped aside from if it passes within this, s.
+/// Nearer than the least distance the vehicle backs away with so much of what is missing, 1/s. Chosen by eye.
+const OPENING: f64 = 1.5;
+/// A target comes that is faster toward the vehicle than this, m/s. Chosen by eye.
 const COMING: f64 = 0.5;
+/// The vehicle steps aside from one that would pass within this, s. Chosen by eye.
 const FORESEEN: f64 = 1.5;
-/// What is aimed at beyond the least distance when stepping aside, m, with at most so much acceleration, m/s².
-const ASIDE: (f64, f64) = (0.3, 7.0);
-/// The soonest that stepping aside can be of use, s.
+/// The soonest that stepping aside can be of use, s. Chosen by eye.
 const SOONEST: f64 = 0.35;
-/// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s².
+/// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s². Chosen by eye.
 const SHORT: (f64, f64) = (0.3, 4.0);
-/// A slower vehicle goes nowhere, m/s.
+/// A slower vehicle goes nowhere, m/s. Chosen by eye.
 const CREEPS: f64 = 0.3;
-/// Who is so much higher than a target's centre, m, is above it. Unseen, the target strolls off, m/s.
+/// Who is so much higher than a target's centre, m, is above it: over a person's head. Chosen by eye.
 const ABOVE: f64 = 1.2;
+/// Unseen below the vehicle, the target strolls off, m/s: a walker's pace.
 const STROLLS: f64 = 1.5;
 
 /// Keeps the distance.
@@ -66,21 +87,22 @@ impl SeparationConfig {
             if excess <= 1e-3 || time <= 1e-3 {
                 break;
             }
-            slope = 1.0 / time.max(REACTION);
+            slope = 1.0 / time.max(self.tuning.reaction_s);
             speed -= excess / time;
         }
-        let opening = (OPENING.0 * gap).min(0.0);
-        ((speed + opening).max(-OPENING.1), slope)
+        let opening = (OPENING * gap).min(0.0);
+        ((speed + opening).max(-self.tuning.retreat_mps), slope)
     }
 
     /// How much nearer a target comes that is flown at with `speed` until both part, m, and how long that takes, s: it
     /// speeds up at once, from `comes` to `fastest`, and the vehicle brakes when it has reacted.
     fn lost(&self, speed: f64, comes: f64, fastest: f64) -> (f64, f64) {
         let full = (fastest - comes).max(0.0) / self.target_acc;
+        let reaction = self.tuning.reaction_s;
         let (mut closing, mut lost, mut time) = (speed + comes, 0.0, 0.0);
-        for end in [full.min(REACTION), full.max(REACTION), f64::INFINITY] {
+        for end in [full.min(reaction), full.max(reaction), f64::INFINITY] {
             let runs = if time < full { self.target_acc } else { 0.0 };
-            let brakes = if time < REACTION { 0.0 } else { self.max_acc };
+            let brakes = if time < reaction { 0.0 } else { self.max_acc };
             let acc = runs - brakes;
             let parts = if acc < 0.0 { (closing / -acc).max(0.0) } else { f64::INFINITY };
             let lasts = (end - time).min(parts);
@@ -105,7 +127,7 @@ impl SeparationConfig {
         if between.z < ABOVE || between.xy().norm() > least + STROLLS * threat.hidden_for {
             return acc_world;
         }
-        let sinks = (OPENING.0 * (between.z - least)).max(0.0);
+        let sinks = (OPENING * (between.z - least)).max(0.0);
         Vec3::new(acc_world.x, acc_world.y, acc_world.z.max(KV * (-sinks - vel_world.z)))
     }
 
@@ -143,7 +165,7 @@ impl Separation {
         let flat: Flat = acc_world.xy();
         let backed = back(config, flat, (away, distance, least), [relative, target], self.pace.fastest());
         let coming = target.dot(&away) > COMING;
-        let aside = if coming { self.aside(least, line, relative, room) } else { None };
+        let aside = if coming { self.aside(&config.tuning, least, line, relative, room) } else { None };
         self.side = aside.map_or(0.0, |(side, _)| side);
         let bent = match aside {
             Some((_, push)) => {
@@ -160,7 +182,14 @@ impl Separation {
     }
 
     /// The side and the acceleration that let a target pass at the least distance; none: it will.
-    fn aside(&self, least: f64, line: Flat, relative: Flat, room: Option<&Room>) -> Option<(f64, Flat)> {
+    fn aside(
+        &self,
+        tuning: &SeparationTuning,
+        least: f64,
+        line: Flat,
+        relative: Flat,
+        room: Option<&Room>,
+    ) -> Option<(f64, Flat)> {
         let speed = relative.norm();
         let soon = -line.dot(&relative) / relative.norm_squared();
         if !(soon > 0.0 && soon < FORESEEN) {
@@ -168,13 +197,13 @@ impl Separation {
         }
         let left = Flat::new(-relative.y, relative.x) / speed;
         let offset = (line + relative * soon).dot(&left);
-        let passes = least + ASIDE.0;
+        let passes = least + tuning.aside_margin_m;
         if offset.abs() >= passes {
             return None;
         }
         let side = if self.side == 0.0 { chosen_side(offset, passes, left, room) } else { self.side };
         let missing = passes - side * offset;
-        let push = (2.0 * missing / soon.max(SOONEST).powi(2)).min(ASIDE.1);
+        let push = (2.0 * missing / soon.max(SOONEST).powi(2)).min(tuning.aside_acc_mps2);
         Some((side, left * (side * push)))
     }
 }
@@ -225,9 +254,13 @@ fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
 mod tests {
     use super::*;
     use crate::planning::room::{FARTHEST_ROOM, HEADINGS};
+    use crate::shipped;
     use proptest::prelude::*;
 
-    const CONFIG: SeparationConfig = SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0 };
+    fn config() -> SeparationConfig {
+        let tuning = shipped::tuning().separation;
+        SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0, tuning }
+    }
 
     fn threat(pos_world: Vec3, vel_world: Vec3) -> Threat {
         Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, hidden_for: 0.0 }
@@ -235,7 +268,7 @@ mod tests {
 
     /// One step of a fresh rule for a vehicle in the origin.
     fn keep(acc: Vec3, vel: Vec3, threat: &Threat, room: Option<&Room>) -> Vec3 {
-        Separation::default().keep(&CONFIG, 0.005, acc, [Vec3::zeros(), vel], threat, room)
+        Separation::default().keep(&config(), 0.005, acc, [Vec3::zeros(), vel], threat, room)
     }
 
     /// The least distance of a vehicle that would fly at the target with all it has, from 8 m behind it. `flee` gives
@@ -246,7 +279,7 @@ mod tests {
         let mut target = threat(Vec3::x() * 8.0, Vec3::x() * 5.0);
         let mut least = f64::INFINITY;
         for step in 0..1600 {
-            let wanted = rule.keep(&CONFIG, dt, (Vec3::x() * 9.0 - vel) * 2.0, [pos, vel], &target, None);
+            let wanted = rule.keep(&config(), dt, (Vec3::x() * 9.0 - vel) * 2.0, [pos, vel], &target, None);
             acc += (wanted - acc) * (dt / 0.08);
             vel += acc * dt;
             pos += vel * dt;
@@ -267,7 +300,7 @@ mod tests {
 
     #[test]
     fn the_speed_at_which_it_may_be_approached_is_what_reaction_and_braking_leave() {
-        let speed = |gap: f64, comes: f64, fastest: f64| CONFIG.approach(gap, comes, fastest).0;
+        let speed = |gap: f64, comes: f64, fastest: f64| config().approach(gap, comes, fastest).0;
         // It stands and stays: v * 0.25 s + v² / 20 is the gap.
         assert!((speed(3.0, 0.0, 0.0) - 5.6394).abs() < 0.01, "{}", speed(3.0, 0.0, 0.0));
         // It comes as fast as it can: the same, counted from its own speed.
@@ -276,7 +309,7 @@ mod tests {
         assert!(speed(3.0, -4.0, 4.0) > speed(3.0, 0.0, 4.0), "it must turn first");
         assert!(speed(0.0, 3.0, 3.0) < -2.9 && speed(-1.0, 0.0, 2.0) < -1.0);
         // What the speed loses with the gap is what the two speeds say.
-        let (at, slope) = CONFIG.approach(3.0, 0.0, 4.0);
+        let (at, slope) = config().approach(3.0, 0.0, 4.0);
         assert!((speed(3.01, 0.0, 4.0) - at - 0.01 * slope).abs() < 2e-3, "{slope}");
     }
 
@@ -302,7 +335,7 @@ mod tests {
     #[test]
     fn nobody_comes_down_on_a_target_nor_on_where_it_may_have_gone_unseen() {
         let sinking = [Vec3::new(0.0, 0.0, 3.0), -Vec3::z()];
-        let stay = |threat: &Threat| CONFIG.stay_above(-Vec3::z(), sinking, threat).z;
+        let stay = |threat: &Threat| config().stay_above(-Vec3::z(), sinking, threat).z;
         let below = threat(Vec3::new(1.0, 0.0, 1.2), Vec3::zeros());
         assert!(stay(&below) > 3.0, "it is less than the least distance above it");
         assert_eq!(stay(&threat(Vec3::new(1.0, 0.0, 0.0), Vec3::zeros())), -1.0, "it may come down to that");
@@ -327,14 +360,14 @@ mod tests {
             let acc = Vec3::from(acc);
             let kept = keep(acc, Vec3::from(vel), &threat(Vec3::from(at), Vec3::from(of)), None);
             prop_assert_eq!(kept.z, acc.z);
-            prop_assert!(kept.xy().norm() <= acc.xy().norm().max(CONFIG.max_acc) + 1e-9);
+            prop_assert!(kept.xy().norm() <= acc.xy().norm().max(config().max_acc) + 1e-9);
         }
 
         #[test]
         fn any_input_gives_a_finite_answer_or_what_was_asked(bits in prop::array::uniform12(any::<u64>())) {
             let v = |k: usize| Vec3::from_fn(|i, _| f64::from_bits(bits[k + i]));
-            let kept = Separation::default().keep(&CONFIG, 0.005, v(0), [v(3), v(6)], &threat(v(9), v(6)), None);
-            let above = CONFIG.stay_above(v(0), [v(3), v(6)], &threat(v(9), v(6)));
+            let kept = Separation::default().keep(&config(), 0.005, v(0), [v(3), v(6)], &threat(v(9), v(6)), None);
+            let above = config().stay_above(v(0), [v(3), v(6)], &threat(v(9), v(6)));
             prop_assert!(above.z >= v(0).z || v(0).z.is_nan());
             prop_assert!(kept.xy().iter().all(|x| x.is_finite()) || kept == v(0) || v(0).iter().any(|x| x.is_nan()));
         }

@@ -29,15 +29,15 @@ struct Block {
     force: f64,
 }
 
-/// Time constant of forgetting, s.
+/// Time constant of forgetting, s. Chosen by eye: slow, for the observer takes what changes faster.
 const MEMORY: f64 = 5.0;
-/// What the first value weighs, as seconds of flight.
+/// What the first value weighs, as seconds of flight: as much as one block.
 const PRIOR: f64 = 0.1;
-/// Length of a block, s.
+/// Length of a block, s. Chosen by eye.
 const BLOCK: f64 = 0.1;
-/// Thrusts beyond the bounds by more than this are no hover: the motors' curve is another there.
+/// Thrusts beyond the bounds by more than these factors are no hover: the motors' curve is another there. By eye.
 const NEAR_HOVER: (f64, f64) = (0.6, 1.5);
-/// A specific force that rotors in flight give, in g: less is a fall, more is contact.
+/// A specific force that rotors in flight give, in g: less is a fall, more is contact. Chosen by eye.
 const IN_FLIGHT: (f64, f64) = (0.4, 2.5);
 
 impl HoverThrust {

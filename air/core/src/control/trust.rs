@@ -15,6 +15,8 @@
 //! u is the acceleration that thrust and the measured attitude give, d̂ the disturbance. A position that jumps once by
 //! itself moves the frame and no more: velocity and attitude are good, and nothing that is flown needs the place itself.
 //! All else is distrust: from the sample on in which a check fails, until all of them have held for [`AGAIN`].
+//!
+//! `goshawk-sim faults` counts what the checks miss, and their false alarms.
 
 mod distrust;
 mod heading;
@@ -84,27 +86,28 @@ impl std::fmt::Display for OdometryFault {
     }
 }
 
-/// The same numbers in position, velocity and attitude for so long: nothing of it is alive, s.
+/// The same numbers in position, velocity and attitude for so long: nothing of it is alive, s. Chosen by eye.
 const COPIED: f64 = 0.1;
-/// Time constant of the position's check, s.
+/// Time constant of the position's check, s. Chosen by eye.
 const POSITION_TIME: f64 = 1.0;
-/// Its gate, m: half a metre a second for long, 3 m/s for 0.2 s.
+/// Its gate, m: half a metre a second for long, 3 m/s for 0.2 s. Chosen by eye.
 const POSITION_GATE: f64 = 0.5;
-/// Time constant of the velocity's check, s: longer than the rotors' lag, shorter than a gust.
+/// Time constant of the velocity's check, s. Chosen by eye: longer than the rotors' lag, shorter than a gust.
 const VELOCITY_TIME: f64 = 0.2;
-/// Its gate, m/s.
+/// Its gate, m/s. Chosen by eye.
 const VELOCITY_GATE: f64 = 1.5;
-/// One sample's turn that the rates do not explain, rad, and so much more for each second between samples.
+/// One sample's turn that the rates do not explain, rad, and so much more for each second between samples. By eye.
 const TURN_GATE: (f64, f64) = (0.35, 2.0);
-/// A vehicle turns no faster, rad/s.
+/// A vehicle turns no faster, rad/s. Chosen by eye.
 const FASTEST_TURN: f64 = 6.0;
-/// Equal numbers for so long are no estimate, s.
+/// Equal numbers in position or velocity for so long are no estimate, s. Chosen by eye.
 const FROZEN: f64 = 0.3;
 /// Jumps of the position: each counts one, which fades with this time constant, s; more than this is no single jump.
+/// Chosen by eye: three within a few seconds.
 const JUMPS: (f64, f64) = (3.0, 2.5);
-/// A check holds again below this share of its gate.
+/// A check holds again below this share of its gate. Chosen by eye.
 const HYSTERESIS: f64 = 0.6;
-/// How long all checks must hold before the odometry is believed again, s.
+/// How long all checks must hold before the odometry is believed again, s. Chosen by eye.
 pub const AGAIN: f64 = 0.5;
 
 /// One step of the odometry with what should have happened in it.

@@ -9,30 +9,30 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Airframe {
-    /// Take-off mass with battery, kg. Weigh it.
-    #[schemars(range(min = 0.05, max = 25.0), extend("x-why" = "the loops are made for small quadrotors"))]
+    /// Take-off mass with battery, kg.
+    #[schemars(range(min = 0.05, max = 25.0), extend("x-why" = "the loops are made for small quadrotors", "x-source" = "weigh it; shipped: the paper's vehicle"))]
     pub mass_kg: f64,
-    /// Normalised thrust that hovers, 0..1, at full battery. The estimate in flight begins here: read it in a hover by hand.
-    #[schemars(range(min = 0.05, max = 0.9), extend("x-why" = "with more, too little is left to climb and turn"))]
+    /// Normalised thrust that hovers, 0..1, at full battery. The estimate in flight begins here.
+    #[schemars(range(min = 0.05, max = 0.9), extend("x-why" = "with more, too little is left to climb and turn", "x-source" = "a hover by hand; shipped: the simulated vehicle's, which is made by this file"))]
     pub hover_thrust: f64,
     /// What the hover thrust that is learnt in flight may come to, from an empty vehicle with a full battery to a loaded one
     /// with an empty battery.
-    #[schemars(inner(range(min = 0.01, max = 0.99)), extend("x-why" = "the range must hold hover_thrust and leave room to min_thrust and max_thrust"))]
+    #[schemars(inner(range(min = 0.01, max = 0.99)), extend("x-why" = "the range must hold hover_thrust and leave room to min_thrust and max_thrust", "x-source" = "chosen by eye"))]
     pub hover_thrust_range: [f64; 2],
     /// Least normalised thrust in flight; it keeps attitude authority.
-    #[schemars(range(min = 0.005, max = 0.9), extend("x-why" = "less loses attitude authority, more than hover_thrust cannot descend"))]
+    #[schemars(range(min = 0.005, max = 0.9), extend("x-why" = "less loses attitude authority, more than hover_thrust cannot descend", "x-source" = "chosen by eye"))]
     pub min_thrust: f64,
     /// Most normalised thrust in flight; what is left is for the attitude.
-    #[schemars(range(min = 0.1, max = 1.0), extend("x-why" = "it must climb, and 1 is all that there is"))]
+    #[schemars(range(min = 0.1, max = 1.0), extend("x-why" = "it must climb, and 1 is all that there is", "x-source" = "chosen by eye"))]
     pub max_thrust: f64,
     /// Largest commanded tilt, degrees. At 65 degrees the thrust that holds the height is 2.4 times the weight.
-    #[schemars(range(min = 5.0, max = 79.9), extend("x-why" = "with less it cannot brake, near 90 no thrust holds the height"))]
+    #[schemars(range(min = 5.0, max = 79.9), extend("x-why" = "with less it cannot brake, near 90 no thrust holds the height", "x-source" = "tried, notebook: Tilt and detours"))]
     pub max_tilt_deg: f64,
-    /// First-order lag of the attitude loop, s. The estimate in flight begins here: read it from a step in the log.
-    #[schemars(range(min = 0.01, max = 1.0), extend("x-why" = "a slower attitude loop cannot be led"))]
+    /// First-order lag of the attitude loop, s. The estimate in flight begins here.
+    #[schemars(range(min = 0.01, max = 1.0), extend("x-why" = "a slower attitude loop cannot be led", "x-source" = "a step in the log; shipped: the simulated vehicle's, which is made by this file"))]
     pub attitude_lag_s: f64,
     /// What the lag that is learnt in flight may come to, s.
-    #[schemars(inner(range(min = 0.01, max = 1.0)), extend("x-why" = "the range must hold attitude_lag_s, and a slower loop cannot be led"))]
+    #[schemars(inner(range(min = 0.01, max = 1.0)), extend("x-why" = "the range must hold attitude_lag_s, and a slower loop cannot be led", "x-source" = "chosen by eye"))]
     pub attitude_lag_range_s: [f64; 2],
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-/// Standard deviations of the position that count, and the most that they come to, m.
+/// Standard deviations of the position that count, and the most that they come to, m. Chosen by eye.
 const DOUBT: (f64, f64) = (2.0, 0.8);
 
 /// How much nearer a target of this covariance (m²) may be, m.

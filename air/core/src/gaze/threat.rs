@@ -6,13 +6,13 @@ use crate::gaze::hidden::{ANYWHERE, hidden_for};
 use crate::values::types::{Flat, TargetEstimate, Time, Vec3};
 use nalgebra::Matrix3;
 
-/// A target may get so much faster than it was, m/s, and at least so fast.
+/// A target may get so much faster than it was, m/s, and at least so fast. Chosen by eye.
 const FASTER: (f64, f64) = (0.5, 2.0);
-/// The filter's velocity is so late, s: meanwhile a target that runs may have gained speed toward the vehicle.
+/// The filter's velocity is so late, s: meanwhile a target that runs may have gained speed toward the vehicle. By eye.
 const LATE: f64 = 0.25;
-/// A target counts as running in full at this speed, m/s, and as calming down at this rate after it, m/s².
+/// A target counts as running in full at this speed, m/s, and as calming down at this rate after it, m/s². By eye.
 const RUNS: (f64, f64) = (3.0, 1.5);
-/// The most that one standard deviation of the velocity comes to, m/s.
+/// The most that one standard deviation of the velocity comes to, m/s. Chosen by eye.
 const MOST_SPEED_DOUBT: f64 = 1.0;
 
 /// The target as it may be at its worst.

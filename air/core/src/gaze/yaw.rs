@@ -10,22 +10,22 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct YawConfig {
     /// Largest yaw rate, rad/s.
-    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "odometry and camera are blurred beyond"))]
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "odometry and camera are blurred beyond", "x-source" = "chosen by eye"))]
     pub max_rate_radps: f64,
     /// Largest yaw acceleration, rad/s².
-    #[schemars(range(min = 0.1, max = 100.0), extend("x-why" = "no quadrotor's yaw answers quicker"))]
+    #[schemars(range(min = 0.1, max = 100.0), extend("x-why" = "no quadrotor's yaw answers quicker", "x-source" = "chosen by eye"))]
     pub max_acc_radps2: f64,
     /// Lag of the yaw loop, s: the command leads the plan by rate·lag. 0: no lead.
-    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "a slower loop cannot be led"))]
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "a slower loop cannot be led", "x-source" = "chosen by eye"))]
     pub lag_s: f64,
     /// Yaw rate of the sweep for a lost target, rad/s.
-    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "it is a yaw rate as well"))]
+    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "it is a yaw rate as well", "x-source" = "3 was tried and gives the same, notebook: Belief"))]
     pub search_rate_radps: f64,
     /// How long the camera looks where the target was lost before it sweeps, s.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "by then the target is elsewhere"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "by then the target is elsewhere", "x-source" = "chosen by eye"))]
     pub search_delay_s: f64,
     /// Navigation: above this speed the nose follows the velocity, below it the goal, m/s.
-    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "navigation looks where it flies"))]
+    #[schemars(range(min = 0.1, max = 10.0), extend("x-why" = "navigation looks where it flies", "x-source" = "chosen by eye"))]
     pub along_velocity_speed_mps: f64,
 }
 
@@ -53,7 +53,7 @@ pub struct YawPlanner {
     rate: f64,
 }
 
-/// How fast an error is taken out once it is small, 1/s.
+/// How fast an error is taken out once it is small, 1/s. Chosen by eye.
 const GAIN: f64 = 6.0;
 
 /// The goal that looks along `line_world` (m) to something that moves by `vel_world` (m/s) relative to us; keeps the

@@ -2,8 +2,9 @@
 //! because every value is a safety limit or a property of one airframe.
 //!
 //! Each section of the vehicle file and of the tuning file is a struct of the core, and each key one field of it: the
-//! unit in its name, what it does in its comment, its range and the reason for it in its attribute. `goshawk-vehicle` reads
-//! the files by these structs, checks the ranges, and writes the JSON Schema and the reference page.
+//! unit in its name, what it does in its comment, its range with the reason, and the source of its value, in its
+//! attribute. `goshawk-vehicle` reads the files by these structs, checks the ranges, and writes the JSON Schema and the
+//! reference page.
 
 use crate::control::disturbance::{Observer, ObserverConfig};
 use crate::control::hover::HoldConfig;
@@ -11,7 +12,7 @@ use crate::control::lag::AttitudeLag;
 use crate::control::lead::LeadConfig;
 use crate::control::motion::Motion;
 use crate::control::plans::LadderConfig;
-use crate::control::separation::SeparationConfig;
+use crate::control::separation::{SeparationConfig, SeparationTuning};
 use crate::control::thrust::HoverThrust;
 use crate::control::vehicle::Airframe;
 use crate::gaze::GazeConfig;
@@ -19,6 +20,7 @@ use crate::gaze::view::ViewConfig;
 use crate::gaze::yaw::YawConfig;
 use crate::mission::limits::LimitsConfig;
 use crate::mission::modes::StopAction;
+use crate::planning::evade::EvasionConfig;
 use crate::planning::planner::PlanningConfig;
 use crate::values::error::{ConfigError, within};
 use crate::values::extensions::Extensions;
@@ -50,6 +52,8 @@ pub struct ControllerConfig {
     pub limits: LimitsConfig,
     /// The least distance to the target.
     pub separation: SeparationConfig,
+    /// Ways aside.
+    pub evasion: EvasionConfig,
     /// What goes beyond the paper.
     pub extensions: Extensions,
 }
@@ -59,50 +63,49 @@ pub struct ControllerConfig {
 #[serde(deny_unknown_fields)]
 pub struct MissionConfig {
     /// How long setpoints stream before offboard is requested, s. PX4 wants at least one second.
-    #[schemars(range(min = 1.0, max = 10.0), extend("x-why" = "PX4 wants a second of setpoints first, and a start that waits long looks refused"))]
+    #[schemars(range(min = 1.0, max = 10.0), extend("x-why" = "PX4 wants a second of setpoints first, and a start that waits long looks refused", "x-source" = "PX4's second and a little"))]
     pub stream_before_offboard_s: f64,
     /// How often a request to the autopilot is repeated, s.
-    #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "a lost request must be repeated soon"))]
+    #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "a lost request must be repeated soon", "x-source" = "chosen by eye"))]
     pub request_period_s: f64,
     /// When an unanswered request becomes a fault, s.
-    #[schemars(range(min = 0.1, max = 30.0), extend("x-why" = "an autopilot that does not answer for longer is lost"))]
+    #[schemars(range(min = 0.1, max = 30.0), extend("x-why" = "an autopilot that does not answer for longer is lost", "x-source" = "chosen by eye"))]
     pub request_timeout_s: f64,
     /// How long the thrust rises before the vehicle leaves the ground, at most, s.
-    #[schemars(range(min = 0.2, max = 10.0), extend("x-why" = "who does not lift by then is held down"))]
+    #[schemars(range(min = 0.2, max = 10.0), extend("x-why" = "who does not lift by then is held down", "x-source" = "chosen by eye"))]
     pub takeoff_ramp_s: f64,
     /// Climb speed at take-off, m/s.
-    #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "the camera does not look up"))]
+    #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "the camera does not look up", "x-source" = "chosen by eye"))]
     pub climb_speed_mps: f64,
     /// Horizontal distance to the target at which to hold, m.
-    #[schemars(range(min = 0.11, max = 20.0), extend("x-why" = "it must be above min_target_distance_m, and farther off the target is not seen well"))]
+    #[schemars(range(min = 0.11, max = 20.0), extend("x-why" = "it must be above min_target_distance_m, and farther off the target is not seen well", "x-source" = "chosen by eye: a little over the shipped planner.chase.standoff_m"))]
     pub hold_distance_m: f64,
     /// Horizontal distance to the target at which to track again, m.
-    #[schemars(range(min = 0.21, max = 50.0), extend("x-why" = "it must be above hold_distance_m, and within sight"))]
+    #[schemars(range(min = 0.21, max = 50.0), extend("x-why" = "it must be above hold_distance_m, and within sight", "x-source" = "chosen by eye: 1 m over the shipped hold_distance_m"))]
     pub resume_distance_m: f64,
     /// Distance at which a goal counts as reached, m.
-    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a goal is a place"))]
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a goal is a place", "x-source" = "chosen by eye"))]
     pub goal_radius_m: f64,
     /// How long to search before landing, s.
-    #[schemars(range(min = 1.0, max = 600.0), extend("x-why" = "the battery is for more than searching"))]
+    #[schemars(range(min = 1.0, max = 600.0), extend("x-why" = "the battery is for more than searching", "x-source" = "chosen by eye"))]
     pub search_timeout_s: f64,
     /// Descent speed, m/s.
-    #[schemars(range(min = 0.2, max = 3.0), extend("x-why" = "faster meets its own downwash and the ground"))]
+    #[schemars(range(min = 0.2, max = 3.0), extend("x-why" = "faster meets its own downwash and the ground", "x-source" = "chosen by eye"))]
     pub descent_speed_mps: f64,
     /// Descent speed near the ground, m/s.
-    #[schemars(range(min = 0.2, max = 3.0), extend("x-why" = "slower hangs in the ground effect, faster than descent_speed_mps is no touch-down"))]
+    #[schemars(range(min = 0.2, max = 3.0), extend("x-why" = "slower hangs in the ground effect, faster than descent_speed_mps is no touch-down", "x-source" = "chosen by eye"))]
     pub touchdown_speed_mps: f64,
     /// Height above the start below which the descent is slow, m.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "a longer slow descent empties the battery"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "a longer slow descent empties the battery", "x-source" = "chosen by eye"))]
     pub slow_height_m: f64,
     /// How long the vertical speed must be near zero, while commanded down, to count as touch-down, s.
-    #[schemars(range(min = 0.05, max = 5.0), extend("x-why" = "shorter is a bump, longer pushes into the ground"))]
+    #[schemars(range(min = 0.05, max = 5.0), extend("x-why" = "shorter is a bump, longer pushes into the ground", "x-source" = "chosen by eye"))]
     pub touchdown_time_s: f64,
     /// What Stop does.
     pub on_stop: StopAction,
 }
 
-/// The tuning file: what is chosen, not measured. Its values were tuned in simulated flights, where a key names no other
-/// source.
+/// The tuning file: what is chosen, not measured.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tuning {
@@ -121,6 +124,8 @@ pub struct Tuning {
     pub hold: HoldConfig,
     /// The fallback ladder.
     pub ladder: LadderConfig,
+    /// How the least distance to the target is kept.
+    pub separation: SeparationTuning,
     /// Take-off, holding distance, landing.
     pub mission: MissionConfig,
 }
@@ -168,7 +173,9 @@ impl ControllerConfig {
                 min_distance: limits.min_target_distance_m,
                 target_acc: tuning.planner.target.max_acc_mps2,
                 max_acc: tuning.planner.max_acc_mps2,
+                tuning: tuning.separation,
             },
+            evasion: tuning.planner.evasion,
             extensions: tuning.extensions,
         }
     }
@@ -213,10 +220,11 @@ mod tests {
     fn two_keys_that_contradict_each_other_are_refused_by_name() {
         type Spoil = fn(&mut Tuning, &mut ControllerConfig);
         assert_eq!((shipped::tuning().validate(), shipped::controller().validate()), (Ok(()), Ok(())));
-        let spoiled: [(&str, Spoil); 15] = [
+        let spoiled: [(&str, Spoil); 16] = [
             ("planner.detection.keep_objectness", |t, _| t.planner.detection.keep_objectness = 0.6),
             ("planner.target.confirm_hits", |t, _| t.planner.target.confirm_hits = 7),
             ("planner.target.sure_objectness", |t, _| t.planner.target.sure_objectness = 0.8),
+            ("planner.movers.radius_m", |t, _| t.planner.movers.radius_m[0] = 0.8),
             ("observer.alpha2", |t, _| t.observer.alpha2 = 4.6),
             ("yaw.search_rate_radps", |t, _| t.yaw.search_rate_radps = 9.0),
             ("mission.request_timeout_s", |t, _| t.mission.request_timeout_s = 0.5),

@@ -3,19 +3,20 @@
 
 use crate::values::types::{Rot, Time, Vec3};
 
-/// Stuck: not out of a circle of this radius, m, for this long, s.
+/// Stuck: not out of a circle of this radius, m, for this long, s. Chosen by eye.
 const STUCK: (f64, f64) = (1.0, 2.0);
-/// The bearings to try, one after the other, from the goal's, rad, and how far to fly so, m.
+/// The bearings to try, one after the other, from the goal's, rad, and how far to fly so, m: to both sides, then ever
+/// farther back. Chosen by eye.
 const TRIES: [(f64, f64); 6] = [(1.0, 4.0), (-1.0, 4.0), (1.8, 6.0), (-1.8, 6.0), (2.6, 8.0), (-2.6, 8.0)];
-/// A try is given up at the time in which it could have been flown at this speed, m/s.
+/// A try is given up at the time in which it could have been flown at this speed, m/s. Chosen by eye.
 const SLOWEST: f64 = 2.0;
-/// The waypoint lies so far away, m: never near enough to brake for.
+/// The waypoint lies so far away, m: never near enough to brake for, since a trajectory reaches 10 m at most.
 const WAYPOINT_M: f64 = 20.0;
-/// Nobody is stuck who is this near to the goal, m.
+/// Nobody is stuck who is this near to the goal, m. Chosen by eye.
 const NEAR_GOAL_M: f64 = 2.0;
-/// Over a roof, with the goal below, a try is so much longer: it must lead beyond the edge.
+/// Over a roof, with the goal below, a try is so many times longer: it must lead beyond the edge. Chosen by eye.
 const OFF_A_ROOF: f64 = 3.0;
-/// Nearer to the goal by this, m, than where it was stuck, the next time begins with the first bearing.
+/// Nearer to the goal by this, m, than where it was stuck, the next time begins with the first bearing. Chosen by eye.
 const PROGRESS_M: f64 = 3.0;
 
 /// Notices that a navigation is stuck, and leads it aside.

@@ -27,11 +27,11 @@ struct Intent {
     plan: Option<(u64, f64)>,
 }
 
-/// Off the ground: above the start by this, m, or rising at this, m/s.
+/// Off the ground: above the start by this, m, or rising at this, m/s. Chosen by eye.
 const LIFTED: (f64, f64) = (0.15, 0.3);
-/// The take-off's thrust rises to this, over the greatest hover thrust that the vehicle file allows.
+/// The take-off's thrust rises to this, over the greatest hover thrust that the vehicle file allows. Chosen by eye.
 const RAMP_END: f64 = 1.25;
-/// Stepping over a target ends so far below the ceiling, m.
+/// Stepping over a target ends so far below the ceiling, m. Chosen by eye.
 const BELOW_CEILING: f64 = 1.0;
 
 impl Controller {
@@ -138,7 +138,7 @@ impl Controller {
         let mut fallback = Fallback::None;
         if let Some(evasion) = self.evading(now) {
             self.hover.reset();
-            let acc = self.config.limits.within_speed(evasion.acc(pos.z, vel), vel, hold.kv);
+            let acc = self.config.limits.within_speed(evasion.acc(&self.config.evasion, pos.z, vel), vel, hold.kv);
             let reference = FlatState { pos, vel: evasion.vel_world, acc };
             return Intent { reference, acc_world: acc, fallback, plan: None };
         }

@@ -27,15 +27,15 @@ pub struct Landing {
     asked: Option<Time>,
 }
 
-/// A hover that is not reached by then is not waited for, s.
+/// A hover that is not reached by then is not waited for, s. From 20 m/s the shipped hold brakes in 3.6 s.
 const LONGEST_BRAKE: f64 = 4.0;
-/// A descent that has not moved by then stands on the ground, s.
+/// A descent that has not moved by then stands on the ground, s. Chosen by eye.
 const LONGEST_ONSET: f64 = 2.5;
-/// Vertical speed that counts as standing, m/s.
+/// Vertical speed that counts as standing, m/s. Chosen by eye.
 const STANDING: f64 = 0.1;
-/// Falling faster than this with the motors cut means that it was not the ground, m/s.
+/// Falling faster than this with the motors cut means that it was not the ground, m/s. Chosen by eye.
 const FALLING: f64 = 1.0;
-/// Without a landed detector: how long after the cut to ask for disarming, s.
+/// Without a landed detector: how long after the cut to ask for disarming, s. Chosen by eye.
 const CUT_BEFORE_DISARM: f64 = 1.0;
 
 impl Landing {

@@ -10,26 +10,26 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LimitsConfig {
-    /// Largest horizontal distance from the start, m. Choose it for the place of the flight.
-    #[schemars(range(min = 1.0, max = 10000.0), extend("x-why" = "no small quadrotor comes back from farther on one battery"))]
+    /// Largest horizontal distance from the start, m.
+    #[schemars(range(min = 1.0, max = 10000.0), extend("x-why" = "no small quadrotor comes back from farther on one battery", "x-source" = "the place of the flight; shipped: chosen by eye for the simulator"))]
     pub fence_radius_m: f64,
-    /// Largest height above the start, m. The law where you fly may ask for less.
-    #[schemars(range(min = 1.0, max = 500.0), extend("x-why" = "above fly others"))]
+    /// Largest height above the start, m.
+    #[schemars(range(min = 1.0, max = 500.0), extend("x-why" = "above fly others", "x-source" = "the law and the place; shipped: chosen by eye for the simulator"))]
     pub ceiling_m: f64,
     /// Largest speed, m/s.
-    #[schemars(range(min = 0.5, max = 30.0), extend("x-why" = "no policy is trained beyond, nor sees far enough"))]
+    #[schemars(range(min = 0.5, max = 30.0), extend("x-why" = "no policy is trained beyond, nor sees far enough", "x-source" = "chosen by eye: beyond the fastest navigation, 15 m/s"))]
     pub max_speed_mps: f64,
-    /// Longest time from Start to the landing's beginning, s. Measure how long the battery hovers, and leave a fifth.
-    #[schemars(range(min = 10.0, max = 7200.0), extend("x-why" = "no small quadrotor's battery lasts longer"))]
+    /// Longest time from Start to the landing's beginning, s.
+    #[schemars(range(min = 10.0, max = 7200.0), extend("x-why" = "no small quadrotor's battery lasts longer", "x-source" = "measure how long the battery hovers, and leave a fifth; shipped: chosen by eye"))]
     pub max_time_s: f64,
     /// Charge below which Start is refused, 0..1.
-    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "it is a share of a full battery, and below battery_land a flight would end as it begins"))]
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "it is a share of a full battery, and below battery_land a flight would end as it begins", "x-source" = "chosen by eye"))]
     pub battery_start: f64,
     /// Charge below which the vehicle lands, 0..1.
-    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "it is a share of a full battery"))]
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "it is a share of a full battery", "x-source" = "chosen by eye"))]
     pub battery_land: f64,
     /// Least distance from the vehicle's centre to the target's, m. Kept by braking, stepping aside and climbing.
-    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a person is that wide, and farther off the target is not seen well"))]
+    #[schemars(range(min = 0.1, max = 20.0), extend("x-why" = "a person is that wide, and farther off the target is not seen well", "x-source" = "chosen by eye for people"))]
     pub min_target_distance_m: f64,
 }
 

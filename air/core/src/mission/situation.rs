@@ -8,15 +8,15 @@ use crate::mission::takeoff::Stage;
 use crate::mission::transitions::{Happened, Situation};
 use crate::values::types::{Odometry, Task, Time};
 
-/// A target that moved faster than this when it was seen last, m/s, is not looked for on the spot.
+/// A target that moved faster than this when it was seen last, m/s, is not looked for on the spot. Chosen by eye.
 const RUNS: f64 = 1.0;
-/// A fault is shown at least this long, s.
+/// A fault is shown at least this long, s. Chosen by eye.
 const FAULT_SHOWN: f64 = 3.0;
-/// The climb is over this near the height, m, and below this speed, m/s.
+/// The climb is over this near the height, m, and below this speed, m/s. Chosen by eye.
 const HEIGHT_REACHED: (f64, f64) = (0.2, 0.5);
-/// A climb may take twice its time and this much more, s.
+/// A climb may take twice its time and this much more, s. Chosen by eye.
 const CLIMB_GRACE: f64 = 8.0;
-/// The battery must be low for so long, s: a single report may be wrong, and a landing is for good.
+/// The battery must be low for so long, s: a single report may be wrong, and a landing is for good. Chosen by eye.
 const BATTERY_LOW_FOR: f64 = 1.0;
 
 impl Controller {

@@ -13,20 +13,20 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct ChaseConfig {
     /// Horizontal distance to keep from a target that stands, m.
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "from farther off the target is not seen well"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "chosen by eye: 1 m over the shipped limits.min_target_distance_m"))]
     pub standoff_m: f64,
     /// What is kept beyond that for each m/s of the target's speed, s: it may turn.
-    #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well"))]
+    #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "tried, notebook: What the chase is lost by"))]
     pub headway_s: f64,
     /// Height above the target's centre, m.
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down", "x-source" = "0 was tried and gives the same, notebook: What does not help the chase"))]
     pub above_target_m: f64,
     /// A target hidden for longer than this is not pursued any more, s.
-    #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere"))]
+    #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere", "x-source" = "tried, notebook: The way that it took"))]
     pub pursue_until_s: f64,
 }
 
-/// Looks along a trajectory at so many instants.
+/// Looks along a trajectory at so many instants. Chosen by eye.
 const LOOKS: u32 = 8;
 
 impl ChaseConfig {
@@ -49,7 +49,7 @@ pub fn crowding(keep_off: f64, trajectory: &Quintic, target: &Expected) -> f64 {
     (1.0 - nearest / (keep_off + target.pos_doubt)).max(0.0)
 }
 
-/// Navigation: over the goal by more than this, m, a trajectory should not end.
+/// Navigation: over the goal by more than this, m, a trajectory should not end. Tried: the notebook, "Not climbing".
 const RISE: f64 = 0.6;
 
 /// How far too high a navigation ends at `end`, m: who flies over a roof finds no way down to the goal under it, which
@@ -60,9 +60,9 @@ pub fn climbing(end: Vec3, goal: Vec3) -> f64 {
 }
 
 /// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where
-/// it would otherwise get there more slowly than the target ran.
+/// it would otherwise get there more slowly than the target ran. Tried: the notebook, "The way that it took".
 const BEYOND: f64 = 2.0;
-/// From so near to that place one sees what lies behind it, m.
+/// From so near to that place one sees what lies behind it, m. Tried together with [`BEYOND`].
 const PASSED_WITHIN: f64 = 2.5;
 
 /// The chase: where it aims, and whether it has been where the target vanished.

@@ -11,6 +11,32 @@ use crate::planning::obstacles::{Ignored, Obstacles};
 use crate::values::geometry::cap;
 use crate::values::quintic::Quintic;
 use crate::values::types::{Flat, FlatState, Rot, Time, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// What the airframe can do to get out of the way.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EvasionConfig {
+    /// Acceleration with which a way aside begins, m/s².
+    #[schemars(range(min = 1.0, max = 20.0), extend("x-why" = "less is too slow to get out of the way, and two g is all that tilt gives", "x-source" = "chosen by eye"))]
+    pub acc_mps2: f64,
+    /// How long the vehicle flies on as it does before it begins, s: network and attitude.
+    #[schemars(range(min = 0.0, max = 0.5), extend("x-why" = "a vehicle that answers later does not get out of the way", "x-source" = "chosen by eye"))]
+    pub begins_after_s: f64,
+    /// Speeds that are tried to each side, m/s.
+    #[schemars(inner(range(min = 0.1, max = 10.0)), extend("x-why" = "slower is a stop, faster flies into what stands beside", "x-source" = "chosen by eye"))]
+    pub speeds_mps: [f64; 2],
+    /// The speed that is tried besides, out of the way of a target that comes, m/s.
+    #[schemars(range(min = 0.1, max = 15.0), extend("x-why" = "slower is a stop, faster flies into what stands beside", "x-source" = "chosen by eye"))]
+    pub from_target_mps: f64,
+    /// Acceleration upward, over a target that comes, m/s².
+    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less is too slow to get over the target, more no airframe gives", "x-source" = "chosen by eye"))]
+    pub climb_acc_mps2: f64,
+    /// Speed upward, over a target that comes, m/s.
+    #[schemars(range(min = 0.5, max = 10.0), extend("x-why" = "slower does not get over the target, faster reaches the ceiling", "x-source" = "chosen by eye"))]
+    pub climb_mps: f64,
+}
 
 /// A way aside: to this velocity as fast as may be, and straight on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,58 +52,59 @@ pub struct Evasion {
 impl Evasion {
     /// What to fly at `height` (m) with `vel_world` (m/s), m/s².
     #[must_use]
-    pub fn acc(&self, height: f64, vel_world: Vec3) -> Vec3 {
+    pub fn acc(&self, config: &EvasionConfig, height: f64, vel_world: Vec3) -> Vec3 {
         let level = Vec3::new(vel_world.x, vel_world.y, 0.0);
-        let climb = self.height.map_or(0.0, |end| ((end - height) * RISE.2).clamp(0.0, RISE.1));
-        let vertical = ((climb - vel_world.z) * GAIN).clamp(-RISE.0, RISE.0);
-        cap((self.vel_world - level) * GAIN, ACC) + Vec3::z() * vertical
+        let climb = self.height.map_or(0.0, |end| ((end - height) * CLIMB_GAIN).clamp(0.0, config.climb_mps));
+        let vertical = ((climb - vel_world.z) * GAIN).clamp(-config.climb_acc_mps2, config.climb_acc_mps2);
+        cap((self.vel_world - level) * GAIN, config.acc_mps2) + Vec3::z() * vertical
     }
 }
 
-/// Gain on the velocity, 1/s, and the acceleration with which a way aside begins, m/s².
+/// Gain on the velocity, 1/s. Chosen by eye.
 const GAIN: f64 = 5.0;
-const ACC: f64 = 8.0;
-/// Until it begins, the vehicle flies on as it does, s: network and attitude.
-const LAG: f64 = 0.1;
-/// Upward it goes with this acceleration, m/s², to this speed, m/s, which falls with the height that is left, 1/s.
-const RISE: (f64, f64, f64) = (10.0, 4.0, 3.0);
-/// How far a way aside is foreseen, s.
+/// Gain of the climbing speed on the height that is left, 1/s. Chosen by eye.
+const CLIMB_GAIN: f64 = 3.0;
+/// How far a way aside is foreseen, s. Chosen by eye.
 const HORIZON: f64 = 1.2;
-/// At this time places are compared with where the vehicle would be, s.
+/// At this time places are compared with where the vehicle would be, s. Chosen by eye.
 const SOON: f64 = 0.6;
-/// Headings that are tried, at these speeds, m/s, and turns of the velocity, rad.
+/// Headings that are tried. Chosen by eye.
 const HEADINGS: u32 = 16;
-const SPEEDS: [f64; 2] = [1.2, 2.5];
+/// Turns of the velocity that are tried, rad. Chosen by eye.
 const TURNS: [f64; 6] = [-0.9, -0.45, -0.2, 0.2, 0.45, 0.9];
 /// What the trajectory that would be flown costs at least for movers, so that another is looked for: a navigation takes
-/// its time, a chase that steps aside loses its target.
+/// its time, a chase that steps aside loses its target. Chosen by eye.
 const WORTH: (f64, f64) = (2.0, 14.0);
-/// A way aside costs less by so much, or is not flown.
+/// A way aside costs less by so much, or is not flown. Chosen by eye.
 const BETTER: f64 = 1.0;
-/// On the scale of the network's costs: a place that was never looked through; each metre from where the vehicle would
-/// be; each m/s from what was flown a frame ago.
+/// What a place costs that was never looked through. Chosen by eye.
 const UNKNOWN: f64 = 6.0;
+/// What each metre costs from where the vehicle would be. Chosen by eye.
 const ASIDE: f64 = 0.5;
+/// What each m/s costs from what was flown a frame ago. Chosen by eye.
 const RESTLESS: f64 = 0.5;
-/// Times of a way at which it is looked whether one knows the place, s.
+/// Times of a way at which it is looked whether one knows the place, s. Chosen by eye.
 const KNOWN_AT: [f64; 4] = [0.4, 0.7, 1.0, 1.3];
-/// Out of a target's way one may go faster, m/s, and up, which costs so much, for it leaves the image.
-const FAST: f64 = 4.0;
+/// What it costs to go up out of a target's way, for it leaves the image. Chosen by eye.
 const UPWARD: f64 = 1.0;
-/// Each m/s away from it costs so much: who backs before it only puts it off.
+/// What each m/s away from it costs: who backs before it only puts it off. Chosen by eye.
 const BACKWARD: f64 = 1.5;
-/// What it costs to meet something at once. Costs here are compared with one another only, never with the network's.
+/// What it costs to meet something at once; the other costs here are weighed against it, never against the network's.
+/// Chosen by eye.
 const MEETING: f64 = 30.0;
-/// What it costs to be where a target may be, and at how many instants one looks, up to so late, s.
+/// What it costs to be where a target may be: twice what it costs to meet something. Chosen by eye.
 const NEAR: f64 = 60.0;
+/// At how many instants one looks for the target. Chosen by eye.
 const LOOKS: u32 = 12;
+/// Up to how late one looks for it, s. Chosen by eye.
 const FORESEEN: f64 = 1.5;
-/// A target comes that is faster toward the vehicle than this, m/s.
+/// A target comes that is faster toward the vehicle than this, m/s. Chosen by eye, as in `separation.rs`.
 const COMES: f64 = 0.5;
 
 /// Chooses ways aside.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Evading {
+    config: EvasionConfig,
     /// Of the last frame.
     last: Option<Evasion>,
     stamp: Option<Time>,
@@ -89,6 +116,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) stamp: Time,
     pub(crate) obstacles: &'a Obstacles,
     pub(crate) movers: &'a Movers,
+    /// Kept from them, m.
+    pub(crate) clearance: f64,
     pub(crate) ignored: Option<&'a Ignored>,
     /// A target is chased.
     pub(crate) chases: bool,
@@ -103,7 +132,7 @@ pub(crate) struct Scene<'a> {
 impl Scene<'_> {
     fn danger(&self, way: &impl Fn(f64) -> Vec3, horizon: f64) -> f64 {
         let standing = self.obstacles.meeting_on(way, horizon, self.ignored);
-        MEETING * (standing + meeting(self.movers, self.stamp, way, horizon))
+        MEETING * (standing + meeting(self.movers, self.clearance, self.stamp, way, horizon))
     }
 }
 
@@ -157,14 +186,18 @@ impl Approach {
 }
 
 impl Evading {
+    pub(crate) fn new(config: EvasionConfig) -> Self {
+        Self { config, last: None, stamp: None, pace: Pace::default() }
+    }
+
     /// The way aside from `start`, where `flown` would be flown otherwise, or a stop; none: nothing moves in its way, or
     /// no way is safer.
     pub(crate) fn step(&mut self, start: &FlatState, flown: Option<&Quintic>, scene: &Scene) -> Option<Evasion> {
-        let last = self.last.take();
+        let (last, config) = (self.last.take(), self.config);
         let dt = self.stamp.replace(scene.stamp).map_or(0.0, |stamp| scene.stamp.since(stamp).clamp(0.0, 1.0));
         let approach = Approach::of(start, &mut self.pace, dt, scene);
         let on = |vel_world: Vec3| Evasion { vel_world, height: None, from_target: false };
-        let stop = |time: f64| aside(start, &on(Vec3::zeros()), time);
+        let stop = |time: f64| aside(&config, start, &on(Vec3::zeros()), time);
         // Before a target the vehicle brakes, whatever is flown.
         let coming = approach.as_ref().filter(|target| target.comes);
         let met = coming.map_or(0.0, |coming| coming.meets(&stop));
@@ -174,30 +207,30 @@ impl Evading {
         };
         let horizon = flown.map_or(HORIZON, Quintic::duration);
         let worth = if scene.chases { WORTH.1 } else { WORTH.0 };
-        if met == 0.0 && MEETING * meeting(scene.movers, scene.stamp, &otherwise, horizon) < worth {
+        if met == 0.0 && MEETING * meeting(scene.movers, scene.clearance, scene.stamp, &otherwise, horizon) < worth {
             return None;
         }
         let least = scene.danger(&otherwise, horizon) + met;
         let soon = otherwise(SOON.min(horizon));
         let level = Vec3::new(start.vel.x, start.vel.y, 0.0);
-        let around = (0..HEADINGS).flat_map(|k| SPEEDS.map(|speed| heading(k) * speed));
+        let around = (0..HEADINGS).flat_map(|k| config.speeds_mps.map(|speed| heading(k) * speed));
         let turned = TURNS.iter().map(|turn| Rot::from_axis_angle(&Vec3::z_axis(), *turn) * level * 0.85);
         // All but what is looked up in the map.
         let effort = |evasion: &Evasion| {
             let vel = evasion.vel_world;
-            let way = |time: f64| aside(start, evasion, time);
+            let way = |time: f64| aside(&config, start, evasion, time);
             approach.as_ref().map_or(0.0, |target| target.meets(&way) + target.backs(&vel))
                 + ASIDE * (way(SOON) - soon).norm()
                 + evasion.height.map_or(0.0, |_| UPWARD)
                 + last.map_or(0.0, |last| RESTLESS * (vel - last.vel_world).norm())
         };
         let risk = |evasion: &Evasion| {
-            let way = |time: f64| aside(start, evasion, time);
+            let way = |time: f64| aside(&config, start, evasion, time);
             let unknown = KNOWN_AT.iter().filter(|time| !scene.obstacles.is_known(&way(**time))).count();
             scene.danger(&way, HORIZON) + UNKNOWN * unknown as f64 / KNOWN_AT.len() as f64
         };
         let all = std::iter::once(Vec3::zeros()).chain(around).chain(turned).map(on);
-        let out = coming.filter(|_| met > 0.0).into_iter().flat_map(outward);
+        let out = coming.filter(|_| met > 0.0).into_iter().flat_map(|coming| outward(&config, coming));
         let mut best = None;
         for way in all.chain(out) {
             let cheaper = |cost: f64| cost.is_finite() && best.is_none_or(|(_, least)| cost < least);
@@ -219,25 +252,27 @@ fn heading(k: u32) -> Vec3 {
 }
 
 /// Out of a target's way: fast, and over it.
-fn outward(coming: &Approach) -> impl Iterator<Item = Evasion> {
+fn outward(config: &EvasionConfig, coming: &Approach) -> impl Iterator<Item = Evasion> + use<> {
     let over = Some(coming.pos_world.z + coming.keep_off);
-    let level = (0..HEADINGS).flat_map(|k| [SPEEDS[0], SPEEDS[1], FAST].map(|speed| heading(k) * speed));
+    let ([slow, swift], fast) = (config.speeds_mps, config.from_target_mps);
+    let level = (0..HEADINGS).flat_map(move |k| [slow, swift, fast].map(|speed| heading(k) * speed));
     let way = |height| move |vel_world| Evasion { vel_world, height, from_target: true };
-    (0..HEADINGS).map(|k| heading(k) * FAST).map(way(None)).chain(level.chain([Vec3::zeros()]).map(way(over)))
+    (0..HEADINGS).map(move |k| heading(k) * fast).map(way(None)).chain(level.chain([Vec3::zeros()]).map(way(over)))
 }
 
 /// Where one is after `time` s on the way.
-fn aside(start: &FlatState, evasion: &Evasion, time: f64) -> Vec3 {
-    let lag = time.min(LAG);
+fn aside(config: &EvasionConfig, start: &FlatState, evasion: &Evasion, time: f64) -> Vec3 {
+    let lag = time.min(config.begins_after_s);
     let (pos, from) = (start.pos + start.vel * lag + start.acc * (0.5 * lag * lag), start.vel + start.acc * lag);
     let change = (evasion.vel_world - from).xy().push(0.0);
-    let (left, turning) = (time - lag, change.norm() / ACC);
+    let (left, turning) = (time - lag, change.norm() / config.acc_mps2);
     let turned = left.min(turning);
     let level =
         from * turned + change * (0.5 * turned * turned / turning.max(1e-9)) + evasion.vel_world * (left - turned);
     let rise = evasion.height.map_or(0.0, |end| {
-        let rising = left.min(((RISE.1 - start.vel.z) / RISE.0).max(0.0));
-        let free = (start.vel.z + 0.5 * RISE.0 * rising) * rising + RISE.1 * (left - rising);
+        let (acc, fastest) = (config.climb_acc_mps2, config.climb_mps);
+        let rising = left.min(((fastest - start.vel.z) / acc).max(0.0));
+        let free = (start.vel.z + 0.5 * acc * rising) * rising + fastest * (left - rising);
         free.min((end - start.pos.z).max(0.0))
     });
     Vec3::new(pos.x + level.x, pos.y + level.y, start.pos.z + rise)
@@ -248,12 +283,19 @@ mod tests {
     use super::*;
     use crate::planning::movers::{MOST, Mover};
     use crate::planning::nearest::{COLUMNS, ROWS};
+    use crate::shipped;
 
     const STAMP: Time = Time(1_000_000_000);
 
+    fn config() -> EvasionConfig {
+        shipped::tuning().planner.evasion
+    }
+
     /// One looks at a wall 9 m ahead.
     fn open_space() -> Obstacles {
-        let mut obstacles = Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0);
+        let how = shipped::tuning().planner;
+        let (hfov, vfov) = (90_f64.to_radians(), 62_f64.to_radians());
+        let mut obstacles = Obstacles::new(hfov, vfov, 6.0, &how.obstacles, how.movers);
         for _ in 0..4 {
             obstacles.see(STAMP, (&Vec3::zeros(), &Rot::identity()), &[9000; COLUMNS * ROWS], None);
         }
@@ -278,13 +320,14 @@ mod tests {
             stamp: STAMP,
             obstacles: &obstacles,
             movers,
+            clearance: 0.5,
             ignored: None,
             chases: threat.is_some(),
             threat,
             keep_off: 2.0,
             target_acc: 8.0,
         };
-        Evading::default().step(start, Some(&flown), &scene)
+        Evading::new(config()).step(start, Some(&flown), &scene)
     }
 
     #[test]
@@ -294,7 +337,7 @@ mod tests {
         let evasion = step(&start, &crossing).expect("they would meet");
         let gap = (1..=20).map(|k| f64::from(k) * 0.09).map(|time| {
             let it = crossing[0].unwrap();
-            (aside(&start, &evasion, time) - it.pos_world - it.vel_world * time).xy().norm()
+            (aside(&config(), &start, &evasion, time) - it.pos_world - it.vel_world * time).xy().norm()
         });
         let least = gap.fold(f64::INFINITY, f64::min);
         assert!(least > 0.6, "{least} {evasion:?}");
@@ -310,7 +353,7 @@ mod tests {
     fn a_target_that_comes_is_stepped_out_of_its_way_by_the_distance_and_not_backed_before() {
         let (start, comes) = (FlatState::default(), target(Vec3::x() * 5.0, Vec3::x() * -5.0));
         let evasion = step_before(&start, &[None; MOST], comes).expect("it would be run over");
-        let gap = |time: f64| (aside(&start, &evasion, time) - Vec3::x() * (5.0 - 5.0 * time)).norm();
+        let gap = |time: f64| (aside(&config(), &start, &evasion, time) - Vec3::x() * (5.0 - 5.0 * time)).norm();
         let least = (1..=20).map(|k| gap(f64::from(k) * 0.1)).fold(f64::INFINITY, f64::min);
         assert!(least > 1.9 && evasion.vel_world.x > -2.0, "{least} {evasion:?}");
         let leaves = target(Vec3::x() * 5.0, Vec3::x() * 5.0);
@@ -324,8 +367,8 @@ mod tests {
         let near = target(Vec3::new(2.2, 0.0, -0.4), Vec3::x() * -4.0);
         let evasion = step_before(&FlatState::default(), &[None; MOST], near).expect("it would be run over");
         assert_eq!(evasion.height, Some(1.6), "the least distance above it");
-        assert!(evasion.acc(0.0, Vec3::zeros()).z > 5.0);
-        assert_eq!(evasion.acc(9.0, Vec3::zeros()).z, 0.0, "nobody comes down on it");
+        assert!(evasion.acc(&config(), 0.0, Vec3::zeros()).z > 5.0);
+        assert_eq!(evasion.acc(&config(), 9.0, Vec3::zeros()).z, 0.0, "nobody comes down on it");
     }
 
     #[test]

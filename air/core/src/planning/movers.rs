@@ -6,9 +6,41 @@
 //! trajectories that would meet it on its way cost more, and where the best one would, the vehicle steps aside
 //! (`evade.rs`).
 
+use crate::values::error::{ConfigError, within};
 use crate::values::types::{Flat, Time, Vec3};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// So many are followed at once.
+/// What counts as something that moves, and how far to keep from it.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MoversConfig {
+    /// Kept between the vehicle's centre and the surface of what moves, m.
+    #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "less touches it, with more no way is free", "x-source" = "chosen by eye"))]
+    pub clearance_m: f64,
+    /// Radius of what moves, at least and at most, m.
+    #[schemars(inner(range(min = 0.05, max = 3.0)), extend("x-why" = "the least is at most the most, and what is wider shows but a part of itself", "x-source" = "chosen by eye"))]
+    pub radius_m: [f64; 2],
+    /// What is seen to be less high than this is taken for leaves, m.
+    #[schemars(range(min = 0.0, max = 3.0), extend("x-why" = "nothing near by shows more of its height", "x-source" = "chosen by eye"))]
+    pub min_height_m: f64,
+    /// What goes slower than this does not move, m/s.
+    #[schemars(range(min = 0.05, max = 5.0), extend("x-why" = "slower are errors of depth and odometry, and people walk at 1.4 m/s", "x-source" = "chosen by eye"))]
+    pub min_speed_mps: f64,
+}
+
+impl MoversConfig {
+    /// Checks what no key says alone.
+    ///
+    /// # Errors
+    /// The first value that contradicts another one, by name.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let ordered = "the least is at most the most, and what is wider shows but a part of itself";
+        within("planner.movers.radius_m", self.radius_m[0], 0.05..=self.radius_m[1], ordered)
+    }
+}
+
+/// So many are followed at once. Chosen by eye.
 pub const MOST: usize = 8;
 
 /// What is followed, each in a place of its own for as long as it is followed.
@@ -29,10 +61,11 @@ pub struct Mover {
     pub pos_doubt: f64,
 }
 
-/// Between frames a mover is carried on for so long, s.
+/// Between frames a mover is carried on for so long, s. Chosen by eye.
 const LONGEST_CARRY: f64 = 0.3;
-/// Out of sight its velocity fades with this time constant, s, and its place is in doubt by so much more, m/s, up to m.
+/// Out of sight its velocity fades with this time constant, s. Chosen by eye.
 const FADES: f64 = 0.8;
+/// Out of sight its place is in doubt by so much more, m/s, up to this, m. Chosen by eye.
 const STRAYS: (f64, f64) = (0.5, 1.0);
 
 impl Mover {
@@ -43,41 +76,38 @@ impl Mover {
     }
 }
 
-/// A new point is followed together with others within so many cells.
+/// A new point is followed together with others within so many cells: as many as the grid is wide.
 const CELLS: usize = 128;
-/// Fewer points are noise.
+/// Fewer points are noise. Chosen by eye.
 const LEAST_POINTS: usize = 3;
-/// What is not so high is taken for leaves, m.
-const LEAST_HEIGHT: f64 = 0.5;
-/// More than so many groups in a frame are not looked at.
+/// More than so many groups in a frame are not looked at. Chosen by eye.
 const MOST_GROUPS: usize = 16;
-/// From the middle of what is seen, its surface, to the axis, m.
+/// From the middle of what is seen, its surface, to the axis, m. Chosen by eye.
 const BEHIND: f64 = 0.1;
-/// Radius of a mover, at least and at most, m.
-const RADIUS: (f64, f64) = (0.2, 0.7);
 
-/// What comes so near before one that is followed is it, m.
+/// What comes so near before one that is followed is it, m. Chosen by eye.
 const AHEAD: f64 = 0.3;
 
-/// Standard deviation of a group's middle, m, and white noise of the acceleration, m²/s³.
+/// Standard deviation of a group's middle, m. Chosen by eye.
 const SIGHTING: f64 = 0.15;
+/// White noise of a mover's acceleration, m²/s³. Chosen by eye.
 const RESTLESS: f64 = 2.0;
-/// Variance of the velocity of what is new, m²/s².
+/// Variance of the velocity of what is new, m²/s²: a walker's pace. Chosen by eye.
 const ANY_SPEED: f64 = 2.0;
-/// A group belongs to what should be within this, m.
+/// A group belongs to what should be within this, m. Chosen by eye.
 const GATE: f64 = 0.7;
-/// It moves once it was seen for so long, s, in so many frames, went so far, m, and is so fast, m/s.
-const PROVEN: (f64, u32, f64, f64) = (0.2, 5, 0.25, 0.35);
-/// What does not yet move, and what does, is forgotten when it was not seen for so long, s.
+/// It moves once it was seen for so long, s, in so many frames, and went so far, m. Chosen by eye.
+const PROVEN: (f64, u32, f64) = (0.2, 5, 0.25);
+/// What does not yet move, and what does, is forgotten when it was not seen for so long, s. Chosen by eye.
 const FORGOTTEN: (f64, f64) = (0.2, 3.0);
-/// What should be seen and is not, since something behind it is, is gone after this, s.
+/// What should be seen and is not, since something behind it is, is gone after this, s. Chosen by eye.
 const GONE: f64 = 0.2;
 
-/// A trajectory is looked at in so many instants, and no farther ahead than this, s.
+/// A trajectory is looked at in so many instants. Chosen by eye.
 const LOOKS: u32 = 20;
+/// And no farther ahead than this, s. Chosen by eye.
 const HORIZON: f64 = 2.0;
-/// Kept between the vehicle's centre and a mover's surface, m, and what its place is in doubt by with time, m/s.
-const KEPT: f64 = 0.5;
+/// What a mover's place comes to be in doubt by with time, m/s. Chosen by eye.
 const DOUBT: f64 = 0.3;
 
 /// What has come to be where nothing was, in one frame, seen from above: points in cells of a grid.
@@ -183,7 +213,7 @@ impl Track {
         ];
     }
 
-    fn update(&mut self, group: &Group) {
+    fn update(&mut self, group: &Group, min_speed: f64) {
         let [pos, cross, vel] = self.var;
         let sum = pos + SIGHTING * SIGHTING;
         let missed = group.middle - self.pos;
@@ -193,9 +223,9 @@ impl Track {
         self.radius += 0.2 * (group.radius - self.radius);
         self.seen = (self.stamp, self.seen.1 + 1);
         self.gone = 0.0;
-        let (time, count, way, speed) = PROVEN;
+        let (time, count, way) = PROVEN;
         let long = self.stamp.since(self.born.0) >= time && self.seen.1 >= count;
-        self.moves |= long && (self.pos - self.born.1).norm() >= way && self.vel.norm() >= speed;
+        self.moves |= long && (self.pos - self.born.1).norm() >= way && self.vel.norm() >= min_speed;
     }
 
     fn unmatched(&self) -> f64 {
@@ -210,12 +240,13 @@ impl Track {
 /// Follows what moves.
 #[derive(Clone, Debug)]
 pub(crate) struct Followed {
+    config: MoversConfig,
     tracks: [Option<Track>; MOST],
 }
 
 impl Followed {
-    pub(crate) fn new() -> Self {
-        Self { tracks: [None; MOST] }
+    pub(crate) fn new(config: MoversConfig) -> Self {
+        Self { config, tracks: [None; MOST] }
     }
 
     pub(crate) fn reset(&mut self) {
@@ -235,7 +266,7 @@ impl Followed {
         let mut taken = [false; MOST];
         for _ in 0..MOST_GROUPS {
             let Some(cells) = new.take_group() else { break };
-            if let Some(group) = group(&cells, &new.points, &cam_world.xy()) {
+            if let Some(group) = group(&self.config, &cells, &new.points, &cam_world.xy()) {
                 self.see(stamp, &group, &mut taken);
             }
         }
@@ -248,7 +279,7 @@ impl Followed {
         let nearest = free.min_by(|a, b| distance(&self.tracks[*a]).total_cmp(&distance(&self.tracks[*b])));
         let Some(slot) = nearest else { return };
         if let Some(track) = self.tracks[slot].as_mut().filter(|t| (t.pos - group.middle).norm() < GATE) {
-            track.update(group);
+            track.update(group, self.config.min_speed_mps);
             taken[slot] = true;
         } else if let Some(slot) = (0..MOST).find(|k| self.tracks[*k].is_none()) {
             self.tracks[slot] = Some(Track::new(stamp, group));
@@ -275,30 +306,31 @@ impl Followed {
     }
 }
 
-fn group(cells: &[u128; CELLS], points: &[([u8; 2], Vec3)], cam: &Flat) -> Option<Group> {
+fn group(config: &MoversConfig, cells: &[u128; CELLS], points: &[([u8; 2], Vec3)], cam: &Flat) -> Option<Group> {
     let within = || points.iter().filter(|([x, y], _)| cells[usize::from(*y)] >> x & 1 == 1).map(|(_, at)| at);
     let count = within().count();
     let (low, high) = within().fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at.z), high.max(at.z)));
-    if count < LEAST_POINTS || high - low < LEAST_HEIGHT {
+    if count < LEAST_POINTS || high - low < config.min_height_m {
         return None;
     }
     let surface = within().fold(Flat::zeros(), |sum, at| sum + at.xy()) / count as f64;
     let away = (surface - cam).try_normalize(1e-3).unwrap_or_default();
     let spread = within().map(|at| (at.xy() - surface).norm()).fold(0.0, f64::max);
-    Some(Group { middle: surface + away * BEHIND, radius: spread.clamp(RADIUS.0, RADIUS.1) })
+    let [least, most] = config.radius_m;
+    Some(Group { middle: surface + away * BEHIND, radius: spread.clamp(least, most) })
 }
 
 /// How bad it is whose way a way that begins at `stamp` crosses: 0 nobody's, 1 somebody's at once. `way` gives the place
-/// (m) at a time, s, up to `horizon`, s.
+/// (m) at a time, s, up to `horizon`, s, and keeps `clearance` (m).
 #[must_use]
-pub fn meeting(movers: &Movers, stamp: Time, way: &impl Fn(f64) -> Vec3, horizon: f64) -> f64 {
+pub fn meeting(movers: &Movers, clearance: f64, stamp: Time, way: &impl Fn(f64) -> Vec3, horizon: f64) -> f64 {
     let horizon = horizon.min(HORIZON);
     let cost = |mover: &Mover| {
         let from = mover.at(stamp);
         let at = |k: u32| {
             let time = horizon * f64::from(k) / f64::from(LOOKS);
             let gap = (way(time) - from - mover.vel_world * time).xy().norm() - mover.radius;
-            let kept = KEPT + mover.pos_doubt + DOUBT * time;
+            let kept = clearance + mover.pos_doubt + DOUBT * time;
             (1.0 - time / HORIZON) * (1.0 - gap / kept).clamp(0.0, 1.0)
         };
         (1..=LOOKS).map(at).fold(0.0, f64::max)
@@ -309,6 +341,7 @@ pub fn meeting(movers: &Movers, stamp: Time, way: &impl Fn(f64) -> Vec3, horizon
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shipped;
     use proptest::prelude::*;
 
     /// What a camera in the origin sees new of a post of 0.2 m that stands at `at`: its near side, 1.2 m of it.
@@ -325,7 +358,7 @@ mod tests {
 
     /// Seen at 30 Hz for so many frames, from (5, -1) at `vel`.
     fn followed(vel: Flat, frames: u32) -> Followed {
-        let mut followed = Followed::new();
+        let mut followed = Followed::new(shipped::tuning().planner.movers);
         for k in 0..frames {
             let time = f64::from(k) / 30.0;
             see(&mut followed, 1.0 + time, Flat::new(5.0, -1.0) + vel * time);
@@ -387,7 +420,7 @@ mod tests {
             });
             movers
         };
-        let cost = |movers: &Movers, speed: f64| meeting(movers, stamp, &|time| Vec3::x() * (speed * time), 3.0);
+        let cost = |movers: &Movers, speed: f64| meeting(movers, 0.5, stamp, &|time| Vec3::x() * (speed * time), 3.0);
         let [late, soon] = [cost(&mover(-2.0, 1.0), 2.1), cost(&mover(-1.0, 1.0), 4.0)];
         assert!(late > 0.0 && soon > 2.0 * late, "{late} {soon}");
         assert_eq!(cost(&mover(2.0, 1.5), 4.0), 0.0, "it goes away from the way");
@@ -399,12 +432,12 @@ mod tests {
             points in prop::collection::vec((any::<[u8; 2]>(), prop::array::uniform3(prop::num::f64::ANY)), 0..64),
             times in prop::collection::vec(-1e9..1e9f64, 1..6), at in prop::array::uniform3(prop::num::f64::ANY)
         ) {
-            let mut followed = Followed::new();
+            let mut followed = Followed::new(shipped::tuning().planner.movers);
             for time in times {
                 let mut new = Fresh::new(64);
                 points.iter().for_each(|(cell, at)| new.push(*cell, Vec3::from(*at)));
                 followed.step(Time::from_secs(time), &Vec3::from(at), &mut new, |_| false);
-                let cost = meeting(&followed.movers(0.0), Time::from_secs(time), &|_| Vec3::from(at), 2.0);
+                let cost = meeting(&followed.movers(0.0), 0.5, Time::from_secs(time), &|_| Vec3::from(at), 2.0);
                 prop_assert!((0.0..=1.0).contains(&cost));
             }
         }

@@ -3,9 +3,9 @@
 use crate::values::types::Vec3;
 use nalgebra::Vector3;
 
-/// Columns of [`Nearest`].
+/// Columns of [`Nearest`]: blocks of 4 of an image's 160.
 pub const COLUMNS: usize = 40;
-/// Rows of [`Nearest`].
+/// Rows of [`Nearest`]: blocks of 4 of an image's 96.
 pub const ROWS: usize = 24;
 
 /// The nearest depth in each block of an image, mm along the optical axis, row-major from the top left; 0: none measured.

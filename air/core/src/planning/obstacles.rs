@@ -4,45 +4,70 @@
 //! nearest depths of each image are kept in a voxel grid that rolls along, and the trajectories are held against it. One
 //! that meets something costs more, the sooner the more; none is forbidden, since one must be flown.
 
-use crate::planning::movers::{Followed, Fresh, Movers};
+use crate::planning::movers::{Followed, Fresh, Movers, MoversConfig};
 use crate::planning::nearest::{Blocks, COLUMNS, Nearest, ROWS};
 use crate::planning::room::{FARTHEST_ROOM, Room, among};
 use crate::values::quintic::Quintic;
 use crate::values::types::{Rot, Time, Vec3};
 use nalgebra::{Vector2, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
-/// Edge of a voxel, m.
+/// What is remembered as standing about the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObstaclesConfig {
+    /// The vehicle's body and half of what is remembered as one thing, m.
+    #[schemars(range(min = 0.1, max = 2.0), extend("x-why" = "with less the airframe does not pass, with more there is no room", "x-source" = "chosen by eye"))]
+    pub body_radius_m: f64,
+    /// What is so near to the target's axis is the target, m: half a person, its stride, and the estimate's error.
+    #[schemars(range(min = 0.1, max = 5.0), extend("x-why" = "with less the target is an obstacle, with more what stands beside it is none", "x-source" = "chosen by eye"))]
+    pub target_radius_m: f64,
+    /// Looking through ends this far before the measured depth, m.
+    #[schemars(range(min = 0.05, max = 2.0), extend("x-why" = "with less a thing is looked through, with more it is never forgotten", "x-source" = "chosen by eye"))]
+    pub depth_margin_m: f64,
+    /// It ends farther before that depth by this times its square, 1/m: the depth's noise.
+    #[schemars(range(min = 0.0, max = 0.1), extend("x-why" = "with more noise nothing can be looked through", "x-source" = "three times the D455's noise in ground/sim/sensors/d455.toml"))]
+    pub depth_margin_per_m: f64,
+}
+
+/// Edge of a voxel, m: as in the maps that the policies are trained in.
 pub const VOXEL: f64 = 0.2;
 /// Voxels along x, y, z: powers of two, so that an index wraps by a mask. A row along x is one word of bits.
 const SIZE: [i32; 3] = [128, 128, 32];
+/// All of them.
 const VOXELS: usize = 128 * ROW_COUNT;
+/// Rows along x.
 const ROW_COUNT: usize = 128 * 32;
 
-/// Evidence for something in a voxel: a frame that ends in it gives `HIT`, one that looks through it takes `MISS`. Two
-/// frames make an obstacle, a stray pixel does not.
+/// Evidence for something in a voxel that a frame gives which ends there: two make an obstacle, a stray pixel does not.
 const HIT: i8 = 3;
+/// Evidence that a frame takes which looks through it: a branch that every third image misses stays.
 const MISS: i8 = 2;
+/// From this evidence on something is there: two hits.
 const OCCUPIED: i8 = 6;
+/// The least evidence: two frames that look through.
 const LEAST: i8 = -4;
+/// The most evidence: ten frames that look through forget it. Chosen by eye.
 const MOST: i8 = 24;
 
-/// Looking through ends this far before the measured depth, m, and as much more as this times its square, 1/m: its noise.
-const SHORT: f32 = 0.25;
-const SHORT_PER_M: f32 = 0.006;
-/// And no farther than this, m: what comes nearer than is remembered came through what was seen to be free.
+/// Looking through ends no farther than this, m: what comes nearer than is remembered came through what was seen to be
+/// free. As far as the D455's depth is of use.
 const LOOKED: f32 = 10.0;
-/// Between the points of a ray, voxels.
+/// Between the points of a ray, voxels. Chosen by eye.
 const STEP: f32 = 0.8;
 
-/// A trajectory is looked at in so many instants.
+/// A trajectory is looked at in so many instants. Chosen by eye.
 const LOOKS: u32 = 20;
 /// Meeting something matters the less the later, and not at all after this time, s: till then there is another way.
+/// Chosen by eye.
 const HORIZON: f64 = 2.5;
 
-/// What moves is looked for from so far below the camera to so far above it, m.
+/// What moves is looked for from so far below the camera to so far above it, m. Chosen by eye.
 const LEVEL: (f32, f32) = (-1.0, 0.7);
-/// It is gone if one sees this much farther, m, where it should be, at the camera's height and so far below, m.
+/// It is gone if one sees this much farther, m, where it should be. Chosen by eye.
 const BEYOND: f64 = 0.8;
+/// One looks for it at the camera's height and so far below, m. Chosen by eye.
 const BELOW: f64 = -0.5;
 
 type Voxel = Vector3<i32>;
@@ -61,6 +86,7 @@ type Bits = Box<[u128; ROW_COUNT]>;
 
 /// A voxel's edge in steps of whole numbers.
 const FINE: f32 = (1 << FINE_BITS) as f32;
+/// Its bits; those above them hold a place in the grid.
 const FINE_BITS: u32 = 16;
 
 /// The grid.
@@ -69,6 +95,10 @@ pub struct Obstacles {
     blocks: Blocks,
     /// Nothing farther is remembered, m along the optical axis.
     range: f32,
+    /// Looking through ends so far before the depth, m and 1/m.
+    margin: [f32; 2],
+    /// m.
+    body: f32,
     /// Lowest voxel; none: nothing was seen.
     low: Option<Voxel>,
     evidence: Vec<i8>,
@@ -87,13 +117,14 @@ pub struct Obstacles {
 }
 
 impl Obstacles {
-    /// Seen through a camera of these fields of view, rad, and remembered within `range`, m (6; 0: nothing is): beyond,
-    /// depth is worse than a voxel is wide.
+    /// Seen through a camera of these fields of view, rad, and remembered within `range`, m; 0: nothing is.
     #[must_use]
-    pub fn new(hfov: f64, vfov: f64, range: f64) -> Self {
+    pub fn new(hfov: f64, vfov: f64, range: f64, config: &ObstaclesConfig, movers: MoversConfig) -> Self {
         Self {
             blocks: Blocks::new(hfov, vfov),
             range: range as f32,
+            margin: [config.depth_margin_m, config.depth_margin_per_m].map(|x| x as f32),
+            body: config.body_radius_m as f32,
             low: None,
             evidence: vec![0; VOXELS],
             occupied: Box::new([0; ROW_COUNT]),
@@ -102,7 +133,7 @@ impl Obstacles {
             passed: Box::new([0; ROW_COUNT]),
             moved: Box::new([0; ROW_COUNT]),
             new: Fresh::new(COLUMNS * ROWS),
-            followed: Followed::new(),
+            followed: Followed::new(movers),
         }
     }
 
@@ -145,7 +176,7 @@ impl Obstacles {
         let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
         for (block, mm) in nearest.iter().enumerate().filter(|(_, mm)| **mm > 0) {
             let (ray, depth) = (turn * self.blocks.rays[block], f32::from(*mm) * 1e-3);
-            let free = (depth - SHORT - SHORT_PER_M * depth * depth).min(LOOKED);
+            let free = (depth - self.margin[0] - self.margin[1] * depth * depth).min(LOOKED);
             pass(&mut self.passed, &fine, &ray, free);
             let at = lens + ray * depth;
             let expected = skipped.is_some_and(|(axis, radius)| (at.x - axis.x).hypot(at.y - axis.y) < radius);
@@ -252,19 +283,22 @@ impl Obstacles {
     /// The room about a place. What was never seen counts as free.
     #[must_use]
     pub fn room(&self, pos_world: &Vec3) -> Room {
-        let Some(low) = self.low else { return among(std::iter::empty()) };
+        let Some(low) = self.low else { return among(self.body, std::iter::empty()) };
         let at = in_voxels(pos_world, &low);
         let inner = at.map(|x| x as i32);
         let far = (f64::from(FARTHEST_ROOM) / VOXEL) as i32;
         let about = |axis: usize, by: i32| (inner[axis] - by).max(0)..=(inner[axis] + by).min(SIZE[axis] - 1);
         let rows = about(2, 1).flat_map(|z| about(1, far).map(move |y| Voxel::new(0, y, z)));
-        among(rows.map(|row| (row, self.occupied[row_of(&(low + row))])).filter(|(_, word)| *word != 0).flat_map(
-            |(row, word)| {
-                about(0, far)
-                    .filter(move |x| word & 1 << bit_of(low.x + x) != 0)
-                    .map(move |x| (Vector2::new(x as f32 + 0.5, row.y as f32 + 0.5) - at.xy()) * VOXEL as f32)
-            },
-        ))
+        among(
+            self.body,
+            rows.map(|row| (row, self.occupied[row_of(&(low + row))])).filter(|(_, word)| *word != 0).flat_map(
+                |(row, word)| {
+                    about(0, far)
+                        .filter(move |x| word & 1 << bit_of(low.x + x) != 0)
+                        .map(move |x| (Vector2::new(x as f32 + 0.5, row.y as f32 + 0.5) - at.xy()) * VOXEL as f32)
+                },
+            ),
+        )
     }
 
     /// Something is in the point's voxel or in one of those about it: within 0.2 to 0.4 m.
@@ -369,13 +403,19 @@ fn bit_of(x: i32) -> u32 {
 mod tests {
     use super::*;
     use crate::planning::room::HEADINGS;
+    use crate::shipped;
     use crate::values::types::FlatState;
     use proptest::prelude::*;
 
     const AHEAD: usize = COLUMNS * ROWS / 2 + COLUMNS / 2;
 
     fn obstacles() -> Obstacles {
-        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0)
+        remembering(6.0)
+    }
+
+    fn remembering(range: f64) -> Obstacles {
+        let how = shipped::tuning().planner;
+        Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), range, &how.obstacles, how.movers)
     }
 
     fn see(obstacles: &mut Obstacles, from: Vec3, nearest: &Nearest) {
@@ -486,7 +526,7 @@ mod tests {
 
     #[test]
     fn with_a_range_of_zero_nothing_is_remembered() {
-        let mut none = Obstacles::new(1.5, 1.0, 0.0);
+        let mut none = remembering(0.0);
         (0..4).for_each(|_| see(&mut none, Vec3::zeros(), &thing_at(1000)));
         assert_eq!(none.meeting(&ahead(Vec3::zeros(), 6.0, 1.0), None), 0.0);
     }

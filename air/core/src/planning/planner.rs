@@ -5,10 +5,10 @@ use crate::gaze::expected::Expected;
 use crate::gaze::hidden;
 use crate::gaze::threat::Threat;
 use crate::planning::aim::{Chase, ChaseConfig, climbing, crowding, within_reach};
-use crate::planning::evade::{Evading, Evasion, Scene};
+use crate::planning::evade::{Evading, Evasion, EvasionConfig, Scene};
 use crate::planning::frame::FrameInput;
-use crate::planning::movers::{Movers, meeting};
-use crate::planning::obstacles::{Ignored, Obstacles};
+use crate::planning::movers::{Movers, MoversConfig, meeting};
+use crate::planning::obstacles::{Ignored, Obstacles, ObstaclesConfig};
 use crate::planning::plan::Plan;
 use crate::planning::select::{SelectConfig, detect, select};
 use crate::planning::target::{TargetConfig, TargetFilter};
@@ -43,13 +43,13 @@ pub struct PlannerConfig {
 #[serde(deny_unknown_fields)]
 pub struct PlanningConfig {
     /// Acceleration that trajectories may ask for, m/s²: below g tan(max_tilt), since gusts need some of it.
-    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less turns nowhere, more no airframe gives"))]
+    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less turns nowhere, more no airframe gives", "x-source" = "tried, notebook: Navigation after the chase"))]
     pub max_acc_mps2: f64,
     /// Largest share of the acceleration for which the speed asks in training: less flies smoother, more turns quicker.
-    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "1 is all that the training asks for"))]
+    #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "1 is all that the training asks for", "x-source" = "tried, notebook: Navigation after the chase"))]
     pub max_agility: f64,
     /// What is seen nearer than this is remembered and flown around, if it moves too, m. 0: nothing is.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "what stands farther is not looked through, so it would never be forgotten"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "what stands farther is not looked through, so it would never be forgotten", "x-source" = "where the D455's depth is good to 10 cm; tried against 0, notebook: Memory"))]
     pub remember_within_m: f64,
     /// Which detections are worth a look.
     pub detection: SelectConfig,
@@ -59,6 +59,12 @@ pub struct PlanningConfig {
     pub chase: ChaseConfig,
     /// What is added to the network's costs.
     pub costs: CostConfig,
+    /// What is remembered as standing about the vehicle.
+    pub obstacles: ObstaclesConfig,
+    /// What counts as something that moves, and how far to keep from it.
+    pub movers: MoversConfig,
+    /// What the airframe can do to get out of the way.
+    pub evasion: EvasionConfig,
 }
 
 /// What is added to the network's costs, in multiples of the policy's `cost_scale`: how far apart the costs of one image's
@@ -67,16 +73,16 @@ pub struct PlanningConfig {
 #[serde(deny_unknown_fields)]
 pub struct CostConfig {
     /// Meeting at once what stands and was seen; later it costs less.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub obstacle: f64,
     /// Meeting at once what moves and was seen; later it costs less.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub mover: f64,
     /// Flying through the target's centre; nothing at limits.min_target_distance_m.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub target: f64,
     /// Each metre that a navigation ends over its goal, beyond 0.6 m.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts", "x-source" = "tried, notebook: Not climbing"))]
     pub climbing_per_m: f64,
 }
 
@@ -87,7 +93,8 @@ impl PlanningConfig {
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.target.validate()?;
-        self.detection.validate()
+        self.detection.validate()?;
+        self.movers.validate()
     }
 
     /// With what is switched off at the value that does nothing.
@@ -119,11 +126,6 @@ impl PlanningConfig {
     }
 }
 
-/// Where the target is, nothing is an obstacle: [`crowding`] keeps away from it.
-fn about(target: &Expected) -> Ignored {
-    Ignored { at_world: target.pos_world, radius: TARGET_RADIUS }
-}
-
 /// Aims, decodes, filters the target, remembers obstacles, chooses.
 #[derive(Clone, Debug)]
 pub struct Planner {
@@ -149,12 +151,10 @@ pub struct Asked<'a> {
     state: NetworkState,
 }
 
-/// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s.
+/// Beyond this gap between frames a jump of the odometry cannot be told from the flight itself, s. Chosen by eye.
 const LONGEST_BRIDGED_GAP: f64 = 0.5;
-/// A target that is farther off than this is not made room for, m.
+/// A target that is farther off than this is not made room for, m. Chosen by eye.
 const ROOM_MATTERS: f64 = 10.0;
-/// What is so near to the target's axis is the target, m: half a person, its stride, and the estimate's error.
-const TARGET_RADIUS: f64 = 0.8;
 
 impl Planner {
     /// A planner with an empty target filter.
@@ -166,9 +166,11 @@ impl Planner {
         let config = PlannerConfig { planning: config.planning.with(&config.extensions), ..config };
         let decoder = Decoder::new(config.policy, &config.camera)?;
         let filter = TargetFilter::new(config.planning.target, config.extensions);
-        let obstacles = Obstacles::new(config.camera.hfov, config.camera.vfov, config.planning.remember_within_m);
+        let (camera, how) = (&config.camera, &config.planning);
+        let obstacles = Obstacles::new(camera.hfov, camera.vfov, how.remember_within_m, &how.obstacles, how.movers);
         let chase = Chase::new(config.planning.chase);
-        Ok(Self { config, decoder, filter, obstacles, chase, evading: Evading::default(), last: None, flight: 0 })
+        let evading = Evading::new(config.planning.evasion);
+        Ok(Self { config, decoder, filter, obstacles, chase, evading, last: None, flight: 0 })
     }
 
     /// The configuration that it plans with: what is switched off is at the value that does nothing.
@@ -198,7 +200,7 @@ impl Planner {
         }
         self.follow_jumps(&frame.odometry);
         let (stamp, pose) = (frame.odometry.stamp, self.pose(&frame.odometry));
-        let ignored = self.target(stamp).map(|target| about(&target));
+        let ignored = self.target(stamp).map(|target| self.about(&target));
         self.obstacles.see(stamp, (&pose.cam_world, &pose.world_from_cam), &frame.nearest, ignored.as_ref());
         let state = self.network_state(frame, &pose);
         Asked { planner: self, frame, pose, state }
@@ -246,7 +248,9 @@ impl Planner {
     ) -> Option<usize> {
         let stamp = frame.odometry.stamp;
         let (costs, scale) = (self.config.planning.costs, self.config.policy.cost_scale);
-        let moving = |way: &Quintic| costs.mover * meeting(movers, stamp, &|time| way.at(time).pos, way.duration());
+        let clearance = self.config.planning.movers.clearance_m;
+        let moving =
+            |way: &Quintic| costs.mover * meeting(movers, clearance, stamp, &|time| way.at(time).pos, way.duration());
         if self.config.policy.task == Task::Navigate {
             let avoided = |c: &Candidate| {
                 let climbing = frame.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
@@ -270,7 +274,7 @@ impl Planner {
             }
         }
         let crowding = self.target(stamp).map(|target| {
-            let (keep_off, obstacles, ignored) = (self.config.keep_off, &self.obstacles, about(&target));
+            let (keep_off, obstacles, ignored) = (self.config.keep_off, &self.obstacles, self.about(&target));
             move |c: &Candidate| {
                 let trajectory = Quintic::new(start, &c.end, duration);
                 let standing = costs.obstacle * obstacles.meeting(&trajectory, Some(&ignored));
@@ -294,12 +298,13 @@ impl Planner {
         if !extensions.stepping_aside {
             return None;
         }
-        let ignored = self.target(stamp).map(|target| about(&target));
+        let ignored = self.target(stamp).map(|target| self.about(&target));
         let chases = self.config.policy.task == Task::Track;
         let scene = Scene {
             stamp,
             obstacles: &self.obstacles,
             movers,
+            clearance: self.config.planning.movers.clearance_m,
             ignored: ignored.as_ref(),
             chases,
             threat: self
@@ -324,12 +329,17 @@ impl Planner {
         self.filter.expected(now).filter(|target| self.config.planning.chase.pursues(target))
     }
 
+    /// Where the target is, nothing is an obstacle: [`crowding`] keeps away from it.
+    fn about(&self, target: &Expected) -> Ignored {
+        Ignored { at_world: target.pos_world, radius: self.config.planning.obstacles.target_radius_m }
+    }
+
     /// Forgets all that was seen.
     fn forget(&mut self) {
         self.filter.reset();
         self.obstacles.reset();
         self.chase = Chase::new(self.config.planning.chase);
-        self.evading = Evading::default();
+        self.evading = Evading::new(self.config.planning.evasion);
         self.last = None;
     }
 

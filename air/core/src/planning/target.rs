@@ -17,49 +17,49 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct TargetConfig {
     /// Variance of the target's acceleration from frame to frame, (m/s²)², for each world axis.
-    #[schemars(inner(range(min = 0.01, max = 1000.0)), extend("x-why" = "the filter follows noise with more, and nobody who turns with less"))]
+    #[schemars(inner(range(min = 0.01, max = 1000.0)), extend("x-why" = "the filter follows noise with more, and nobody who turns with less", "x-source" = "recorded flights, notebook: Weighing detections"))]
     pub acc_variance_mps2: [f64; 3],
     /// Variance of a detection at short range and an objectness of 1, across the line of sight, m².
-    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never"))]
+    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never", "x-source" = "recorded flights, notebook: Weighing detections"))]
     pub lateral_variance_m2: f64,
     /// The same along the line of sight, m².
-    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never"))]
+    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never", "x-source" = "recorded flights, notebook: Weighing detections"))]
     pub range_variance_m2: f64,
     /// By how many times both variances grow at an objectness of 0; before, by the root's share.
-    #[schemars(range(min = 0.0, max = 1000.0), extend("x-why" = "beyond, a doubtful detection says nothing"))]
+    #[schemars(range(min = 0.0, max = 1000.0), extend("x-why" = "beyond, a doubtful detection says nothing", "x-source" = "recorded flights, notebook: Weighing detections"))]
     pub doubt: f64,
     /// Distance at which both variances have doubled, m.
-    #[schemars(range(min = 0.5, max = 100.0), extend("x-why" = "depth is worse farther off"))]
+    #[schemars(range(min = 0.5, max = 100.0), extend("x-why" = "depth is worse farther off", "x-source" = "chosen by eye"))]
     pub variance_distance_m: f64,
     /// Largest inconsistency of a detection, in standard deviations.
-    #[schemars(range(min = 1.0, max = 20.0), extend("x-why" = "a wider gate takes all for the target"))]
+    #[schemars(range(min = 1.0, max = 20.0), extend("x-why" = "a wider gate takes all for the target", "x-source" = "chosen by eye"))]
     pub gate_sigmas: f64,
     /// Detections needed among the last confirm_of frames to believe the target.
-    #[schemars(range(min = 1, max = 32), extend("x-why" = "more than confirm_of never come"))]
+    #[schemars(range(min = 1, max = 32), extend("x-why" = "more than confirm_of never come", "x-source" = "the paper's authors, in their published code"))]
     pub confirm_hits: u32,
     /// Frames that confirmation looks back on.
-    #[schemars(range(min = 1, max = 32), extend("x-why" = "so many frames are remembered"))]
+    #[schemars(range(min = 1, max = 32), extend("x-why" = "so many frames are remembered", "x-source" = "the paper's authors, in their published code"))]
     pub confirm_of: u32,
     /// Least mean objectness of the detections that confirm: foliage may look like the target now and then.
-    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "objectness is a probability"))]
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "objectness is a probability", "x-source" = "tried, notebook: Belief"))]
     pub confirm_objectness: f64,
     /// Mean objectness that nothing but the target keeps up; then it is believed wherever it is.
-    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "at least confirm_objectness, and a probability"))]
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "at least confirm_objectness, and a probability", "x-source" = "tried, notebook: Belief"))]
     pub sure_objectness: f64,
     /// How long the target is believed without being seen, s.
-    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "by then it may be anywhere"))]
+    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "by then it may be anywhere", "x-source" = "the paper's authors, in their published code"))]
     pub blind_time_s: f64,
     /// Largest speed of a target, m/s.
-    #[schemars(range(min = 0.5, max = 30.0), extend("x-why" = "nothing that is chased runs faster"))]
+    #[schemars(range(min = 0.5, max = 30.0), extend("x-why" = "nothing that is chased runs faster", "x-source" = "the paper's authors, in their published code"))]
     pub max_speed_mps: f64,
     /// Largest acceleration of a target, m/s².
-    #[schemars(range(min = 0.5, max = 50.0), extend("x-why" = "nobody turns harder"))]
+    #[schemars(range(min = 0.5, max = 50.0), extend("x-why" = "nobody turns harder", "x-source" = "chosen by eye"))]
     pub max_acc_mps2: f64,
     /// Detections farther from the lens than this are not believed, m.
-    #[schemars(range(min = 1.0, max = 100.0), extend("x-why" = "the camera's depth ends before"))]
+    #[schemars(range(min = 1.0, max = 100.0), extend("x-why" = "the camera's depth ends before", "x-source" = "the simulated camera measures no farther"))]
     pub max_distance_m: f64,
     /// Added to the radius within which a lost target can have run, m.
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "a wider one takes all for the lost target"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "a wider one takes all for the lost target", "x-source" = "chosen by eye"))]
     pub reacquire_margin_m: f64,
 }
 
@@ -142,10 +142,11 @@ pub struct TargetFilter {
     rival: Option<Track>,
 }
 
-/// A rival must be so much stronger than the target that is held, as long as that is seen.
+/// By how much a rival's mean objectness must exceed that of the target that is held, as long as that is seen. By eye.
 const STRONGER: f64 = 0.2;
-/// A detection that is farther off than this, in standard deviations, counts as one of that much more variance: the range
-/// of a half hidden target may be wrong by metres for some frames, and its velocity must not follow.
+/// A detection that is farther off than this, in standard deviations, counts as one of that much more variance: the
+/// range of a half hidden target may be wrong by metres for some frames. Tried on recorded flights: the notebook,
+/// "Weighing detections".
 const OUTLIER: f64 = 2.0;
 
 impl TargetConfig {

@@ -10,11 +10,13 @@ pub(crate) const LANES: usize = 16;
 
 /// e^-|x|, to 2 ulp; 0 beyond |x| = 87.
 fn exp_minus_abs(x: f32) -> f32 {
+    /// ln 2, its leading bits: a multiple of it by a small integer is exact.
     const LN2_HIGH: f32 = 0.693_359_4;
+    /// And what is left of ln 2.
     const LN2_LOW: f32 = -2.121_944_4e-4;
-    // Adding it rounds to an integer, which then stands in the lowest bits.
+    /// 1.5 · 2²³. Adding it rounds to an integer, which then stands in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
-    // 1 / k!, k = 7 .. 0
+    /// 1 / k!, k = 7 .. 0.
     const TAYLOR: [f32; 8] = [1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0];
     let x = if x.abs() < 87.0 { -x.abs() } else { -87.0 };
     let shifted = x * std::f32::consts::LOG2_E + ROUND;

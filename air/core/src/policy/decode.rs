@@ -31,17 +31,27 @@ pub struct Decoder {
     focal_v: f64,
 }
 
-// Channel indices of the contract's order.
+/// Channels in the contract's order: a trajectory's end relative to its anchor, elevation.
 const THETA: usize = 0;
+/// Its azimuth.
 const PHI: usize = 1;
+/// Its distance.
 const RADIUS: usize = 2;
+/// First of its velocity's three.
 const VELOCITY: usize = 3;
+/// First of its acceleration's three.
 const ACCELERATION: usize = 6;
+/// The trajectory's cost.
 const COST: usize = 9;
+/// Whether the cell holds the target.
 const OBJECTNESS: usize = 10;
+/// The target's place in the cell, to the right.
 const DELTA_U: usize = 11;
+/// And down.
 const DELTA_V: usize = 12;
+/// Its distance.
 const DISTANCE: usize = 13;
+/// All of an anchor that looks for a target.
 const CHANNELS: usize = 14;
 
 /// Channels of one anchor.

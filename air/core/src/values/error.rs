@@ -42,6 +42,7 @@ pub fn within(name: &str, value: f64, range: RangeInclusive<f64>, why: &str) -> 
 
 /// The question to ask whoever typed `value`: in which unit it would have been within its range. Empty: in none.
 fn mistaken_unit(name: &str, value: f64, range: &RangeInclusive<f64>) -> &'static str {
+    /// A unit's ending, how much smaller the mistaken unit is, and the question.
     const SMALLER: [(&str, f64, &str); 5] = [
         ("_s", 1e-3, "; seconds, not milliseconds?"),
         ("_m", 1e-3, "; metres, not millimetres?"),

@@ -5,9 +5,11 @@
 use crate::values::jump::jump;
 use crate::values::types::{Odometry, Time, Vec3};
 
+/// Samples kept: more than a second of odometry at 200 Hz.
 const CAPACITY: usize = 512;
 
-/// How far past its newest sample the history extrapolates, s.
+/// How far past its newest sample the history extrapolates, s. Chosen by eye; odometry that is later than this gives no
+/// plan.
 const EXTRAPOLATION_MAX: f64 = 0.1;
 
 /// Fixed-size ring of odometry samples and of commanded accelerations. Samples are pushed in stamp order; an older or

@@ -12,8 +12,8 @@ pub struct Jump {
     pub yaw: f64,
 }
 
-/// A position farther from where the last velocity leads is a jump even if the estimator does not say so, m, and so much
-/// more for each second between samples.
+/// A position farther from where the last velocity leads is a jump even if the estimator does not say so, m, and so
+/// much more for each second between samples. Chosen by eye.
 const UNANNOUNCED_JUMP: (f64, f64) = (0.4, 1.0);
 
 /// A jump of the frame from `last` to `new`, announced or not.

@@ -10,7 +10,7 @@ use super::Findings;
 use crate::report::health;
 use crate::run::link_config;
 
-/// How long it may go on without us, s.
+/// How long it may go on without us, s. Chosen by eye.
 const LOSS_TIME_S: std::ops::RangeInclusive<f32> = 0.1..=1.0;
 
 /// The link, as far as it has been listened to.

@@ -16,11 +16,13 @@ use crate::run::idle_demand;
 
 /// A log grows by about this much, with the image of 160 x 96 at 30 Hz.
 const LOG_MB_PER_MINUTE: f64 = 105.0;
-/// Less space than this is not enough for a flight, and less than that for an afternoon, MB.
+/// Less space than this is not enough for a flight, MB: five minutes of log.
 const LEAST_MB: f64 = 500.0;
+/// Less than this is not enough for an afternoon, MB: half an hour of log.
 const PLENTY_MB: f64 = 3000.0;
-/// The network must leave most of a frame's 33 ms.
+/// The network must leave most of a frame's 33 ms: less than half.
 const SLOWEST_INFERENCE_MS: f64 = 15.0;
+/// The network is timed over so many runs. Chosen by eye.
 const INFERENCES: usize = 50;
 
 /// The library, the policy, what runs it, and how fast.

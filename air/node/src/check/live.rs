@@ -16,15 +16,19 @@ use super::{Findings, autopilot};
 use crate::network::access::{Access, Guard, INSECURE};
 use crate::run::link_config;
 
+/// Streams are looked at so often.
 const POLL: Duration = Duration::from_millis(5);
-/// Streams are counted for this long once the first sample is there, s.
+/// Streams are counted for this long once the first sample is there, s. Chosen by eye.
 const COUNTED_S: f64 = 2.0;
+/// Fewer pictures than this a second are a camera that is set up wrong, Hz. Chosen by eye.
 const LEAST_CAMERA_HZ: f64 = 20.0;
+/// Less odometry than this is too little to fly with, Hz. Chosen by eye.
 const LEAST_ODOMETRY_HZ: f64 = 25.0;
-/// Of the pixels, with a depth within the sensor's range.
+/// Of the pixels, with a depth within the sensor's range. Chosen by eye.
 const LEAST_MEASURED: f64 = 0.2;
-/// A colour image with less contrast than this (standard deviation, of 255) shows nothing.
+/// A colour image with less contrast than this (standard deviation, of 255) shows nothing. Chosen by eye.
 const LEAST_CONTRAST: f64 = 2.0;
+/// What the autopilot did not tell is asked for again after this, s. Chosen by eye.
 const ASK_AGAIN_S: f64 = 0.5;
 
 /// A stream's samples so far.

@@ -26,7 +26,7 @@ use crate::network::access::Access;
 const KEPT: usize = 64;
 /// Of these, of one peer.
 const KEPT_OF_ONE: usize = 6;
-/// The same line is told again so often, s.
+/// The same line is told again so often, s. Chosen by eye.
 const AGAIN_S: f64 = 10.0;
 /// A line's length.
 const LONGEST: usize = 200;
@@ -34,7 +34,7 @@ const LONGEST: usize = 200;
 const NAMED: usize = 256;
 /// The last thing that Zenoh works out of a key.
 const LAST_FORESEEN: &str = "Declare Liveliness Subscriber (ingress)";
-/// One that has not come for so long is forgotten, s.
+/// One that has not come for so long is forgotten, s. Chosen by eye.
 const FORGOTTEN_S: f64 = 60.0;
 const ACCESS: &str = "zenoh::net::routing::interceptor::access_control";
 

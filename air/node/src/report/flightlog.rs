@@ -14,7 +14,7 @@ use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::sensors::Frame;
 use prost::Message;
 
-/// How long to go on recording after the landing, s.
+/// How long to go on recording after the landing, s. Chosen by eye.
 const TAIL_S: f64 = 1.0;
 
 /// Opens, fills and finishes one file a flight.

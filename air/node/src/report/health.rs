@@ -8,8 +8,11 @@ use goshawk_proto::v1;
 use goshawk_vehicle::config::OdometrySource;
 use goshawk_vehicle::stats::{RateMeter, Window};
 
+/// An older image is told as missing, s: as the shipped `ladder.plan_stale_s`.
 const FRAME_STALE_S: f64 = 0.3;
+/// Older odometry is told as missing, s: before the shipped `ladder.odometry_stale_s` is reached. Chosen by eye.
 const ODOMETRY_STALE_S: f64 = 0.15;
+/// An older plan is told as missing, s. Chosen by eye.
 const PLAN_STALE_S: f64 = 0.5;
 
 /// Newest facts of every part, gathered by the telemetry thread.

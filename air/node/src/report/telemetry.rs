@@ -25,12 +25,17 @@ use crate::report::health::{self, Facts};
 /// Reports are looked for so often; what one look finds leaves together, which is most of what sending costs. Waiting
 /// for them instead would make whoever reports wake this thread, under a lock.
 const POLL: Duration = Duration::from_millis(20);
+/// `tel/control` so often, s: 50 Hz.
 const CONTROL_PERIOD_S: f64 = 0.02;
+/// Readiness is judged so often, s.
 const CHECK_PERIOD_S: f64 = 0.1;
+/// `tel/health` so often, s.
 const HEALTH_PERIOD_S: f64 = 0.5;
-/// After a recording failed, the disk is tried again so often.
+/// After a recording failed, the disk is tried again so often, s. Chosen by eye.
 const ROOM_PERIOD_S: f64 = 2.0;
+/// A preview of the image so often, s: 10 Hz.
 const PREVIEW_PERIOD_S: f64 = 0.1;
+/// Its JPEG quality, of 100. Chosen by eye.
 const PREVIEW_QUALITY: u8 = 60;
 
 /// What never changes in `health`.

@@ -4,13 +4,13 @@ use std::collections::VecDeque;
 
 use super::{Arrival, RateLimits};
 
-/// Pictures are counted over this time before the newest, s.
+/// Pictures are counted over this time before the newest, s. Chosen by eye.
 const WINDOW_S: f64 = 0.5;
 /// No more arrivals than this are remembered.
 const MOST: usize = 128;
-/// One camera that is started again goes back once; two that alternate do it all the time.
+/// One camera that is started again goes back once; two that alternate do it all the time. Chosen by eye.
 const TURNS: usize = 3;
-/// Gaps between pictures that are looked at: their median does not heed a single late one.
+/// Gaps between pictures that are looked at: their median does not heed a single late one. Chosen by eye.
 const GAPS: usize = 5;
 
 /// What the order says.

@@ -1,24 +1,28 @@
 //! What a picture comes to in a few numbers, from a sample of its pixels.
 
-/// So many pairs of neighbouring pixels are looked at.
+/// So many pairs of neighbouring pixels are looked at. Chosen by eye.
 const SAMPLES: usize = 1024;
-/// Darker than this in the mean, and with less contrast, is black, of 255.
+/// Darker than this in the mean, and with less contrast than the next, is black, of 255. Chosen by eye.
 const BLACK_MEAN: f32 = 8.0;
+/// Standard deviation of a black picture at most, of 255. Chosen by eye.
 const BLACK_DEVIATION: f32 = 3.0;
-/// Depth in fewer samples than this is none; in more than that it is much. Shares.
+/// Depth in a smaller share of the samples than this is none. Chosen by eye.
 const NO_DEPTH: f32 = 0.005;
+/// In a larger share than this it is much. Chosen by eye.
 const MUCH_DEPTH: f32 = 0.1;
-/// A depth is measured in at least this share of the samples before its spread says anything.
+/// A depth is measured in at least this share of the samples before its spread says anything. Chosen by eye.
 const MEASURED: f32 = 0.5;
-/// Neighbours that differ as much as any two pixels do, nearly: the share of a variance.
+/// Neighbours that differ as much as any two pixels do, nearly: the share of a variance. Chosen by eye.
 const UNRELATED: f32 = 0.8;
-/// What differs less than this is flat, not noise: a colour's deviation of 255, a depth's in mm.
+/// A colour whose deviation is less than this is flat, not noise, of 255. Chosen by eye.
 const FLAT_COLOUR: f32 = 12.0;
+/// So is a depth, mm. Chosen by eye.
 const FLAT_DEPTH_MM: f32 = 500.0;
-/// A depth that spreads less than this between its 5th and 95th percentile is one depth: a share of it, and mm.
+/// A depth that spreads less than this share of it between its 5th and 95th percentile is one depth. Chosen by eye.
 const ONE_DEPTH_SHARE: f32 = 0.01;
+/// So is one that spreads less than this, mm. Chosen by eye.
 const ONE_DEPTH_MM: f32 = 3.0;
-/// Everything nearer than this is the lens's cover, mm.
+/// Everything nearer than this is the lens's cover, mm. Chosen by eye.
 const COVERED_MM: f32 = 500.0;
 
 /// Memory for one picture's depths.

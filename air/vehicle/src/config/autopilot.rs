@@ -27,16 +27,16 @@ pub struct Autopilot {
     /// Which mode takes our setpoints, of ArduPilot alone; absent: guided.
     guided: Option<GuidedName>,
     /// Our MAVLink system: the vehicle's own, as an onboard computer.
-    #[schemars(range(min = 1, max = 255), extend("x-why" = "in MAVLink 0 is everybody, and a number has one byte"))]
+    #[schemars(range(min = 1, max = 255), extend("x-why" = "in MAVLink 0 is everybody, and a number has one byte", "x-source" = "the autopilot's own; shipped: PX4's default"))]
     pub system_id: u8,
     /// Our MAVLink component; 191 is an onboard computer.
-    #[schemars(range(min = 1, max = 255), extend("x-why" = "in MAVLink 0 is everybody, and a number has one byte"))]
+    #[schemars(range(min = 1, max = 255), extend("x-why" = "in MAVLink 0 is everybody, and a number has one byte", "x-source" = "MAVLink's MAV_COMP_ID_ONBOARD_COMPUTER"))]
     pub component_id: u8,
     /// The autopilot's MAVLink system.
-    #[schemars(range(min = 0, max = 255), extend("x-why" = "in MAVLink a number has one byte"))]
+    #[schemars(range(min = 0, max = 255), extend("x-why" = "in MAVLink a number has one byte", "x-source" = "the autopilot's own; shipped: PX4's default"))]
     pub target_system: u8,
     /// The autopilot's MAVLink component.
-    #[schemars(range(min = 0, max = 255), extend("x-why" = "in MAVLink a number has one byte"))]
+    #[schemars(range(min = 0, max = 255), extend("x-why" = "in MAVLink a number has one byte", "x-source" = "the autopilot's own; shipped: PX4's default"))]
     pub target_component: u8,
     /// The key of MAVLink 2 signing, 32 bytes, relative to this file; absent: nothing is signed.
     pub signing_key_file: Option<PathBuf>,
@@ -97,7 +97,7 @@ impl Autopilot {
 const SETPOINT_BYTES: f64 = 64.0;
 /// On a serial line a byte takes a start and a stop bit.
 const SERIAL_BITS: f64 = 10.0;
-/// Of a serial line's speed, for setpoints at most: beside them go answers and questions.
+/// Of a serial line's speed, for setpoints at most: beside them go answers and questions. Chosen by eye.
 const SERIAL_SHARE: f64 = 0.8;
 
 fn parsed<'de, T: FromStr<Err: Display>, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {

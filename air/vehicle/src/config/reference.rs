@@ -28,7 +28,8 @@ pub fn markdown() -> String {
          <!-- Generated from the structs that read the files: do not edit. Change the source, then run `make docs`. -->\n\n\
          A vehicle file holds what is measured on one vehicle, such as `air/vehicles/sim.toml`. It names a tuning file, \
          such as `air/vehicles/tuning.toml`, which holds how it flies. Every key is required unless it says *optional*. An \
-         unknown key is an error, and so is a number outside its range.\n",
+         unknown key is an error, and so is a number outside its range. The last column says where the value comes from: \
+         yours, or that of the shipped files. The notebook is `ground/train/NOTEBOOK.md`.\n",
     );
     for (title, schema) in
         [("Keys of the vehicle file", vehicle_schema()), ("Keys of the tuning file", tuning_schema())]
@@ -48,11 +49,13 @@ fn section(page: &mut String, name: &str, schema: &Value) {
         let _ = writeln!(page, "\n### `{name}`\n\n{}", text(schema));
     }
     if !plain.is_empty() {
-        let _ = writeln!(page, "\n| key | value | meaning | range, and why |\n|---|---|---|---|");
+        let _ = writeln!(page, "\n| key | value | meaning | range, and why | from |\n|---|---|---|---|---|");
     }
     for (key, schema) in plain {
         let optional = if required(key) { "" } else { ", *optional*" };
-        let _ = writeln!(page, "| `{key}` | {}{optional} | {} | {} |", kind(schema), text(schema), bounds(schema));
+        let source = schema["x-source"].as_str().unwrap_or_default();
+        let (kind, text, bounds) = (kind(schema), text(schema), bounds(schema));
+        let _ = writeln!(page, "| `{key}` | {kind}{optional} | {text} | {bounds} | {source} |");
     }
     for (key, schema) in inner {
         let dotted = if name.is_empty() { key.clone() } else { format!("{}.{key}", name.trim_matches(['[', ']'])) };

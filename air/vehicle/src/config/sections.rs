@@ -13,19 +13,19 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Horizontal field of view, degrees: of the camera, after any cropping.
-    #[schemars(range(min = 30.0, max = 150.0), extend("x-why" = "the network's pinhole camera sees neither less nor more"))]
+    #[schemars(range(min = 30.0, max = 150.0), extend("x-why" = "the network's pinhole camera sees neither less nor more", "x-source" = "the data sheet, less what is cropped; shipped: the paper's 90 degrees"))]
     pub hfov_deg: f64,
     /// Vertical field of view, degrees.
-    #[schemars(range(min = 20.0, max = 130.0), extend("x-why" = "the network's pinhole camera sees neither less nor more"))]
+    #[schemars(range(min = 20.0, max = 130.0), extend("x-why" = "the network's pinhole camera sees neither less nor more", "x-source" = "the data sheet, less what is cropped; shipped: 160 x 96 square pixels of 90 degrees"))]
     pub vfov_deg: f64,
-    /// Tilt of the optical axis, degrees, up: braking pitches the camera up, starting pitches it down. Measure it.
-    #[schemars(range(min = -60.0, max = 60.0), extend("x-why" = "it must see where it flies"))]
+    /// Tilt of the optical axis, degrees, up: braking pitches the camera up, starting pitches it down.
+    #[schemars(range(min = -60.0, max = 60.0), extend("x-why" = "it must see where it flies", "x-source" = "measure it; shipped: tried, notebook: The camera's tilt"))]
     pub tilt_deg: f64,
-    /// Of the lens from the centre of mass, m: forward, left, up. Measure it.
-    #[schemars(inner(range(min = -2.0, max = 2.0)), extend("x-why" = "it is on the airframe"))]
+    /// Of the lens from the centre of mass, m: forward, left, up.
+    #[schemars(inner(range(min = -2.0, max = 2.0)), extend("x-why" = "it is on the airframe", "x-source" = "measure it; shipped: chosen by eye"))]
     pub position_m: [f64; 3],
-    /// Pictures a second, least and most: fewer are too few to fly with, more are not one camera's. See the camera's setting.
-    #[schemars(inner(range(min = 8.0, max = 240.0)), extend("x-why" = "at 8 Hz a plan is 0.3 s old when the next one comes, and no RGB-D camera gives more than 240 Hz"))]
+    /// Pictures a second, least and most: fewer are too few to fly with, more are not one camera's.
+    #[schemars(inner(range(min = 8.0, max = 240.0)), extend("x-why" = "at 8 Hz a plan is 0.3 s old when the next one comes, and no RGB-D camera gives more than 240 Hz", "x-source" = "the camera's setting; shipped: chosen by eye"))]
     pub rate_hz: [f64; 2],
 }
 
@@ -40,7 +40,7 @@ pub struct Policy {
     /// What the simulator navigates with, relative to this file; absent: `navigate.onnx` beside the model.
     pub navigate: Option<PathBuf>,
     /// Threads that run the network on the processor.
-    #[schemars(range(min = 1, max = 64), extend("x-why" = "more threads than cores only wait"))]
+    #[schemars(range(min = 1, max = 64), extend("x-why" = "more threads than cores only wait", "x-source" = "as `make bench` times the policy"))]
     pub threads: usize,
     /// What runs it. Where that cannot be, the processor does, and `goshawk-air check` says why.
     pub provider: Provider,
@@ -76,7 +76,7 @@ pub struct Recorder {
     /// The folder, relative to this file.
     pub directory: PathBuf,
     /// At a start the oldest logs go, so that those of before hold no more than this, MB.
-    #[schemars(range(min = 0.0, max = 10_000_000.0), extend("x-why" = "no disk on board holds ten terabytes"))]
+    #[schemars(range(min = 0.0, max = 10_000_000.0), extend("x-why" = "no disk on board holds ten terabytes", "x-source" = "chosen by eye: three hours of flights"))]
     pub keep_mb: f64,
 }
 
@@ -85,16 +85,16 @@ pub struct Recorder {
 #[serde(deny_unknown_fields)]
 pub struct Realtime {
     /// Steps of the controller a second; each sends a setpoint.
-    #[schemars(range(min = 50.0, max = 1000.0), extend("x-why" = "slower does not hold an attitude, faster floods the autopilot's line"))]
+    #[schemars(range(min = 50.0, max = 1000.0), extend("x-why" = "slower does not hold an attitude, faster floods the autopilot's line", "x-source" = "chosen by eye"))]
     pub controller_rate_hz: f64,
     /// SCHED_FIFO priority of the controller.
-    #[schemars(range(min = 2, max = 99), extend("x-why" = "it must be above planner_priority, and 99 is the most urgent"))]
+    #[schemars(range(min = 2, max = 99), extend("x-why" = "it must be above planner_priority, and 99 is the most urgent", "x-source" = "chosen by eye"))]
     pub controller_priority: u8,
     /// SCHED_FIFO priority of the planner.
-    #[schemars(range(min = 1, max = 98), extend("x-why" = "the controller's goes above it"))]
+    #[schemars(range(min = 1, max = 98), extend("x-why" = "the controller's goes above it", "x-source" = "chosen by eye"))]
     pub planner_priority: u8,
     /// The core that the controller runs on, best one that the kernel keeps free (isolcpus); absent: any.
-    #[schemars(range(min = 0, max = 1023), extend("x-why" = "the kernel counts no more cores"))]
+    #[schemars(range(min = 0, max = 1023), extend("x-why" = "the kernel counts no more cores", "x-source" = "the board's isolcpus; shipped without"))]
     pub controller_core: Option<usize>,
     /// Keep the process in memory.
     pub lock_memory: bool,
@@ -120,13 +120,13 @@ pub(super) struct ProfileRow {
     /// What to do.
     pub(super) task: Task,
     /// Largest speed, m/s: a chase needs about twice its target's.
-    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "no policy is trained for more, nor does less get anywhere"))]
+    #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "no policy is trained for more, nor does less get anywhere", "x-source" = "twice a target of 3 m/s"))]
     pub(super) speed_mps: f64,
     /// Height above the start to climb to, m.
-    #[schemars(range(min = 0.3, max = 50.0), extend("x-why" = "the ground is near below, and nothing to chase is above"))]
+    #[schemars(range(min = 0.3, max = 50.0), extend("x-why" = "the ground is near below, and nothing to chase is above", "x-source" = "chosen by eye"))]
     pub(super) height_m: f64,
     /// Navigation's goal from the start, m: forward, left, up.
-    #[schemars(inner(range(min = -10000.0, max = 10000.0)), extend("x-why" = "it must be inside the fence, from the start"))]
+    #[schemars(inner(range(min = -10000.0, max = 10000.0)), extend("x-why" = "it must be inside the fence, from the start", "x-source" = "the place of the flight; shipped without"))]
     pub(super) goal_m: Option<[f64; 3]>,
 }
 

@@ -12,15 +12,15 @@ use super::{AGAIN, OdometryFault, Step};
 use crate::values::geometry::yaw_of;
 use crate::values::types::{Rot, Time, Vec3};
 
-/// Doubt of a velocity that was believed until now, m/s, and how it grows, m/s²: with the attitude measured, and with
-/// the attitude only commanded.
+/// Doubt of a velocity that was believed until now, m/s. Chosen by eye.
 const DOUBT: f64 = 0.3;
+/// How it grows, m/s²: with the attitude measured, and with the attitude only commanded. Chosen by eye.
 const DOUBT_GROWS: (f64, f64) = (0.4, 1.0);
-/// An attitude that turned by a tilt of more than this, rad, is none to reckon with; a heading is.
+/// An attitude that turned by a tilt of more than this, rad, is none to reckon with; a heading is. Chosen by eye.
 const MOST_TILTED: f64 = 0.3;
-/// The attitude loop may fly by another heading than the one that is told: it shows from so long on, s, by so much,
-/// ∫ |Δu|² dt in m²/s³, and by this many times.
+/// The attitude loop may fly by another heading than the one that is told: it shows from so long on, s. Chosen by eye.
 const LOOP_SHOWS_AFTER: f64 = 0.25;
+/// It shows by so much, ∫ |Δu|² dt in m²/s³, and by this many times. Chosen by eye.
 const LOOP_SHOWS: (f64, f64) = (0.5, 2.0);
 
 /// What is flown on while the odometry is not believed.

@@ -3,20 +3,22 @@
 use crate::values::types::Vec3;
 use std::f64::consts::PI;
 
-/// Length of a block, s: single velocities are too noisy to tell an acceleration.
+/// Length of a block, s: single velocities are too noisy to tell an acceleration. Chosen by eye.
 const BLOCK: f64 = 0.1;
-/// What is steady is taken out with this time constant, s: wind, drag, a tilt that is a little off.
+/// What is steady is taken out with this time constant, s: wind, drag, a tilt that is a little off. Chosen by eye.
 const STEADY: f64 = 2.0;
-/// Time constant of the sums, s.
+/// Time constant of the sums, s. Chosen by eye.
 const SUMS: f64 = 1.0;
-/// The modelled acceleration must vary by so much, ∫ |u|² dt in m²/s³, before it tells anything.
+/// The modelled acceleration must vary by so much, ∫ |u|² dt in m²/s³, before it tells anything. Chosen by eye.
 const EXCITED: f64 = 0.5;
-/// And the motion must be it, turned: amplitude over the model's, and the share that it explains.
+/// And the motion must be it, turned: amplitude over the model's. It was 0.5, and a gust that is leaned against late
+/// passed for a wrong heading.
 const GAIN: f64 = 0.7;
+/// And the share that the turned model explains. It was 0.6, with the same fault.
 const COHERENCE: f64 = 0.7;
-/// For so many blocks in a row: a gust that is leaned against late looks like it for a moment.
+/// For so many blocks in a row: a gust that is leaned against late looks like it for a moment. Chosen by eye.
 const BLOCKS: u32 = 3;
-/// By more than this, rad: less still flies, and is the attitude loop's own business.
+/// By more than this, rad: less still flies, and is the attitude loop's own business. Chosen by eye.
 const AWAY: f64 = PI / 3.0;
 
 /// The regression of the acceleration on the modelled one, as complex numbers of the plane.

@@ -10,8 +10,9 @@ use serde_json::{Value, json};
 use x509_parser::certificate::X509Certificate;
 use x509_parser::pem::parse_x509_pem;
 
+/// A day, s.
 const DAY_S: i64 = 86_400;
-/// A certificate that ends sooner than this is worth a warning, days.
+/// A certificate that ends sooner than this is worth a warning, days. Chosen by eye.
 const SOON_DAYS: i64 = 30;
 
 /// Why an identity cannot be used.
