@@ -191,7 +191,7 @@ impl Contract {
     /// Numbers of the `state` input.
     #[must_use]
     pub fn state_len(&self) -> usize {
-        self.layout().len()
+        self.layout().numbers()
     }
 
     fn layout(&self) -> StateLayout {

@@ -236,9 +236,12 @@ impl Track {
         consistent: &mut [bool; N],
     ) {
         self.predict(config, now);
-        let worth = |detection: &Detection| match extensions.weighted_detections {
-            true => detection.objectness,
-            false => -self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)),
+        let worth = |detection: &Detection| {
+            if extensions.weighted_detections {
+                detection.objectness
+            } else {
+                -self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0))
+            }
         };
         let mut surest: Option<&Detection> = None;
         for (detection, own) in detections.iter().zip(consistent.iter_mut()) {

@@ -53,7 +53,7 @@ impl StateLayout {
 
     /// How many numbers that is.
     #[must_use]
-    pub fn len(self) -> usize {
+    pub fn numbers(self) -> usize {
         6 + 3 * [self.up, self.aim, self.direction].iter().filter(|held| **held).count() + usize::from(self.agility)
     }
 
@@ -113,7 +113,7 @@ mod tests {
     fn the_paper_has_velocity_and_acceleration_alone() {
         let paper = StateLayout::default();
         assert_eq!(&*paper.state(&PARTS), [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
-        assert_eq!((paper.len(), paper.names().collect::<Vec<_>>()), (6, vec!["velocity", "acceleration"]));
+        assert_eq!((paper.numbers(), paper.names().collect::<Vec<_>>()), (6, vec!["velocity", "acceleration"]));
     }
 
     #[test]
@@ -124,7 +124,7 @@ mod tests {
             if layout.aim && layout.direction {
                 continue;
             }
-            assert_eq!(layout.state(&PARTS).len(), layout.len(), "{layout:?}");
+            assert_eq!(layout.state(&PARTS).len(), layout.numbers(), "{layout:?}");
         }
     }
 
