@@ -131,11 +131,18 @@ def test_every_cargo_test_that_is_named_is_there(page: Path) -> None:
         assert (crates()[crate] / f"tests/{test}.rs").exists(), f"{named(page)}: no -p {crate} --test {test}"
 
 
+@cache
+def sources() -> dict[str, str]:
+    """What the source files of each name hold."""
+    files: dict[str, str] = {}
+    for path in (path for folder in ROOMS for path in (ROOT / folder).rglob("*.[pr][ys]")):
+        files[path.name] = files.get(path.name, "") + path.read_text(encoding="utf-8")
+    return files
+
+
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_every_test_that_is_named_is_there(page: Path) -> None:
-    files: dict[str, str] = {}
-    for path in (p for folder in ROOMS for p in (ROOT / folder).rglob("*.[pr][ys]")):
-        files[path.name] = files.get(path.name, "") + path.read_text(encoding="utf-8")
+    files = sources()
     for name, test in TEST.findall(text(page)):
         assert name in files, f"{named(page)}: no {name}"
         assert test in files[name], f"{named(page)}: no {test} in {name}"
