@@ -53,19 +53,21 @@ def ask_for_everything(path: Path, folder: Path) -> None:
     recover(path, recovered)
 
 
-def survives(data: bytes, folder: Path) -> None:
-    """It is read, or refused by name in one line, and takes no more memory than a log may."""
-    path = folder / "damaged.mcap"
+def survives(data: bytes, folder: Path) -> bool:
+    """It is read, or refused by name in one line, and takes no more memory than a log may. Was it read?"""
+    path, read = folder / "damaged.mcap", True
     path.write_bytes(data)
     tracemalloc.start()
     try:
         ask_for_everything(path, folder)
     except LogError as error:
+        read = False
         assert str(path) in str(error) and "\n" not in str(error), error
     finally:
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     assert peak < MOST_BYTES, f"{peak} bytes"
+    return read
 
 
 def records(data: bytes) -> list[int]:
@@ -111,30 +113,36 @@ def repacked(data: bytes, at: int, dice: random.Random, share: float) -> bytes:
     return data[:at] + RECORD.pack(Opcode.CHUNK, len(content)) + content + data[end:]
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_bytes_written_over_anywhere_and_a_cut_are_survived(whole: bytes, tmp_path: Path, seed: int) -> None:
-    dice = random.Random(seed)
-    damaged = MAGIC + spoil(whole[len(MAGIC) :], dice, dice.choice([1, 5, 50]))
-    survives(damaged, tmp_path)
-    survives(damaged[: dice.randrange(len(MAGIC), len(damaged))], tmp_path)
+def test_bytes_written_over_anywhere_and_a_cut_are_survived_and_mostly_read(whole: bytes, tmp_path: Path) -> None:
+    read = list[bool]()
+    for seed in range(20):
+        dice = random.Random(seed)
+        damaged = MAGIC + spoil(whole[len(MAGIC) :], dice, dice.choice([1, 5, 50]))
+        read.append(survives(damaged, tmp_path))
+        read.append(survives(damaged[: dice.randrange(len(MAGIC), len(damaged))], tmp_path))
+    assert sum(read) > 0.6 * len(read), read
 
 
 @pytest.mark.parametrize("length", LENGTHS)
-def test_a_length_that_is_blown_up_is_survived_wherever_it_stands(whole: bytes, tmp_path: Path, length: int) -> None:
+def test_a_length_that_is_blown_up_is_read_around_wherever_it_stands(whole: bytes, tmp_path: Path, length: int) -> None:
     written = struct.pack("<Q", length)
     first, middle = chunks(whole)[0], chunks(whole)[5]
     summary = next(at for at in records(whole) if whole[at] == Opcode.DATA_END)
     # A record's own length, a chunk's size, its name's and its packed length; the footer's place of the summary.
     for at in [*(at + 1 for at in (len(MAGIC), first, middle, summary)), middle + 25, middle + 33, middle + TO_PACKED,
                len(whole) - len(MAGIC) - 20]:  # fmt: skip
-        survives(whole[:at] + written + whole[at + 8 :], tmp_path)
+        assert survives(whole[:at] + written + whole[at + 8 :], tmp_path), at
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_records_spoiled_before_their_checksum_was_made_are_survived(whole: bytes, tmp_path: Path, seed: int) -> None:
-    dice = random.Random(seed)
-    at = dice.choice([chunks(whole)[0], dice.choice(chunks(whole))])
-    survives(repacked(whole, at, dice, dice.choice([0.03, 0.3, 1.0])), tmp_path)
+def test_records_spoiled_before_their_checksum_was_made_are_survived_and_mostly_read(
+    whole: bytes, tmp_path: Path
+) -> None:
+    read = list[bool]()
+    for seed in range(30):
+        dice = random.Random(seed)
+        at = dice.choice([chunks(whole)[0], dice.choice(chunks(whole))])
+        read.append(survives(repacked(whole, at, dice, dice.choice([0.03, 0.3, 1.0])), tmp_path))
+    assert sum(read) > 0.6 * len(read), read
 
 
 def test_a_log_that_lost_the_controllers_steps_is_reported(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import recordings as rec
 from google.protobuf.message import DecodeError
 from goshawk_dashboards.state import decode, words
 from goshawk_proto import goshawk_pb2 as pb
@@ -117,18 +118,25 @@ def test_decoded_arrays_cannot_be_changed() -> None:
         decode.control(pb.Control(world_from_body=UNIT)).pos_world_3[0] = 1.0
 
 
-@given(st.binary(max_size=300))
-def test_no_bytes_do_worse_than_a_refusal(payload: bytes) -> None:
-    readers: list[tuple[Any, Callable[[Any], Any]]] = [
-        (pb.Plan, decode.plan),
-        (pb.Control, decode.control),
-        (pb.Target, decode.target),
-        (pb.Health, decode.health),
-        (pb.Preview, decode.preview),
-        (pb.Event, decode.event),
-        (pb.SimTruth, decode.truth),
-        (pb.SimWorld, decode.world),
-    ]
-    for message_type, read in readers:
-        with contextlib.suppress(DecodeError, decode.MalformedError):
-            read(message_type.FromString(payload))
+@pytest.mark.parametrize(
+    ("read", "message"),
+    [
+        (decode.plan, rec.plan(1.0, 3)),
+        (decode.control, rec.control(1.0, 3, 8.0)),
+        (decode.target, rec.target(1.0, 3, seen=True)),
+        (decode.health, pb.Health(ready=True, rates=[pb.Rate(name="planner", hz=30.0)])),
+        (decode.preview, pb.Preview(seq=1, jpeg=b"\xff\xd8")),
+        (decode.event, pb.Event(severity=pb.SEVERITY_INFO, text="start accepted")),
+        (decode.truth, rec.truth(1.0)),
+        (decode.world, pb.SimWorld(boxes=[pb.SimBox(yaw_rad=0.5)])),
+    ],
+)
+@given(twice=st.booleans(), place=st.integers(0, 2**16), gone=st.integers(0, 8), new=st.binary(max_size=8))
+def test_a_damaged_message_does_no_worse_than_a_refusal(
+    read: Callable[[Any], Any], message: Any, twice: bool, place: int, gone: int, new: bytes
+) -> None:
+    read(message)
+    whole = message.SerializeToString() * (1 + twice)  # twice: its lists are twice as long
+    at = place % (len(whole) + 1)
+    with contextlib.suppress(DecodeError, decode.MalformedError):
+        read(type(message).FromString(whole[:at] + new + whole[at + gone :]))

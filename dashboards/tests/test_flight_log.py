@@ -195,11 +195,9 @@ def test_whatever_bits_flip_what_is_read_is_what_was_written(
         data[at] ^= 1 << int(bit)
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data)
-    try:
-        log = McapLog(damaged)
-    except LogError:
-        return
+    log = McapLog(damaged)
     assert log.damage
+    assert sum(len(log.times_ns(topic)) for topic in log.topics) > 500
     for topic in log.topics:
         times = log.times_ns(topic)
         assert np.isin(times, flight.log.times_ns(topic)).all()

@@ -197,6 +197,8 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, sn
 def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
     live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"not a jpeg")))
     live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, picture=b"\xff\xd8\xff\xe0broken")))
+    assert live.scene.frustum.image is None
+    np.testing.assert_allclose(live.scene.vehicle.position, [10.0, 0.0, 2.0])
 
 
 def test_a_busy_port_is_an_error_and_not_another_port(live: Live, snap: Make) -> None:
@@ -208,6 +210,7 @@ def test_a_busy_port_is_an_error_and_not_another_port(live: Live, snap: Make) ->
 
 def test_an_empty_snapshot_can_be_shown(live: Live, snap: Make) -> None:
     live.tick(Snapshot(now_s=1.0, vehicle="goshawk", endpoint="tcp/x:1", linked=False, alive=False))
+    assert not live.scene.vehicle.visible
 
 
 def test_the_last_pose_of_a_silent_vehicle_is_a_ghost(live: Live, snap: Make) -> None:

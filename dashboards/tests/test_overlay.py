@@ -131,11 +131,10 @@ def test_text_from_outside_is_never_markup(snap: Make) -> None:
         ),
         autopilot=AutopilotView(source=evil, age_s=0.1, mode=evil, texts=((pb.SEVERITY_ERROR, evil),), trouble=evil),
     )
-    words = (
-        over(hostile, [(evil, Alert(key=evil, severe=True, text=evil))])
-        + candidates.strip_html(hostile, fresh=True)
-        + candidates.picture_html(hostile, fresh=True)
-        + fleet.fleet_html([hostile], evil)
-        + link.radio_html(hostile)
-    )
-    assert "<script" not in words
+    for words in (
+        over(hostile, [(evil, Alert(key=evil, severe=True, text=evil))]),
+        fleet.fleet_html([hostile], evil),
+        link.radio_html(hostile),
+    ):
+        assert "<script" not in words and "&lt;script&gt;" in words
+    assert "<script" not in candidates.strip_html(hostile, fresh=True) + candidates.picture_html(hostile, fresh=True)

@@ -173,4 +173,4 @@ def test_candidates_are_laid_out_as_the_lattice_and_say_what_was_flown() -> None
 
 def test_texts_of_a_log_are_escaped() -> None:
     html = tables.marks_html([Mark(time_s=0.0, severity=pb.SEVERITY_INFO, text="<script>alert(1)</script>")], 0.0)
-    assert "<script>" not in html
+    assert "<script>" not in html and "&lt;script&gt;" in html

@@ -88,6 +88,7 @@ def test_start_in_the_browser_begins_the_flight_and_stop_ends_it(
         # The click may return late on a busy machine, with the take-off over and the target already caught up with.
         if link.wait_for(lambda s: s.mode in UNDER_WAY, 8):
             break
+        expect(page.locator('[data-goshawk="command"]')).to_contain_text("start refused")
     assert link.snapshot().mode in UNDER_WAY
     assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 40)
     expect(status).to_have_attribute("data-mode", "track", timeout=30_000)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -26,6 +26,10 @@ ROOMS = ("air", "ground", "dashboards", "proto", "tests", "docs", "examples")
 FENCE = re.compile(r"^\s*```.*?^\s*```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 SPAN = re.compile(r"`([^`\n]+)`")
+MAKE = re.compile(r"(?:^|`)(?:[A-Z]+=\S+ )*make ([a-z-]+)", re.MULTILINE)
+CARGO_TEST = re.compile(r"-p (goshawk-\w+) --test (\w+)")
+TEST = re.compile(r"`[\w/]*?(\w+\.(?:py|rs))::(\w+)…?`")
+PATTERNS = (LINK, MAKE, CARGO_TEST, TEST)
 
 
 def named(page: Path) -> str:
@@ -81,8 +85,7 @@ def test_every_file_that_is_named_is_there(page: Path) -> None:
 @pytest.mark.parametrize("page", TODAY, ids=named)
 def test_every_make_target_that_is_named_is_there(page: Path) -> None:
     targets = set(re.findall(r"^([a-z-]+):", text(ROOT / "Makefile"), re.MULTILINE))
-    asked = set(re.findall(r"`(?:[A-Z]+=\S+ )*make ([a-z-]+)", text(page)))
-    asked |= set(re.findall(r"^(?:[A-Z]+=\S+ )*make ([a-z-]+)", text(page), re.MULTILINE))
+    asked = set(MAKE.findall(text(page)))
     assert asked <= targets, f"{named(page)}: no {sorted(asked - targets)}"
 
 
@@ -124,18 +127,33 @@ def crates() -> dict[str, Path]:
 
 @pytest.mark.parametrize("page", TODAY, ids=named)
 def test_every_cargo_test_that_is_named_is_there(page: Path) -> None:
-    for crate, test in re.findall(r"-p (goshawk-\w+) --test (\w+)", text(page)):
+    for crate, test in CARGO_TEST.findall(text(page)):
         assert (crates()[crate] / f"tests/{test}.rs").exists(), f"{named(page)}: no -p {crate} --test {test}"
+
+
+@cache
+def sources() -> dict[str, str]:
+    """What the source files of each name hold."""
+    files: dict[str, str] = {}
+    for path in (path for folder in ROOMS for path in (ROOT / folder).rglob("*.[pr][ys]")):
+        files[path.name] = files.get(path.name, "") + path.read_text(encoding="utf-8")
+    return files
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_every_test_that_is_named_is_there(page: Path) -> None:
-    files: dict[str, str] = {}
-    for path in (p for folder in ROOMS for p in (ROOT / folder).rglob("*.[pr][ys]")):
-        files[path.name] = files.get(path.name, "") + path.read_text(encoding="utf-8")
-    for name, test in re.findall(r"`[\w/]*?(\w+\.(?:py|rs))::(\w+)…?`", text(page)):
+    files = sources()
+    for name, test in TEST.findall(text(page)):
         assert name in files, f"{named(page)}: no {name}"
         assert test in files[name], f"{named(page)}: no {test} in {name}"
+
+
+def test_each_kind_of_name_is_found_on_some_page() -> None:
+    def all_of(find: Callable[[Path], Iterable[object]]) -> int:
+        return sum(len(list(find(page))) for page in PAGES)
+
+    kinds = {pattern.pattern: all_of(lambda page, p=pattern: p.findall(text(page))) for pattern in PATTERNS}
+    assert min(all_of(paths), all_of(commands), *kinds.values()) > 0, kinds
 
 
 def test_the_index_reaches_every_page() -> None:

@@ -30,6 +30,8 @@ def test_the_reference_is_current_in_a_terminal_of_any_width(columns: str, monke
     made = GENERATOR.generate()
     stale = [name for name, text in made.items() if (GENERATOR.REFERENCE / name).read_text(encoding="utf-8") != text]
     assert not stale, f"run make docs: {stale}"
+    pages = {page.name for page in GENERATOR.REFERENCE.glob("*.md")}
+    assert pages == {name for name in made if "/" not in name}, "a page that is not made any more"
 
 
 def test_a_program_that_was_not_built_is_one_line_that_says_what_to_do(

@@ -51,6 +51,7 @@ def test_a_policy_or_a_folder_that_is_not_there_is_named(rig: Rig) -> None:
     _, found, _ = check(rig, "--config", VEHICLE, "--policy", "no-such.onnx", "--log-dir", "/dev/null/x", wait_s=0.1)
     assert "no-such.onnx" in found["policy"]["text"]
     assert "/dev/null/x" in found["log folder"]["text"]
+    assert found["policy"]["level"] == found["log folder"]["level"] == "failed"
 
 
 def test_an_accelerator_that_is_not_there_leaves_the_processor_and_says_why(rig: Rig, tmp_path: Path) -> None:
@@ -60,9 +61,9 @@ def test_an_accelerator_that_is_not_there_leaves_the_processor_and_says_why(rig:
         config.write_text(text.replace('provider = "cpu"', f'provider = "{provider}"'))
         _, found, _ = check(rig, "--config", config, wait_s=0.1)
         assert found["policy"]["level"] == "ok"
-        if found["provider"]["level"] == "warning":
-            assert "runs on cpu" in found["provider"]["text"]
-            assert len(found["provider"]["text"]) > 60
+        assert found["provider"]["level"] == "warning", "this machine has one: look at what it says"
+        assert "runs on cpu" in found["provider"]["text"]
+        assert len(found["provider"]["text"]) > 60
 
 
 def test_a_broken_vehicle_file_is_all_that_is_said(rig: Rig, tmp_path: Path) -> None:

@@ -52,25 +52,14 @@ def read_log(path: Path) -> dict[str, list[object]]:
     return by_topic
 
 
-def flown_demo(seed: int, folder: Path) -> tuple[dict[str, object], str]:
-    """One demo flight: its summary and what it printed."""
-    summary = folder / "summary.json"
-    command = [GOSHAWK, "demo", "--headless", "--seed", seed, "--log-dir", folder, "--json", summary]
+def test_the_demo_flies_and_its_log_opens_in_the_stock_reader(tmp_path: Path) -> None:
+    # In the forest of this seed the chase has room, however a busy machine's pauses change it.
+    summary = tmp_path / "summary.json"
+    command = [GOSHAWK, "demo", "--headless", "--seed", "3", "--log-dir", tmp_path, "--json", summary]
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=240)
     printed = done.stdout + done.stderr
-    assert summary.is_file(), printed
+    assert done.returncode == 0, printed
     facts = json.loads(summary.read_text())
-    assert (done.returncode == 0) == facts["succeeded"], printed
-    return facts, printed
-
-
-def test_the_demo_flies_and_its_log_opens_in_the_stock_reader(tmp_path: Path) -> None:
-    # What the demo promises is 9 of 10 forests, and how many it is, campaigns tell. So one flight that took off,
-    # tracked and was then lost says nothing, and gets a second forest; two in a row fail.
-    facts, printed = flown_demo(3, tmp_path / "first")
-    if not facts["succeeded"] and facts["tracked_s"]:
-        print(f"the first flight failed, a second one is flown:\n{printed}")
-        facts, printed = flown_demo(4, tmp_path / "second")
     assert facts["succeeded"], printed
     logs = [Path(str(facts["log_path"]))]
     assert logs == list(logs[0].parent.glob("*.mcap"))

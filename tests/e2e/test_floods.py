@@ -65,6 +65,7 @@ def test_the_operator_connects_while_silent_connections_are_given_up_and_come_ag
     held = idle_connections(rig.zenoh_port)
     time.sleep(5.2)  # as long as an unfinished handshake is waited for: now they fail, one after the other
     held += idle_connections(rig.zenoh_port)
+    assert len(held) > CONNECTIONS
     try:
         with rig.link(people.of("operator.alice")) as link:
             assert link.wait_for(lambda s: s.health is not None, CONNECT_WITHIN_S) is not None, rig.output("air")
@@ -82,7 +83,8 @@ def test_a_stop_arrives_within_a_second_during_a_flood(guarded: tuple[Rig, Peopl
             "flood", sys.executable, Path(__file__).parent / "flood.py", kind, rig.endpoint, people.of("observer.bob")
         )
         deadline = time.monotonic() + 20.0
-        while "Hz" not in rig.output("flood") and time.monotonic() < deadline:
+        while "Hz" not in rig.output("flood"):
+            assert time.monotonic() < deadline, rig.output("flood")
             time.sleep(0.1)
         assert link.start().accepted, rig.output("air")
         time.sleep(2.0)
@@ -105,6 +107,7 @@ def test_peers_that_break_off_while_they_are_answered_end_nothing(guarded: tuple
         ]
         time.sleep(3.0)
         for peer in peers:
+            assert peer.poll() is None, [rig.output(f"flood-{k}") for k in range(6)]
             peer.kill()
             peer.wait()
     assert rig.processes["air"].poll() is None, rig.output("air")

@@ -66,9 +66,16 @@ def test_every_numeric_constant_says_what_it_is() -> None:
     assert constants > 300
 
 
+def _sources(folder: str, *names: str) -> list[Path]:
+    """The files below a folder that are named so; there are some."""
+    found = sorted(path for name in names for path in (ROOT / folder).rglob(name))
+    assert found, f"{folder} is gone: what is looked through now?"
+    return found
+
+
 def test_core_reaches_nothing_outside() -> None:
     outside = re.compile(r"std::(fs|net|thread|env|process|time::(Instant|SystemTime))|println!|tracing::|\brand\b")
-    for path in sorted((ROOT / "air/core/src").rglob("*.rs")):
+    for path in _sources("air/core/src", "*.rs"):
         code = re.sub(r"//.*", "", path.read_text())
         assert not outside.search(code), path
 
@@ -76,7 +83,7 @@ def test_core_reaches_nothing_outside() -> None:
 def test_only_the_autopilot_and_its_stand_in_know_ned_and_frd() -> None:
     word = re.compile(r"\b\w*_(ned|frd)\b|\b(ned|frd)_\w*\b", re.IGNORECASE)
     for folder in ["air", "ground/sim", "proto/src"]:
-        for path in sorted((ROOT / folder).rglob("*.rs")):
+        for path in _sources(folder, "*.rs"):
             if "px4" in path.as_posix() or path.is_relative_to(ROOT / "air/autopilot"):
                 continue
             assert not word.search(re.sub(r"//.*", "", path.read_text())), path
@@ -84,8 +91,7 @@ def test_only_the_autopilot_and_its_stand_in_know_ned_and_frd() -> None:
 
 def test_only_proto_names_a_key() -> None:
     suffix = re.compile(r"[\"'](tel|cmd|alive|sim)/[a-z_]+[\"']|[\"']in/(rgbd|odometry)[\"']")
-    folders = ["air", "ground", "dashboards"]
-    for path in sorted(p for f in folders for e in ("*.rs", "*.py") for p in (ROOT / f).rglob(e)):
+    for path in (path for folder in ["air", "ground", "dashboards"] for path in _sources(folder, "*.rs", "*.py")):
         if "tests" in path.parts or "test_" in path.name:
             continue
         code = re.sub(r"(//|#).*", "", path.read_text())
@@ -112,15 +118,13 @@ def _imports(path: Path) -> set[str]:
     ],
 )
 def test_python_packages_do_not_import_what_they_must_not_know(folder: str, forbidden: set[str]) -> None:
-    files = sorted((ROOT / folder).rglob("*.py"))
-    assert files
-    for path in files:
+    for path in _sources(folder, "*.py"):
         assert not _imports(path) & forbidden, path
 
 
 def test_the_trainer_takes_only_the_reports_canvas_from_the_dashboards() -> None:
     taken: set[str] = set()
-    for path in sorted((ROOT / "ground/train/goshawk_train").rglob("*.py")):
+    for path in _sources("ground/train/goshawk_train", "*.py"):
         taken |= set(re.findall(r"(?:from|import) (goshawk_dashboards[\w.]*)", path.read_text()))
     assert taken == {"goshawk_dashboards.report.canvas"}
 

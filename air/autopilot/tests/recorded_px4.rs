@@ -1,5 +1,4 @@
-//! 56 s of a real PX4's traffic through the same parsing as in flight. The recording is not part of the repository:
-//! it lies beside it, in `../shared/data`, and without it these tests say so and pass.
+//! 56 s of a real PX4's traffic through the same parsing as in flight (`tests/data/README.md` tells of the recording).
 
 #![allow(clippy::unwrap_used)] // a test's helpers too fail by panicking
 
@@ -11,9 +10,9 @@ use goshawk_core::{Odometry, Time, Vec3};
 use mavlink::Message;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+const LOG: &[u8] = include_bytes!("../../../tests/data/px4-sih-offboard.tlog");
+const FACTS: &str = include_str!("../../../tests/data/px4-sih-offboard.rates.json");
 
 struct Recording {
     /// Arrival since the first packet, and the packet.
@@ -23,18 +22,10 @@ struct Recording {
     offset_s: f64,
 }
 
-/// None: the recording is not there.
-fn recording() -> Option<Recording> {
-    let log = PathBuf::from(FOLDER).join("px4-sih-offboard.tlog");
-    let facts = PathBuf::from(FOLDER).join("px4-sih-offboard.rates.json");
-    if !log.exists() || !facts.exists() {
-        println!("skipped: {} is not there", log.display());
-        return None;
-    }
-    let facts: Value = serde_json::from_slice(&std::fs::read(facts).unwrap()).unwrap();
-    let bytes = std::fs::read(log).unwrap();
+fn recording() -> Recording {
+    let facts: Value = serde_json::from_str(FACTS).unwrap();
     let mut packets = Vec::new();
-    let mut rest = bytes.as_slice();
+    let mut rest = LOG;
     let mut start_us = None;
     while !rest.is_empty() {
         // A record: big-endian microseconds, then one frame.
@@ -50,7 +41,7 @@ fn recording() -> Option<Recording> {
     }
     let acked = packets.iter().find(|(_, packet)| matches!(packet.message, MavMessage::COMMAND_ACK(_))).unwrap().0;
     let noted = event_time(&facts, |event| event[1] == "COMMAND_ACK");
-    Some(Recording { packets, facts, offset_s: noted - acked })
+    Recording { packets, facts, offset_s: noted - acked }
 }
 
 fn event_time(facts: &Value, matches: impl Fn(&Value) -> bool) -> f64 {
@@ -64,7 +55,7 @@ fn from_px4(packet: &Packet) -> bool {
 
 #[test]
 fn every_packet_parses_and_the_counts_are_the_noted_ones() {
-    let Some(recording) = recording() else { return };
+    let recording = recording();
     assert_eq!(recording.packets.len(), 25_192);
     let mut received: BTreeMap<&str, u64> = BTreeMap::new();
     let mut sent: BTreeMap<&str, u64> = BTreeMap::new();
@@ -83,7 +74,7 @@ fn every_packet_parses_and_the_counts_are_the_noted_ones() {
 
 #[test]
 fn the_rates_are_the_noted_ones() {
-    let Some(recording) = recording() else { return };
+    let recording = recording();
     let (first, last) = (recording.packets[0].0, recording.packets[recording.packets.len() - 1].0);
     let noted = recording.facts["R"]["rx_rates_whole_log"].as_object().unwrap();
     for (name, rate) in noted {
@@ -100,7 +91,7 @@ fn the_rates_are_the_noted_ones() {
 
 #[test]
 fn the_view_lives_through_the_flight_as_noted() {
-    let Some(recording) = recording() else { return };
+    let recording = recording();
     let facts = &recording.facts;
     let mut view = View::new(1, 1, Firmware::Px4);
     let mut changes: Vec<(f64, String)> = Vec::new();
@@ -149,7 +140,7 @@ fn the_view_lives_through_the_flight_as_noted() {
 
 #[test]
 fn takeoff_and_landing_are_seen_when_they_were_noted() {
-    let Some(recording) = recording() else { return };
+    let recording = recording();
     let mut view = View::new(1, 1, Firmware::Px4);
     let mut seen: Vec<(f64, Option<bool>)> = Vec::new();
     for (arrival, packet) in &recording.packets {
@@ -171,7 +162,7 @@ fn takeoff_and_landing_are_seen_when_they_were_noted() {
 
 #[test]
 fn a_recorded_flight_with_gps_never_lacks_a_position_nor_a_reason_to_arm() {
-    let Some(recording) = recording() else { return };
+    let recording = recording();
     let mut view = View::new(1, 1, Firmware::Px4);
     for (arrival, packet) in &recording.packets {
         let now = Time::from_secs(100.0 + arrival);
@@ -186,7 +177,7 @@ fn a_recorded_flight_with_gps_never_lacks_a_position_nor_a_reason_to_arm() {
 
 #[test]
 fn the_recorded_odometry_is_consistent_in_our_frames() {
-    let Some(recording) = recording() else { return };
+    let recording = recording();
     let mut view = View::new(1, 1, Firmware::Px4);
     let mut all: Vec<(f64, Odometry)> = Vec::new();
     let mut up_force = Vec::new();
@@ -241,11 +232,12 @@ fn the_recorded_odometry_is_consistent_in_our_frames() {
 
 #[test]
 fn modes_of_the_recording_are_known() {
-    let Some(recording) = recording() else { return };
-    for (_, packet) in recording.packets.iter().filter(|(_, packet)| from_px4(packet)) {
-        if let MavMessage::CURRENT_MODE(mode) = &packet.message {
-            let mode = Px4Mode::from_custom_mode(mode.custom_mode);
-            assert!(!matches!(mode, Px4Mode::Other(_)), "{mode}");
-        }
-    }
+    let recording = recording();
+    let told = recording.packets.iter().filter(|(_, packet)| from_px4(packet)).filter_map(|(_, packet)| {
+        let MavMessage::CURRENT_MODE(mode) = &packet.message else { return None };
+        Some(Px4Mode::from_custom_mode(mode.custom_mode))
+    });
+    let told: Vec<Px4Mode> = told.collect();
+    assert!(told.len() > 20, "{}", told.len());
+    assert!(told.iter().all(|mode| !matches!(mode, Px4Mode::Other(_))), "{told:?}");
 }

@@ -235,6 +235,7 @@ fn the_state_is_seen_from_the_tilted_camera() {
     let (sin, cos) = (0.17_f32.sin(), 0.17_f32.cos());
     // alpha 0.5: velocity 2 / 3, acceleration 1.5 / (0.25 * 6) = 1; a camera looking up sees them below and ahead.
     let want = [2.0 / 3.0 * cos, 0.0, -2.0 / 3.0 * sin, sin, 0.0, cos, sin, 0.0, cos, 0.0, 0.5, 0.0, 1.0];
+    assert_eq!(state.len(), want.len());
     for (got, want) in state.iter().zip(want) {
         assert!((got - want).abs() < 1e-6, "{state:?}");
     }

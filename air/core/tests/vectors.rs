@@ -57,9 +57,10 @@ fn same_vector(what: &str, got: Vec3, want: &Value) {
 }
 
 #[track_caller]
-fn decoded(what: &str, got: impl IntoIterator<Item = f64>, want: &Value) {
+fn decoded(what: &str, got: &[f64], want: &Value) {
     let wants = want.as_array().map_or_else(|| vec![number(want)], |all| all.iter().map(number).collect());
-    for (got, want) in got.into_iter().zip(wants) {
+    assert_eq!(got.len(), wants.len(), "{what}");
+    for (got, want) in got.iter().zip(wants) {
         assert!((got - want).abs() <= DECODED * want.abs().max(1.0), "{what}: {got}, wanted {want}");
     }
 }
@@ -176,6 +177,7 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
     let nearest = [0; COLUMNS * ROWS];
     let frame = FrameInput { flight: 0, seq: 1, odometry, acc_world, speed, goal_world, nearest };
     let asked = planner.see(&frame);
+    assert_eq!(asked.state().len(), list(&case["state"]).len());
     for (at, (got, want)) in asked.state().iter().zip(list(&case["state"])).enumerate() {
         // The case's aim is a goal's; a tracker that has seen nobody has none.
         let want = if task == Task::Track && (9..12).contains(&at) { 0.0 } else { number(want) };
@@ -184,15 +186,16 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
     let plan = asked.answer(&network);
     same("duration", plan.duration, &case["duration"]);
     same_rotation("camera", plan.world_from_cam, &case["world_from_cam_Q"]);
+    assert_eq!(plan.candidates.len(), list(&case["candidates_N"]).len());
     for (got, want) in plan.candidates.iter().zip(list(&case["candidates_N"])) {
-        decoded("end pos", got.end.pos.iter().copied(), &want["end_pos"]);
-        decoded("end vel", got.end.vel.iter().copied(), &want["end_vel"]);
-        decoded("end acc", got.end.acc.iter().copied(), &want["end_acc"]);
-        decoded("cost", [got.cost], &want["cost"]);
+        decoded("end pos", got.end.pos.as_slice(), &want["end_pos"]);
+        decoded("end vel", got.end.vel.as_slice(), &want["end_vel"]);
+        decoded("end acc", got.end.acc.as_slice(), &want["end_acc"]);
+        decoded("cost", &[got.cost], &want["cost"]);
         match task {
             Task::Track => {
-                decoded("objectness", [got.objectness], &want["objectness"]);
-                decoded("target", got.target_world.unwrap().iter().copied(), &want["target"]);
+                decoded("objectness", &[got.objectness], &want["objectness"]);
+                decoded("target", got.target_world.unwrap().as_slice(), &want["target"]);
             }
             Task::Navigate => assert_eq!((got.objectness, got.target_world), (1.0, None)),
         }
@@ -215,7 +218,9 @@ fn target_filter_agrees_frame_by_frame() {
     let lens = vector(&vectors["lens_3"]);
     for frame in list(&vectors["frames_K"]) {
         let mut detections = [None; 4];
-        let seen = list(&frame["detections"]).iter().zip(list(&frame["objectness"]));
+        let (places, objectness) = (list(&frame["detections"]), list(&frame["objectness"]));
+        assert_eq!(places.len(), objectness.len());
+        let seen = places.iter().zip(objectness);
         for (slot, (pos, objectness)) in detections.iter_mut().zip(seen) {
             let pos_world = vector(pos);
             *slot = Some(Detection { pos_world, sight_world: pos_world - lens, objectness: number(objectness) });
@@ -224,6 +229,7 @@ fn target_filter_agrees_frame_by_frame() {
         filter.step(Time(frame["stamp_ns"].as_u64().unwrap()), &detections, &mut consistent);
         let estimate = filter.estimate().unwrap();
         assert_eq!(estimate.confirmed, frame["confirmed"].as_bool().unwrap());
+        assert!(places.len() == list(&frame["consistent"]).len() && places.len() <= consistent.len());
         for (got, want) in consistent.iter().zip(list(&frame["consistent"])) {
             assert_eq!(*got, want.as_bool().unwrap());
         }

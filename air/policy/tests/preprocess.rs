@@ -109,8 +109,9 @@ proptest! {
 
     #[test]
     fn any_image_gives_what_the_definition_says((width, height, rgb, depth) in images()) {
-        let found = run(width, height, &rgb, &depth);
-        for (i, (&found, needed)) in found.iter().zip(definition(width, height, &rgb, &depth)).enumerate() {
+        let (found, needed) = (run(width, height, &rgb, &depth), definition(width, height, &rgb, &depth));
+        prop_assert_eq!(found.len(), needed.len());
+        for (i, (&found, needed)) in found.iter().zip(needed).enumerate() {
             // Colour is rounded to whole values; a tie may go either way in single precision.
             let tolerance = if i < 3 * WIDTH * HEIGHT { 0.501 / 255.0 } else { 1e-5 };
             prop_assert!((f64::from(found) - needed).abs() < tolerance, "value {i} is {found}, not {needed}");

@@ -24,7 +24,9 @@ fn scenes() -> impl Iterator<Item = Scene> {
         let task = if seed % 3 == 0 { Task::Navigate } else { Task::Track };
         let world = if seed % 2 == 0 { WorldSource::Forest { spacing_m: 4.0 } } else { WorldSource::Buildings };
         let plain = SceneConfig::of_task(task, 5.0, world, Course::Goal, seed);
-        Scene::new(&SceneConfig { moving: 8, ..plain }).unwrap()
+        let scene = Scene::new(&SceneConfig { moving: 8, ..plain }).unwrap();
+        assert_eq!(scene.movers.len(), 8, "seed {seed}");
+        scene
     })
 }
 
@@ -72,7 +74,9 @@ fn nothing_fixed_nor_another_mover_stands_in_its_way() {
 
 #[test]
 fn the_evader_never_meets_one_and_none_comes_near_the_start() {
+    let mut chases = 0;
     for scene in scenes() {
+        chases += usize::from(scene.evader_at(0.0).is_some());
         let start = scene.world.start_world() + Vec3::z();
         for step in -20..3000 {
             let now = 0.02 * f64::from(step);
@@ -84,6 +88,7 @@ fn the_evader_never_meets_one_and_none_comes_near_the_start() {
             }
         }
     }
+    assert_eq!(chases, 16);
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn clearance_is_the_smallest_distance_to_any_part() {
 fn a_step_of_the_clearance_reaches_a_surface_and_no_less_does() {
     let world = forest(&ForestConfig::default(), 3).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(2);
-    let mut checked = 0;
+    let (mut checked, mut straight) = (0, 0);
     while checked < 300 {
         let p = place(&mut rng);
         let d = world.clearance(&p);
@@ -65,9 +65,11 @@ fn a_step_of_the_clearance_reaches_a_surface_and_no_less_does() {
         });
         // Where two parts are equally near the slope is a mixture; elsewhere the nearest point is straight down it.
         if (slope.norm() - 1.0).abs() < 1e-6 {
+            straight += 1;
             assert!(world.clearance(&(p - slope * d)).abs() < 1e-3);
         }
     }
+    assert!(straight > 200, "{straight} of {checked}");
 }
 
 #[test]

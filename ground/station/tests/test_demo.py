@@ -15,6 +15,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 FAKE = ROOT / "tests/browser/fake_vehicle.py"
 SLEEPER = "#!/bin/sh\nexec sleep 600\n"
+OF_TEST = "GOSHAWK_DEMO_OF_TEST"
+"""What a demo and all that it starts carry in their environment."""
 
 
 def stand_ins(folder: Path, *, air: str, sim: str = SLEEPER) -> Path:
@@ -42,20 +44,20 @@ def demo(folder: Path, bin_dir: Path, *arguments: str) -> subprocess.Popen[str]:
         stderr=subprocess.STDOUT,
         text=True,
         cwd=ROOT,
-        env={**os.environ, "COLUMNS": "200"},
+        env={**os.environ, "COLUMNS": "200", OF_TEST: str(folder)},
     )
 
 
-def descendants(needle: str) -> list[int]:
-    found: list[int] = []
+def descendants(folder: Path) -> list[str]:
+    """The command lines of what runs of a test's demo."""
+    found: list[str] = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                command = (entry / "cmdline").read_bytes().decode(errors="replace")
+                if f"{OF_TEST}={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                    found.append((entry / "cmdline").read_bytes().decode(errors="replace"))
             except OSError:
                 continue
-            if needle in command and "--bin-dir" not in command:
-                found.append(int(entry.name))
     return found
 
 
@@ -71,7 +73,7 @@ def test_a_headless_demo_flies_and_succeeds(tmp_path: Path) -> None:
     assert facts["target_path_m"] >= 8.0
     assert facts["collisions"] == 0
     assert facts["planner_hz"] > 50
-    assert not descendants(str(tmp_path))
+    assert not descendants(tmp_path)
 
 
 def test_a_simulator_that_dies_is_a_failure_with_its_last_words(tmp_path: Path) -> None:
@@ -82,25 +84,22 @@ def test_a_simulator_that_dies_is_a_failure_with_its_last_words(tmp_path: Path) 
     assert process.returncode == 1
     assert "sim ended by itself (status 7)" in output
     assert "the world ended" in output
-    assert not descendants(str(tmp_path))
+    assert not descendants(tmp_path)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_demo_leaves_nothing_running(tmp_path: Path, number: signal.Signals) -> None:
-    # The folder's name in the command line is how the children are found.
-    air = f"#!/bin/sh\nexec {sys.executable} {FAKE} --listen $5 --identity $9 --not-ready # {tmp_path}\n"
-    sim = f"#!/bin/sh\nexec sh -c 'sleep 600; : {tmp_path}'\n"
-    process = demo(tmp_path, stand_ins(tmp_path / "bin", air=air, sim=sim), "--headless")
+    sim = "#!/bin/sh\nexec sh -c 'sleep 600; :'\n"
+    process = demo(tmp_path, stand_ins(tmp_path / "bin", air=flying_air("--not-ready"), sim=sim), "--headless")
     deadline = time.monotonic() + 30
-    while not descendants(f": {tmp_path}"):
+    while not all(any(name in command for command in descendants(tmp_path)) for name in ("sleep", FAKE.name)):
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    time.sleep(1.5)
     process.send_signal(number)
     output, _ = process.communicate(timeout=30)
     assert process.returncode == 1, output
     assert "Traceback" not in output
-    assert not descendants(f": {tmp_path}")
+    assert not descendants(tmp_path)
 
 
 def test_missing_binaries_are_one_clear_line(tmp_path: Path) -> None:

@@ -194,6 +194,6 @@ def test_the_shell_completes_commands_and_values(shell: str, words: str, expecte
     assert expected in done.stdout
 
 
-def test_completion_can_be_shown_and_installed() -> None:
+def test_the_help_names_what_shows_and_installs_completion() -> None:
     text = CliRunner().invoke(app, ["--help"]).stdout
     assert "--install-completion" in text and "--show-completion" in text

@@ -15,7 +15,7 @@ from goshawk_ground.link.radio import AutopilotState, Radio
 from goshawk_proto import goshawk_pb2 as pb
 from pymavlink.dialects.v20 import common as mavlink
 
-RECORDED = Path(__file__).resolve().parents[4] / "shared/data/px4-sih-offboard.tlog"
+RECORDED = Path(__file__).resolve().parents[3] / "tests/data/px4-sih-offboard.tlog"
 OFFBOARD = 6 << 16
 """PX4's custom mode."""
 
@@ -139,7 +139,6 @@ def test_a_busy_port_is_said_at_once() -> None:
             Radio(f"udpin:127.0.0.1:{taken.getsockname()[1]}")
 
 
-@pytest.mark.skipif(not RECORDED.exists(), reason="the recorded PX4 log lies beside the repository")
 def test_a_recorded_px4_is_understood() -> None:
     port = udp_port()
     with Radio(f"udpin:127.0.0.1:{port}") as radio, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:

@@ -209,6 +209,7 @@ def test_mirrored_sample_is_the_mirror_image_with_the_same_world(config: Config,
     assert torch.allclose(flipped.target_net_B3[mirrored, 1], -plain.target_net_B3[mirrored, 1], atol=1e-4)
     depth = flipped.rgbd_I4HW[:, 3]
     kept = (depth < 1).flatten(1).any(1)  # not blanked
+    assert (mirrored & kept).any() and (~mirrored & kept).any()
     assert torch.equal(depth[mirrored & kept], plain.rgbd_I4HW[mirrored & kept, 3].flip(-1))
     assert torch.equal(depth[~mirrored & kept], plain.rgbd_I4HW[~mirrored & kept, 3])
 
@@ -243,6 +244,7 @@ def test_decoding_agrees_with_the_shared_vectors(config: Config) -> None:
         end = decoded.end_cam_BN33[0].numpy() @ rotation.T * np.array([1, alpha, alpha**2])[:, None]
         target = decoded.target_cam_BN3[0].numpy() @ rotation.T + lens
         objectness = torch.sigmoid(decoded.objectness_logit_BN[0])
+        assert len(case["candidates_N"]) == len(end)
         for anchor, expected in enumerate(case["candidates_N"]):
             np.testing.assert_allclose(end[anchor, 0] + start, expected["end_pos"], atol=1e-9)
             np.testing.assert_allclose(end[anchor, 1], expected["end_vel"], atol=1e-9)

@@ -137,16 +137,19 @@ impl Edit {
 /// Runs `test` on seeds of `corpus/TARGET`, each as it is and then damaged, until the time is up. An input that panics is
 /// kept in the corpus, as small as bolero could make it; one that ends the process is in `target/tmp/TARGET.last`.
 ///
+/// `test` says for each parser whether it took the bytes. Each must take some seed: damage to what is refused whole shows
+/// nothing.
+///
 /// # Panics
-/// With the test, or without a seed.
-pub fn run(target: &'static str, scratch: &Path, test: impl Fn(&[u8])) {
+/// With the test, without a seed, or with a parser that takes none.
+pub fn run<const PARSERS: usize>(target: &'static str, scratch: &Path, test: impl Fn(&[u8]) -> [bool; PARSERS]) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
     let seeds = seeds(&folder);
     let last = scratch.join(format!("{target}.last"));
     let kept: Mutex<Option<usize>> = Mutex::new(None);
     let once = |bytes: &[u8]| {
         fs::write(&last, bytes).expect("the scratch folder can be written to");
-        if let Err(panic) = catch_unwind(AssertUnwindSafe(|| test(bytes))) {
+        catch_unwind(AssertUnwindSafe(|| test(bytes))).unwrap_or_else(|panic| {
             let mut kept = kept.lock().expect("nothing panics with it");
             if kept.is_none_or(|length| bytes.len() < length) {
                 *kept = Some(bytes.len());
@@ -154,11 +157,12 @@ pub fn run(target: &'static str, scratch: &Path, test: impl Fn(&[u8])) {
                 fs::write(&path, bytes).expect("the corpus can be written to");
                 eprintln!("kept as {}", path.display());
             }
-            resume_unwind(panic);
-        }
+            resume_unwind(panic)
+        })
     };
-    for seed in &seeds {
-        once(seed);
+    let takes: Vec<[bool; PARSERS]> = seeds.iter().map(|seed| once(seed)).collect();
+    for parser in 0..PARSERS {
+        assert!(takes.iter().any(|taken| taken[parser]), "parser {parser} of {target} refuses every seed");
     }
     let once = AssertUnwindSafe(once);
     let seeds = AssertUnwindSafe(seeds);

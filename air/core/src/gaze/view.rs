@@ -88,9 +88,13 @@ mod tests {
         }
 
         #[test]
-        fn any_input_gives_what_was_asked_or_less(bits in prop::array::uniform9(any::<u64>())) {
+        fn whatever_is_disturbed_and_seen_it_gives_what_was_asked_or_less(
+            acc in prop::array::uniform3(-1e3..1e3f64), bits in prop::array::uniform6(any::<u64>())
+        ) {
             let v = |k: usize| Vec3::new(f64::from_bits(bits[k]), f64::from_bits(bits[k + 1]), f64::from_bits(bits[k + 2]));
-            let _ = VIEW.keeping(v(0), v(3), v(6));
+            let acc = Vec3::from(acc);
+            let kept = VIEW.keeping(acc, v(0), v(3));
+            prop_assert!(kept.z == acc.z && kept.xy().norm() <= acc.xy().norm() + 1e-9, "{kept:?} of {acc:?}");
         }
     }
 }

@@ -274,6 +274,7 @@ mod tests {
             (least, followed) = (least.min(truth), followed.min(found));
             assert_eq!(least, followed, "at {way} m");
         }
+        assert!(least < 0.0, "the way meets a tree");
         assert!(measured < 2000, "{measured} measurements");
     }
 }

@@ -64,11 +64,13 @@ def run_demo(options: DemoOptions) -> bool:
     children: list[Child] = []
     link: GroundLink | None = None
     dashboard: LiveDashboard | None = None
-    with _interruptible():
+    with _interruptible() as interrupted:
         try:
             children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
             link = GroundLink(connect=endpoint, identity=identity)
             dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port))
+            if interrupted.is_set():
+                raise _Interrupted
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             summary = _fly(options, link, children, console)
             _report(summary, options, console)
@@ -238,14 +240,16 @@ def _stay(children: list[Child], dashboard: LiveDashboard, console: Console) -> 
 
 
 @contextmanager
-def _interruptible() -> Generator[None]:
-    """SIGINT, SIGTERM and SIGHUP raise _Interrupted inside."""
+def _interruptible() -> Generator[threading.Event]:
+    """SIGINT, SIGTERM and SIGHUP raise _Interrupted inside. The event remembers them: libraries catch everything."""
+    interrupted = threading.Event()
 
     def interrupt(*_: object) -> None:
+        interrupted.set()
         raise _Interrupted
 
     with _handling(interrupt):
-        yield
+        yield interrupted
 
 
 @contextmanager

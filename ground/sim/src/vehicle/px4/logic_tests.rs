@@ -148,7 +148,8 @@ fn a_pilot_takes_over_and_setpoints_do_not_take_it_back() {
         MavMessage::CURRENT_MODE(mode) => Some(mode.custom_mode == mode.intended_custom_mode),
         _ => None,
     });
-    assert!(told.into_iter().all(|same| same));
+    let told: Vec<bool> = told.collect();
+    assert!(!told.is_empty() && told.iter().all(|same| *same), "{told:?}");
 }
 
 #[test]
