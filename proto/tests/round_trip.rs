@@ -35,6 +35,10 @@ fn candidate() -> Candidate {
         objectness: 5.5,
         target_pos_world: vec3f(),
         rejection: Rejection::Invalid.into(),
+        added_obstacle: 8.5,
+        added_mover: 9.5,
+        added_target: 10.5,
+        added_climbing: 11.5,
     }
 }
 
@@ -52,6 +56,10 @@ fn plan() -> Plan {
         candidates: vec![candidate()],
         chosen: Some(110),
     }
+}
+
+fn obstacle_map() -> ObstacleMap {
+    ObstacleMap { seq: 1000, stamp_ns: 2000, origin_world: vec3(), voxel_m: 4.5, voxels: vec![5, 0, 255] }
 }
 
 fn control() -> Control {
@@ -191,6 +199,7 @@ fn controller_input() -> ControllerInput {
         odometry_ns: Some(11_000),
         battery: Some(12.5),
         position: Some(true),
+        imu_ns: Some(14_000),
     }
 }
 
@@ -209,6 +218,7 @@ fn sim_truth() -> SimTruth {
         target_arrived: true,
         target_visible: true,
         moving: vec![sim_box()],
+        acc_world: vec3(),
     }
 }
 
@@ -251,6 +261,8 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("Candidate", candidate()),
         entry("Plan", plan()),
         entry("Control", control()),
+        entry("ObstacleMap", obstacle_map()),
+        entry("Imu", Imu { stamp_ns: 1000, specific_force_body: vec3(), ang_vel_body: vec3() }),
         entry("Target", target()),
         entry("Check", check()),
         entry("Rate", rate()),

@@ -24,7 +24,8 @@ use goshawk_autopilot::wire::encode::Encoder;
 use goshawk_autopilot::{AutopilotLink, LinkConfig, Px4Mode};
 use goshawk_core::planning::room::HEADINGS;
 use goshawk_core::{
-    ANCHORS, Candidate, Command, FlatState, FlightController, Mode, Odometry, Plan, Rot, TargetEstimate, Time, Vec3,
+    ANCHORS, Added, Candidate, Command, FlatState, FlightController, Mode, Odometry, Plan, Rot, TargetEstimate, Time,
+    Vec3,
 };
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::{OdometrySource, Vehicle};
