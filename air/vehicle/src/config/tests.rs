@@ -1,5 +1,6 @@
 use super::*;
 use goshawk_autopilot::{Firmware, Guided, Status};
+use goshawk_core::Extensions;
 
 fn shipped() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml")
@@ -20,7 +21,30 @@ fn every_shipped_vehicle_file_loads() {
     let files = std::fs::read_dir(shipped().parent().unwrap()).unwrap().map(|entry| entry.unwrap().path());
     let of_vehicles = |path: &PathBuf| std::fs::read_to_string(path).unwrap().contains("\n[airframe]");
     let loaded = files.filter(of_vehicles).map(|path| Vehicle::load(&path).unwrap().name).collect::<Vec<_>>();
-    assert_eq!(loaded, ["goshawk"]);
+    assert_eq!(loaded, ["goshawk"; 2], "sim.toml and paper.toml");
+}
+
+#[test]
+fn the_papers_vehicle_differs_from_the_shipped_one_in_its_policy_and_extensions_alone() {
+    let table = |text: &str| toml::from_str::<toml::Table>(text).unwrap();
+    let (ours, paper) =
+        (Vehicle::load(&shipped()).unwrap(), Vehicle::load(&shipped().with_file_name("paper.toml")).unwrap());
+    let without = |text: &str, keys: &[&str]| {
+        let mut table = table(text);
+        keys.iter().for_each(|key| drop(table.remove(*key)));
+        table
+    };
+    let own = ["policy", "tuning"];
+    assert_eq!(without(&ours.text, &own), without(&paper.text, &own));
+    assert_eq!(without(&ours.tuning_text, &[]), without(&paper.tuning_text, &["extensions"]));
+    assert_eq!(ours.tuning().extensions, Extensions::ALL);
+    let switches = &table(&paper.tuning_text)["extensions"];
+    let switches = switches.as_table().unwrap();
+    assert!(switches.values().all(|on| on.as_bool() == Some(false)));
+    let known = format!("{:?}", paper.tuning().extensions).matches("false").count();
+    assert_eq!((switches.len(), known), (18, 18), "all that there are");
+    assert!(paper.model(Task::Navigate).ends_with("paper-navigate.onnx"));
+    assert!(ours.model(Task::Navigate).ends_with("navigate.onnx"));
 }
 
 #[test]

@@ -10,7 +10,7 @@ import typer
 
 from goshawk_train.commands.options import SIMULATOR, HeldOut, JsonFile, Run, Simulator
 from goshawk_train.commands.process import INTERRUPTED, end, ends_in_one_line, start_for_training
-from goshawk_train.config import load_config, replace_training
+from goshawk_train.config import Config, ConfigError, load_config, replace_training
 
 if TYPE_CHECKING:
     from goshawk_train.model.checkpoint import Checkpoint
@@ -69,6 +69,19 @@ def _load(folder: Path) -> tuple[Checkpoint, Policy]:
     network = Policy(saved.config)
     checkpoint.load_weights(network, saved)
     return saved, network
+
+
+def _configuration(config: Config) -> str:
+    """The name of the shipped configuration that a run was made with, whatever its length and threads."""
+    for path in sorted(Path("ground/train/configs").glob("*.toml")):
+        try:
+            shipped = load_config(path)
+        except ConfigError:  # a table of campaigns
+            continue
+        training = config.training
+        if replace_training(shipped, samples=training.samples, threads=training.threads) == config:
+            return f"`{path}`"
+    return "of its own"
 
 
 @app.command(epilog="Example: goshawk train validate --run runs/a --data data/val --json metrics.json")
@@ -156,7 +169,7 @@ def export(
         from goshawk_train.run.validate import Validator
 
         saved = checkpoint.load(run / checkpoint.FILE)
-        trained_as = saved.config.task
+        configuration = _configuration(saved.config)
         if task == "navigate":
             saved = export.for_navigation(saved)
         network = Policy(saved.config)
@@ -170,7 +183,7 @@ def export(
             saved.config,
             agreed["training"],
             validator.evaluate(network),
-            trained_as=trained_as,
+            configuration=configuration,
             frames=len(validator.index_F),
             parameters=parameter_count(network),
             file=out,

@@ -21,18 +21,18 @@ def model_card(
     training: dict[str, Any],
     metrics: dict[str, float],
     *,
-    trained_as: str,
+    configuration: str,
     frames: int,
     parameters: int,
     file: Path,
 ) -> str:
-    """The Markdown that lies beside a shipped policy; `training` is of its contract, `trained_as` the task of the run,
-    `frames` how many held-out ones there are."""
+    """The Markdown that lies beside a shipped policy; `training` is of its contract, `configuration` the name of
+    the run's, `frames` how many held-out ones there are."""
     figures = "\n".join(f"| {name} | {value:.4g} |" for name, value in metrics.items())
     return f"""# Policy `{file.name}`
 
 Task: {config.task}. ResNet-18 with stages of {", ".join(map(str, config.network.channels))} channels,
-{parameters:,} parameters, float32, {file.stat().st_size / 1e6:.1f} MB. Input: RGB-D of
+{parameters:,} parameters, {file.stat().st_size / 1e6:.1f} MB. Input: RGB-D of
 {config.camera.width} x {config.camera.height} and {sum(config.state_sizes.values())} state values
 ({", ".join(config.network.state)}; camera frame). Output: {config.lattice.anchors} anchors of
 {len(config.channel_names)} channels. The contract is in the file's metadata, key `{CONTRACT_KEY}`.
@@ -40,7 +40,7 @@ Task: {config.task}. ResNet-18 with stages of {", ".join(map(str, config.network
 ## Training
 {training["samples"]:,} samples in {training["hours"]:.2f} h on {training["hardware"]}; weight average
 {config.training.ema:g}, seed {training["seed"]}, commit `{training["commit"]}`, configuration
-`ground/train/configs/{trained_as}.toml`. Data set: {training["data"]}.
+{configuration}. Data set: {training["data"]}.
 
 ## Held-out scenes
 {min(config.training.validate_frames, frames)} frames of scenes never trained on, states drawn like the training's.

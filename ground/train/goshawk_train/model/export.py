@@ -24,7 +24,7 @@ from goshawk_train.model.network import TRAJECTORY_CHANNELS, Policy
 OPSET = 18
 AGREEMENT = 1e-4
 """Largest difference allowed between PyTorch and ONNX Runtime, relative where values exceed 1."""
-AGREEMENT_HALF = 3e-2
+AGREEMENT_HALF = 1e-2
 """The same with weights that are kept in half precision."""
 HALVED_FROM = 1024
 """Numbers of a weight that is worth halving."""
