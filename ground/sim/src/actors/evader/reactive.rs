@@ -25,12 +25,14 @@ const CALM_S: f64 = 1.5;
 /// Directions that it considers, and how far it looks into each, m.
 const DIRECTIONS: u32 = 24;
 const LOOKS_M: f64 = 6.0;
-/// A hiding place is at most so far away, m; it stays there for so long, s, and near its end it no longer hides, m.
+/// A hiding place is at most so far away, m; it takes so long to be hidden, and then stands for so long, s.
 const HIDES_WITHIN_M: f64 = 8.0;
-const HIDES_S: f64 = 1.5;
+const HIDES_S: f64 = 3.0;
+const STANDS_S: f64 = 1.0;
+/// So near its end it no longer hides, m.
 const LAST_M: f64 = 10.0;
-/// It is at its hiding place from here on, m.
-const THERE_M: f64 = 0.05;
+/// It stands at its hiding place within this, m.
+const THERE_M: f64 = 0.3;
 /// More clearance than the margin, m: between two samples it may be a little nearer.
 const SPARE_M: f64 = 0.1;
 /// A run that gets nowhere ends after its way at a quarter of its speed, and this, s.
@@ -146,6 +148,9 @@ impl<'a> Reactive<'a> {
             return;
         }
         let seen = self.sees(chaser_world);
+        if matches!(self.doing, Doing::Hide(spot) if !seen && (spot - self.at).norm() < THERE_M) {
+            self.until_s = self.until_s.min(self.next_s + STANDS_S);
+        }
         if self.next_s >= self.until_s {
             (self.doing, self.until_s) = self.choose(chaser_world, seen);
         } else if seen && self.is_found(chaser_world) {
@@ -182,7 +187,7 @@ impl<'a> Reactive<'a> {
         }
         let side = if side { 1.0 } else { -1.0 };
         let to_chaser = direction(&(chaser_world.xy() - self.at));
-        if die > 0.7
+        if die > 0.75
             && self.path_m < self.length_m - LAST_M
             && let Some(spot) = self.hiding_place(chaser_world)
         {
@@ -215,8 +220,7 @@ impl<'a> Reactive<'a> {
             Doing::Run(wanted) => (wanted, self.config.speed_mps),
             Doing::Hide(spot) => {
                 let way = spot - self.at;
-                let left_m = (way.norm() - THERE_M).max(0.0);
-                (direction(&way), self.config.speed_mps.min((self.config.acc_mps2 * left_m).sqrt()))
+                (direction(&way), self.config.speed_mps.min((self.config.acc_mps2 * way.norm()).sqrt()))
             }
         };
         let mut velocities: Vec<(f64, Point)> = (0..DIRECTIONS)
