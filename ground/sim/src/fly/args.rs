@@ -64,11 +64,11 @@ pub struct FlyArgs {
     /// Flights in each cell.
     #[arg(long, value_name = "N", default_value_t = 10)]
     trials: usize,
-    /// Seed of everything, of the range that --seeds names; absent: 1, or the one that nobody chose for a table.
+    /// Seed of everything, of the range that --seeds names; absent: 1, for a table the one that its hashes lead to.
     #[arg(long)]
     seed: Option<u64>,
     /// What the seed is for: tuning, which is any choice of a number, or a table, on which nothing is chosen. A table's seed
-    /// comes of policy, vehicle file and flight code (`goshawk-sim seeds`).
+    /// comes of the hashes of policy, vehicle file and flight code (`goshawk-sim seeds`).
     #[arg(long, value_enum, value_name = "RANGE", default_value = "tuning")]
     seeds: Seeds,
     /// Mean spacings of the trees, m; cells for each.

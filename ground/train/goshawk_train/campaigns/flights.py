@@ -17,18 +17,21 @@ import tomllib
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from goshawk_train.errors import TrainerError
 from goshawk_train.model.card import FLIGHT_MARKS
 
+VEHICLE = "air/vehicles/sim.toml"
+"""What `goshawk-sim` flies unless a row names another."""
 HASHES = {
-    "policy_sha256": "another policy",
-    "vehicle_sha256": "another vehicle file",
-    "flight_code_sha256": "another flight code",
+    "policy_sha256": "policy",
+    "vehicle_sha256": "vehicle file",
+    "flight_code_sha256": "flight code",
 }
-"""What decides a row's flights besides its options, as `goshawk-sim seeds` calls it, and how its change is told."""
+"""What decides a row's flights besides its options, as `goshawk-sim seeds` calls it, and as people do."""
 
 
 class FlightsError(TrainerError):
@@ -65,6 +68,12 @@ class Row:
         """The classical pilot alone navigates without."""
         alone = "classical" in self.options and self.task == "navigate"
         return arguments if alone else [*arguments, "--policy", str(self.policy(models))]
+
+    @property
+    def vehicle(self) -> str:
+        """The vehicle file."""
+        named = [value for option, value in pairwise(self.options) if option == "--vehicle-file"]
+        return named[0] if named else VEHICLE
 
     def policy(self, models: Path) -> Path:
         """The task's."""
@@ -103,11 +112,12 @@ def load(path: Path) -> tuple[int, list[Row]]:
 
 
 @cache
-def present(simulator: Path, policy: Path) -> Mapping[str, Any]:
+def present(simulator: Path, policy: Path, vehicle: str = VEHICLE) -> Mapping[str, Any]:
     """The hashes of today, and `table_seed`, which comes of them."""
     with tempfile.TemporaryDirectory() as scratch:
         found = Path(scratch) / "seeds.json"
-        _run("the hashes", simulator, ["seeds", "--policy", str(policy), "--json", str(found)], quiet=True)
+        files = ["--policy", str(policy), "--vehicle-file", vehicle, "--json", str(found)]
+        _run("the hashes", simulator, ["seeds", *files], quiet=True)
         return json.loads(found.read_text())
 
 
@@ -120,12 +130,14 @@ def kept(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int) 
     now, flown = _identity(row, simulator, models, trials), report.get("flown", {})
     changed = [word for name, word in HASHES.items() if flown.get(name) != now[name]]
     if any(flown.get(name) != now.get(name) for name in ("arguments", "scan")):
-        changed.append("other options")
-    return Kept(row=row, report=report, stale=" and ".join(changed))
+        changed.append("options")
+    if "rule" not in report:
+        changed.append("rule")
+    return Kept(row=row, report=report, stale=", ".join(changed))
 
 
 def _identity(row: Row, simulator: Path, models: Path, trials: int) -> dict[str, Any]:
-    now = present(simulator, row.policy(models))
+    now = present(simulator, row.policy(models), row.vehicle)
     arguments = row.with_policy(row.arguments(trials, None), models)
     scan = {"scan": row.scan} if row.scan else {}
     return {"arguments": arguments, **{name: now[name] for name in HASHES}, **scan}
@@ -134,7 +146,7 @@ def _identity(row: Row, simulator: Path, models: Path, trials: int) -> dict[str,
 def fly_row(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int) -> Kept:
     """Flies a row of the table, with the seed that comes of its hashes."""
     identity = _identity(row, simulator, models, trials)
-    table_seed = present(simulator, row.policy(models))["table_seed"]
+    table_seed = present(simulator, row.policy(models), row.vehicle)["table_seed"]
     return Kept(row=row, report=_fly(row, folder, simulator, identity, table_seed))
 
 
@@ -249,7 +261,7 @@ def _line(kept: Kept, cell: dict[str, Any]) -> str:
     success = f"{cell['successes']} of {trials}" if strict else "–"
     low, high = cell["success_interval"]
     cells = [
-        f"{kept.row.name} (stale: {kept.stale})" if kept.stale else kept.row.name,
+        f"{kept.row.name} (stale: another {kept.stale})" if kept.stale else kept.row.name,
         *(cell["pilot"], f"{cell['speed_mps']:g}"),
         *(number(cell.get("cruise_speed_mps"), 1), number(cell.get("peak_speed_mps"), 1)),
         *(f"{cell['spacing_m']:g}" if cell["world"] == "forest" else "", success),
