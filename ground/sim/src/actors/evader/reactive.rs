@@ -193,8 +193,8 @@ impl<'a> Reactive<'a> {
         {
             return (Doing::Hide(spot), self.next_s + HIDES_S);
         }
-        // Back, past the chaser and beside it; or aside and away.
-        let aside = if die < 0.2 { 0.5 + 0.3 * turn } else { 1.4 + 1.2 * turn };
+        // Back, well beside the chaser; or aside and away.
+        let aside = if die < 0.2 { 0.7 + 0.4 * turn } else { 1.4 + 1.2 * turn };
         (Doing::Run(to_chaser + side * aside), for_s)
     }
 
