@@ -172,7 +172,8 @@ fn several_pilots_fly_the_same_seeds_side_by_side_each_as_alone() {
 
 #[test]
 fn a_cell_says_what_was_asked_what_was_flown_and_what_was_reached() {
-    let report = fly(&campaign(Task::Navigate)).unwrap();
+    let pilots = vec![PilotKind::Classical];
+    let report = fly(&Campaign { pilots, traced: false, ..campaign(Task::Navigate) }).unwrap();
     let text = table(&report);
     assert!(text.contains("cruise speed of 60 %") && text.contains("reached: the same, however slowly"), "{text}");
     for cell in read(&report)["cells"].as_array().unwrap() {
