@@ -93,7 +93,7 @@ impl Identity {
     /// Of this program with a vehicle and a policy.
     #[must_use]
     pub fn new(vehicle: &Vehicle, policy_sha256: Option<String>) -> Self {
-        let vehicle_sha256 = hex(&format!("{}\0{}", vehicle.text, vehicle.tuning_text));
+        let vehicle_sha256 = hex(format!("{}\0{}", vehicle.text, vehicle.tuning_text));
         Self { policy_sha256, vehicle_sha256, flight_code_sha256: FLIGHT_CODE_SHA256 }
     }
 

@@ -155,9 +155,10 @@ impl<'a> Reactive<'a> {
             (self.doing, self.until_s) = self.choose(chaser_world, seen);
         } else if seen && self.is_found(chaser_world) {
             // Round the trunk, as the chaser comes round it.
-            match self.hiding_place(chaser_world) {
-                Some(spot) => self.doing = Doing::Hide(spot),
-                None => (self.doing, self.until_s) = self.choose(chaser_world, seen),
+            if let Some(spot) = self.hiding_place(chaser_world) {
+                self.doing = Doing::Hide(spot);
+            } else {
+                (self.doing, self.until_s) = self.choose(chaser_world, seen);
             }
         }
         self.acc = self.steer();
