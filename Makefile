@@ -104,7 +104,7 @@ chaos: setup ## flights with seeded schedules of faults, every step judged (SEED
 	target/release/goshawk-sim chaos --seed $(SEED) --schedules $(N)
 
 train: $(VENV)/.train build ## data set, training and export of both policies (two and a half hours; goes on where it stopped)
-	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 1
+	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 900000
 	target/release/goshawk-sim dataset --out data/val --scenes 12 --frames 128 --seed 900001
 	$(VENV)/bin/goshawk dataset check data/train --against data/val
 	$(VENV)/bin/goshawk train run --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/track --resume

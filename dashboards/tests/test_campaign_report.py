@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from goshawk_dashboards.report.campaign.data import Campaign, CampaignError, load
+from goshawk_dashboards.report.campaign.data import OUTCOMES, Campaign, CampaignError, load
 from goshawk_dashboards.report.campaign.page import page, wilson
 from goshawk_dashboards.report.campaign.report import CampaignReport, make_campaign_report
 from goshawk_dashboards.report.canvas import write
@@ -119,6 +119,34 @@ def test_a_course_is_named_where_there_are_others(file: Path, tmp_path: Path) ->
     slow, fast = json.loads(file.read_text())["cells"]
     campaign = changed(file, tmp_path, cells=[slow, {**fast, "course": "zigzag"}], paths=[])
     assert [pool.label for pool in campaign.pools] == ["4 m/s · goal", "14 m/s · zigzag"]
+
+
+def test_pilots_on_the_same_seeds_are_told_apart(file: Path, tmp_path: Path) -> None:
+    slow = json.loads(file.read_text())["cells"][0]
+    campaign = changed(file, tmp_path, cells=[slow, {**slow, "cell": 1, "pilot": "classical"}], paths=[])
+    assert [pool.label for pool in campaign.pools] == ["4 m/s · policy", "4 m/s · classical"]
+    assert [pool.cell.place for pool in campaign.pools] == ["3 m, 1 moving", "3 m, 1 moving, classical"]
+    assert "track · policy and classical pilot · forest" in Reader(page(make_campaign_report(campaign))).words
+
+
+def test_every_way_to_fail_is_counted_and_named(file: Path, tmp_path: Path) -> None:
+    cell = json.loads(file.read_text())["cells"][0]
+    flights = [{**cell["flights"][0], "trial": k, "outcome": name} for k, name in enumerate(OUTCOMES)]
+    failed = {name.replace("-", "_"): 1 for name in OUTCOMES[1:]}
+    cells = [{**cell, "flights": flights, "trials": len(OUTCOMES), "successes": 1, "failures": failed, "reached": 4}]
+    text = page(make_campaign_report(changed(file, tmp_path, cells=cells, paths=[])))
+    words = Reader(text).words
+    assert "1 of 8 flights succeeded" in words and "By the lax rule 4 reached their end." in words
+    for why in ("1 fell behind it", "1 had it in view too little", "1 flew too slowly", "reached"):
+        assert why in words
+    assert all(f"<b class='{name}'>{name}</b>" in text for name in OUTCOMES[1:])
+
+
+def test_the_page_says_what_was_flown_and_what_a_success_is(report: CampaignReport, text: str) -> None:
+    words = Reader(text).words
+    for cell in report.campaign.file.cells:
+        assert cell.cruise_speed_mps is not None and f"{cell.cruise_speed_mps:.1f}" in words
+    assert "success: no contact; at the end within 10 m" in words
 
 
 def test_the_interval_is_that_of_the_simulator(report: CampaignReport) -> None:

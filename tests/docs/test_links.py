@@ -168,11 +168,22 @@ def test_the_index_reaches_every_page() -> None:
     assert not [named(page) for page in PAGES if page not in seen]
 
 
-def successes(page: Path, row: str) -> list[str]:
-    """The first numbers of the cells of a table's rows that begin with these words."""
-    lines = [line for line in text(page).splitlines() if line.startswith(f"| {row} |")]
-    assert lines, f"{named(page)}: no row {row}"
-    return [line.split("|")[4].split()[0] for line in lines] if page.name == "RESULTS.md" else lines[0].split("|")[2:-1]
+def reached(row: str) -> list[str]:
+    """How many flights of a row of the results reached their end: the policy's cells, stale ones too."""
+    found: list[str] = []
+    heads: list[str] = []
+    for line in text(ROOT / "ground/train/RESULTS.md").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
+        if cells and not heads:
+            heads = cells
+        elif not cells:
+            heads = []
+        elif cells[0].partition(" (stale")[0] == row:
+            named = dict(zip(heads, cells, strict=True))
+            # Tables from before the strict rule call them successes, and have no pilots.
+            if named.get("pilot", "policy") == "policy":
+                found.append(named.get("reached", named.get("successes", "")).split()[0])
+    return found
 
 
 @pytest.mark.parametrize(
@@ -180,10 +191,10 @@ def successes(page: Path, row: str) -> list[str]:
     [
         ("chasing a target of this speed", "Tracking", range(3, 8)),
         ("the same in gusts of 5 m/s", "Tracking in gusts of 5 m/s", range(3, 8)),
-        ("flying to a goal 40 m ahead at this speed", "Navigation", range(4, 11)),
+        ("flying to a goal 40 m ahead, asked for this speed", "Navigation", range(4, 11)),
     ],
 )
 def test_the_first_pages_figures_are_the_results(in_readme: str, in_results: str, speeds: range) -> None:
-    shown = [cell.strip() for cell in successes(ROOT / "README.md", in_readme)]
-    flown = successes(ROOT / "ground/train/RESULTS.md", in_results)[-len(speeds) :]
-    assert [shown[speed - 3] for speed in speeds] == flown
+    (line,) = (line for line in text(ROOT / "README.md").splitlines() if line.startswith(f"| {in_readme} |"))
+    shown = [cell.strip() for cell in line.split("|")[2:-1]]
+    assert [shown[speed - 3] for speed in speeds] == reached(in_results)[-len(speeds) :]

@@ -55,6 +55,9 @@ class Palette:
     lost: str
     timeout: str
     too_close: str
+    behind: str
+    out_of_view: str
+    slow: str
 
 
 LIGHT = Palette(
@@ -62,12 +65,14 @@ LIGHT = Palette(
     desired="#d98200", attitude="#d1383c", disturbance="#1c9650", measured="#2878c8",
     east="#2878c8", north="#d1383c", up="#1c9650", vehicle="#2878c8", target="#c4560b",
     solid="#a1978a", success="#2c9c86", collision="#cc4a06", lost="#7a55b5", timeout="#7d8790", too_close="#b8860b",
+    behind="#9c3f86", out_of_view="#3f6fb0", slow="#7a8a1e",
 )  # fmt: skip
 DARK = Palette(
     ink="#e5e9ec", soft="#9aa5af", rule="#46505a", grid="#262d33", paper="#14181b",
     desired="#f5b040", attitude="#f26a6c", disturbance="#4fd08a", measured="#66b2f5",
     east="#66b2f5", north="#f26a6c", up="#4fd08a", vehicle="#66b2f5", target="#f5894a",
     solid="#756c60", success="#3aa990", collision="#f5894a", lost="#b095ea", timeout="#8d98a2", too_close="#e0b13c",
+    behind="#d784c2", out_of_view="#7fa8e0", slow="#b6c455",
 )  # fmt: skip
 _NAMES = [field.name for field in fields(Palette)]
 _PLACEHOLDERS = {name: f"#0102{k:02x}" for k, name in enumerate(_NAMES)}

@@ -13,7 +13,7 @@ use goshawk_policy::{Contract, Policy, PolicyError};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
-use goshawk_sim::trial::{Difference, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
+use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
 use goshawk_vehicle::config::Vehicle;
 
 const FLIGHTS: u64 = 6;
@@ -54,7 +54,9 @@ fn main() -> color_eyre::Result<()> {
             speed_margin_mps: 3.0,
             height_m: 1.5,
             world: WorldSource::Forest { spacing_m: 4.0 },
+            evader: EvaderKind::Planned,
             course: Course::Goal,
+            length_m: 40.0,
             wind_mps: 0.0,
             sensors: Sensors::default(),
             airframe: Difference::default(),

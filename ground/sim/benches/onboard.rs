@@ -27,7 +27,7 @@ use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::sense::rgbd::RgbdImage;
 use goshawk_sim::trial::airframe::Mount;
-use goshawk_sim::trial::{Difference, Pilot, PilotKind, TrialConfig, Witness, WorldSource};
+use goshawk_sim::trial::{Difference, EvaderKind, Pilot, PilotKind, TrialConfig, Witness, WorldSource};
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::sensors;
@@ -79,7 +79,9 @@ fn fly(vehicle: &Vehicle, policy: &mut Policy) -> color_eyre::Result<Flight> {
         speed_margin_mps: 3.0,
         height_m: 1.5,
         world: WorldSource::Forest { spacing_m: 4.0 },
+        evader: EvaderKind::Planned,
         course: Course::Goal,
+        length_m: 40.0,
         wind_mps: 0.0,
         sensors: Sensors::default(),
         airframe: Difference::default(),

@@ -6,6 +6,7 @@ use crate::dataset::{DatasetConfig, generate};
 use crate::faults::FaultsArgs;
 use crate::fly::args::FlyArgs;
 use crate::golden::GoldenArgs;
+use crate::seeds::{Seeds, SeedsArgs};
 use crate::serve::ServeArgs;
 use crate::trial::{TrialError, WorldSource};
 use crate::world::cloud;
@@ -41,6 +42,8 @@ pub enum Command {
     Faults(FaultsArgs),
     /// Fly seeded schedules of faults, and judge every step.
     Chaos(ChaosArgs),
+    /// Print which seeds are for what, and which seed a table flies with.
+    Seeds(SeedsArgs),
     /// Write the golden images that a policy must answer before it may fly.
     Golden(GoldenArgs),
     /// Run one world in real time, for an onboard process.
@@ -83,8 +86,8 @@ pub struct DatasetArgs {
     /// Frames in each scene.
     #[arg(long, value_name = "M", default_value_t = 128)]
     frames: usize,
-    /// Seed of everything.
-    #[arg(long, default_value_t = 1)]
+    /// Seed of everything, of the training range (`goshawk-sim seeds`).
+    #[arg(long, default_value_t = 900_000)]
     seed: u64,
     /// Threads; 0: one for each core.
     #[arg(long, default_value_t = 0)]
@@ -103,6 +106,7 @@ impl Cli {
             Command::Fly(args) => args.run(),
             Command::Faults(args) => args.run(),
             Command::Chaos(args) => args.run(),
+            Command::Seeds(args) => args.run(),
             Command::Golden(args) => args.run(),
             Command::Serve(args) => args.run(),
         }
@@ -153,7 +157,7 @@ impl DatasetArgs {
             out: self.out,
             scenes: self.scenes,
             frames: self.frames,
-            seed: self.seed,
+            seed: Seeds::Training.allow(self.seed)?,
             commit: revision(),
         };
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} scenes  {elapsed} (left {eta})")?;

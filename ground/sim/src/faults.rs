@@ -17,8 +17,10 @@ use crate::actors::evader::Course;
 use crate::fly::Campaign;
 use crate::fly::files::Files;
 use crate::fly::progress::Progress;
+use crate::seeds::Seeds;
 use crate::sense::file::SensorArgs;
-use crate::trial::{Difference, Fault, Network, PilotKind, WorldSource};
+use crate::trial::scene::COURSE_M;
+use crate::trial::{Difference, EvaderKind, Fault, Network, PilotKind, WorldSource};
 use report::{Ordinary, Report, Row};
 
 /// Wind and spread of the ordinary campaigns that are not calm, m/s and a share.
@@ -50,7 +52,7 @@ pub struct FaultsArgs {
     /// What is flown with faults: the evader's speed, m/s. To navigate, the vehicle's own.
     #[arg(long, value_name = "V", default_value_t = 4.0)]
     speed: f64,
-    /// Seed of everything.
+    /// Seed of everything, of the tuning range (`goshawk-sim seeds`).
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Mean spacing of the trees, m.
@@ -106,6 +108,7 @@ impl FaultsArgs {
             return Ok(());
         }
         ensure!(self.flights + self.ordinary > 0, "--flights and --ordinary are 0: there is nothing to fly");
+        Seeds::Tuning.allow(self.seed)?;
         let flying = Flying::load(&self.vehicle_file)?;
         let faults = if self.flights == 0 { Vec::new() } else { self.only.clone().unwrap_or_else(Fault::all) };
         let ordinary = self.ordinary_campaigns(&flying)?;
@@ -134,11 +137,13 @@ impl FaultsArgs {
 
     fn campaign(&self, flying: &Flying, task: Task) -> Result<Campaign> {
         Ok(Campaign {
-            pilot: PilotKind::Policy,
+            pilots: vec![PilotKind::Policy],
             task,
             speeds_mps: vec![self.speed],
             worlds: vec![WorldSource::Forest { spacing_m: self.spacing }],
+            evader: EvaderKind::Planned,
             courses: vec![Course::Goal],
+            length_m: COURSE_M,
             trials: self.flights,
             seed: self.seed,
             wind_mps: 0.0,

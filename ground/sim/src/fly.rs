@@ -4,7 +4,9 @@ pub mod args;
 mod contour;
 pub mod failures;
 pub mod files;
+mod help;
 pub mod log;
+mod names;
 pub mod path;
 pub mod pick;
 pub(crate) mod progress;
@@ -25,11 +27,13 @@ use thiserror::Error;
 
 use crate::actors::evader::Course;
 use crate::pilots::fly_trial;
+use crate::seeds::{Identity, Seeds};
 use crate::sense::file::Sensors;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::Mount;
 use crate::trial::{
-    Difference, Fault, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness, WorldSource,
+    Difference, EvaderKind, Fault, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness,
+    WorldSource, rule,
 };
 use files::Files;
 use log::{FlightLog, LogError};
@@ -42,16 +46,20 @@ use trace::Tracer;
 /// What to fly.
 #[derive(Clone, Debug)]
 pub struct Campaign {
-    /// Which software flies.
-    pub pilot: PilotKind,
+    /// Which software flies; cells for each, on the same seeds.
+    pub pilots: Vec<PilotKind>,
     /// Chase or fly to a goal.
     pub task: Task,
     /// A cell for each, m/s.
     pub speeds_mps: Vec<f64>,
     /// And for each world.
     pub worlds: Vec<WorldSource>,
-    /// Track: what the evader runs; a cell for each.
+    /// Track: who runs.
+    pub evader: EvaderKind,
+    /// Track: what a planned evader runs; a cell for each.
     pub courses: Vec<Course>,
+    /// How far ahead the goal is; a reactive evader's whole way, m.
+    pub length_m: f64,
     /// Flights in each cell.
     pub trials: usize,
     /// Everything is drawn from it.
@@ -218,8 +226,10 @@ impl Campaign {
         let cell = |flown: &Vec<Flown>| Cell::of(flown[0].pick.cell, &cells[flown[0].pick.cell], flown);
         Report {
             seed: self.seed,
+            seeds: Seeds::of(self.seed),
             vehicle: vehicle.name.clone(),
-            policy_sha256: None,
+            identity: Identity::new(vehicle, None),
+            rule: rule::words(self.task),
             command: String::new(),
             version: env!("CARGO_PKG_VERSION"),
             image_px: [camera.width, camera.height],
@@ -232,17 +242,23 @@ impl Campaign {
     }
 
     fn cells(&self) -> Vec<CellConfig> {
-        let cell = |speed_mps, world: &WorldSource, course: &Course| CellConfig {
-            pilot: self.pilot,
-            task: self.task,
-            speed_mps,
-            world: world.clone(),
-            course: course.clone(),
-            wind_mps: self.wind_mps,
-            moving: self.moving,
-        };
-        let places = self.worlds.iter().flat_map(|w| self.courses.iter().map(move |c| (w, c)));
-        places.flat_map(|(w, c)| self.speeds_mps.iter().map(move |v| cell(*v, w, c))).collect()
+        let mut cells = Vec::new();
+        for (world, course) in self.worlds.iter().flat_map(|w| self.courses.iter().map(move |c| (w, c))) {
+            for (&speed_mps, &pilot) in self.speeds_mps.iter().flat_map(|v| self.pilots.iter().map(move |p| (v, p))) {
+                cells.push(CellConfig {
+                    pilot,
+                    task: self.task,
+                    speed_mps,
+                    world: world.clone(),
+                    evader: self.evader,
+                    course: course.clone(),
+                    length_m: self.length_m,
+                    wind_mps: self.wind_mps,
+                    moving: self.moving,
+                });
+            }
+        }
+        cells
     }
 
     fn fly(
@@ -260,16 +276,20 @@ impl Campaign {
             speed_margin_mps: self.speed_margin_mps,
             height_m: self.height_m,
             world: cell.world.clone(),
+            evader: cell.evader,
             course: cell.course.clone(),
+            length_m: cell.length_m,
             wind_mps: cell.wind_mps,
             sensors: self.sensors,
             airframe: self.airframe,
             moving: cell.moving,
             fault: self.fault,
-            // The same forests at every speed, so that speeds can be compared.
+            // The same forests at every speed and for every pilot, so that they can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };
-        let network = network.map(|network| network as &mut dyn Network);
+        // The classical pilot needs a policy's eyes to chase, and none to navigate.
+        let flies = cell.pilot == PilotKind::Policy || cell.task == Task::Track;
+        let network = network.filter(|_| flies).map(|network| network as &mut dyn Network);
         let (task, speed_mps, world) = (report::task_name(cell.task), cell.speed_mps, cell.label());
         let mut log = match &self.log {
             Some(logs) => {

@@ -12,6 +12,7 @@ pub mod fly;
 pub mod golden;
 pub mod pilots;
 pub mod render;
+pub mod seeds;
 pub mod sense;
 pub mod serve;
 pub mod trial;

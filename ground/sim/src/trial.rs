@@ -8,6 +8,8 @@ pub mod fault;
 pub mod judge;
 pub(crate) mod lockstep;
 pub mod onboard;
+pub mod rule;
+mod runner;
 pub mod scene;
 
 use goshawk_core::{
@@ -70,6 +72,16 @@ pub enum PilotKind {
     Policy,
     /// The baseline: a map, a search, an optimised spline.
     Classical,
+}
+
+/// Who is chased.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EvaderKind {
+    /// Its run is planned before it begins, and it sees nobody.
+    #[default]
+    Planned,
+    /// It sees the vehicle and gets away from it.
+    Reactive,
 }
 
 /// From the middle of the exposure to the frame's being there for the pilot, s.
@@ -139,8 +151,12 @@ pub struct TrialConfig {
     pub height_m: f64,
     /// Where.
     pub world: WorldSource,
-    /// Track: what the evader runs.
+    /// Track: who runs.
+    pub evader: EvaderKind,
+    /// Track: what a planned evader runs.
     pub course: Course,
+    /// How far ahead the goal is, the evader's or the vehicle's own; a reactive evader's whole way, m.
+    pub length_m: f64,
     /// What the wind's gusts reach, m/s; 0: still air.
     pub wind_mps: f64,
     /// Camera and odometry.
@@ -164,24 +180,30 @@ impl TrialConfig {
     pub fn scene(&self) -> Result<Scene, TrialError> {
         let (world, course) = (self.world.clone(), self.course.clone());
         let config = SceneConfig::of_task(self.task, self.speed_mps, world, course, self.seed);
-        Scene::new(&SceneConfig { moving: self.moving, ..config })
+        Scene::new(&SceneConfig { distance_m: self.length_m, moving: self.moving, ..config })
     }
 }
 
-/// How a flight ended.
+/// How a flight ended, by the strict [`rule`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// The goal was reached, or the evader arrived with the vehicle behind it. After a fault: it is down, by itself or
-    /// by the autopilot.
+    /// The goal was reached, or the evader was followed to its end. After a fault: the vehicle is down, by itself or by
+    /// the autopilot.
     Success,
     /// The vehicle touched something.
     Collision,
-    /// Track: out of sight, too far away, or the mission was given up.
+    /// Track: out of sight or too far away at the end, or the mission was given up.
     Lost,
     /// It took too long. After a fault: it flew on.
     Timeout,
-    /// Track: otherwise a success, but the vehicle came nearer to the target than [`judge::TOO_CLOSE_M`].
+    /// Track: the vehicle came nearer to the target than [`rule::TOO_CLOSE_M`].
     TooClose,
+    /// Track: it was farther than [`rule::FAR_M`] away for longer than [`rule::FAR_S`].
+    Behind,
+    /// Track: too few of the frames show the target, less than [`rule::IN_VIEW`].
+    OutOfView,
+    /// Navigate: the goal was reached, at less than [`rule::SLOW_SHARE`] of the asked speed.
+    Slow,
 }
 
 /// The record of one flight.
@@ -189,6 +211,8 @@ pub enum Outcome {
 pub struct Flight {
     /// How it ended.
     pub outcome: Outcome,
+    /// A success by the lax [`rule`].
+    pub reached: bool,
     /// What was hit.
     pub contact: Option<Contact>,
     /// Where the vehicle was at the end.

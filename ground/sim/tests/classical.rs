@@ -5,7 +5,9 @@ use goshawk_core::Task;
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
-use goshawk_sim::trial::{Difference, Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource};
+use goshawk_sim::trial::{
+    Difference, EvaderKind, Flight, Outcome, PilotKind, TrialConfig, TrialError, Unwatched, WorldSource,
+};
 use goshawk_vehicle::config::Vehicle;
 use std::path::Path;
 
@@ -18,7 +20,9 @@ fn fly(task: Task) -> Result<Flight, TrialError> {
         speed_margin_mps: 3.0,
         height_m: 1.5,
         world: WorldSource::Forest { spacing_m: 6.0 },
+        evader: EvaderKind::Planned,
         course: Course::Goal,
+        length_m: 40.0,
         wind_mps: 1.0,
         sensors: Sensors::default(),
         airframe: Difference::default(),

@@ -13,7 +13,7 @@ use goshawk_sim::fly::failures::failures;
 use goshawk_sim::fly::report::Report;
 use goshawk_sim::fly::{Campaign, CampaignError, Pick, table};
 use goshawk_sim::sense::file::Sensors;
-use goshawk_sim::trial::{Difference, Network, PilotKind, WorldSource};
+use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, WorldSource};
 use goshawk_vehicle::config::Vehicle;
 use serde_json::Value;
 
@@ -64,11 +64,13 @@ impl Network for Straight {
 
 fn campaign(task: Task) -> Campaign {
     Campaign {
-        pilot: PilotKind::Policy,
+        pilots: vec![PilotKind::Policy],
         task,
         speeds_mps: vec![4.0, 6.0],
         worlds: vec![WorldSource::Forest { spacing_m: 7.0 }],
+        evader: EvaderKind::Planned,
         courses: vec![Course::Goal],
+        length_m: 40.0,
         sensors: Sensors::default(),
         airframe: Difference::default(),
         moving: 0,
@@ -151,6 +153,86 @@ fn a_navigation_has_a_goal_and_obstacles_but_no_target() {
         assert_eq!(length(&path["map"]["goal_m"]), 2);
         assert!(length(&path["map"]["solids"]) > 0);
     }
+}
+
+#[test]
+fn several_pilots_fly_the_same_seeds_side_by_side_each_as_alone() {
+    let of = |pilots| Campaign { pilots, speeds_mps: vec![4.0], traced: false, ..campaign(Task::Navigate) };
+    let both = fly(&of(vec![PilotKind::Policy, PilotKind::Classical])).unwrap();
+    assert_eq!(both.cells.iter().map(|cell| cell.pilot).collect::<Vec<_>>(), ["policy", "classical"]);
+    let seeds = |cell: usize| both.flown[cell].iter().map(|flown| flown.config.seed).collect::<Vec<_>>();
+    assert_eq!(seeds(0), seeds(1));
+    for (cell, pilot) in [PilotKind::Policy, PilotKind::Classical].into_iter().enumerate() {
+        let alone = fly(&of(vec![pilot])).unwrap();
+        let flights =
+            |report: &Report, cell: usize| report.flown[cell].iter().map(|f| f.flight.clone()).collect::<Vec<_>>();
+        assert_eq!(flights(&both, cell), flights(&alone, 0));
+    }
+}
+
+#[test]
+fn a_cell_says_what_was_asked_what_was_flown_and_what_was_reached() {
+    let pilots = vec![PilotKind::Classical];
+    let report = fly(&Campaign { pilots, traced: false, ..campaign(Task::Navigate) }).unwrap();
+    let text = table(&report);
+    assert!(text.contains("cruise speed of 60 %") && text.contains("reached: the same, however slowly"), "{text}");
+    for cell in read(&report)["cells"].as_array().unwrap() {
+        let (cruise, peak) = (cell["cruise_speed_mps"].as_f64().unwrap(), cell["peak_speed_mps"].as_f64().unwrap());
+        assert!(0.0 < cruise && cruise < peak, "{cruise} of {peak}");
+        let flights = cell["flights"].as_array().unwrap();
+        let reached = flights.iter().filter(|flight| flight["reached"] == true).count() as u64;
+        assert_eq!(cell["reached"].as_u64(), Some(reached));
+        assert!(cell["successes"].as_u64().unwrap() <= reached);
+    }
+}
+
+#[test]
+fn the_goal_is_as_far_ahead_as_is_asked() {
+    let json = read(&fly(&Campaign { length_m: 55.0, trials: 1, ..campaign(Task::Navigate) }).unwrap());
+    let (map, place) = (&json["paths"][0]["map"], |point: &Value| [0, 1].map(|i| point[i].as_f64().unwrap()));
+    let (start, goal) = (place(&map["start_m"]), place(&map["goal_m"]));
+    assert!(((goal[0] - start[0]).hypot(goal[1] - start[1]) - 55.0).abs() < 0.01);
+    assert_eq!(json["cells"][0]["length_m"], 55.0);
+}
+
+#[test]
+fn a_seed_of_another_range_is_refused_in_one_line_that_says_which_to_use() {
+    let track = "fly --task track --speed 3";
+    for (command, wanted) in [
+        (format!("{track} --seed 900001"), "for tuning"),
+        (format!("{track} --seed 11000001"), "--seeds table"),
+        (format!("{track} --seed 5 --seeds table"), "for tables (10000000 to 19999999)"),
+        ("dataset --seed 1".to_owned(), "for training (900000 to 999999)"),
+        ("faults --seed 11000001".to_owned(), "for tuning"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_goshawk-sim"))
+            .args(command.split(' '))
+            .current_dir(ROOT)
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{command}: {said}");
+        assert!(said.starts_with("error: --seed ") && said.contains(wanted), "{command}: {said}");
+    }
+}
+
+#[test]
+fn a_table_flies_with_the_seed_of_its_hashes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (flown, seeds) = (folder.path().join("flown.json"), folder.path().join("seeds.json"));
+    let run = |arguments: &[&str], json: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_goshawk-sim"));
+        let output = command.args(arguments).arg("--json").arg(json).current_dir(ROOT).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        serde_json::from_slice::<Value>(&fs::read(json).unwrap()).unwrap()
+    };
+    let seeds = run(&["seeds"], &seeds);
+    let flown = run(&["fly", "--task", "track", "--speed", "3", "--trials", "1", "--seeds", "table"], &flown);
+    assert_eq!((&flown["seed"], &flown["seeds"]), (&seeds["table_seed"], &Value::from("table")));
+    for hash in ["policy_sha256", "vehicle_sha256", "flight_code_sha256"] {
+        assert_eq!((flown[hash].as_str().unwrap().len(), &flown[hash]), (64, &seeds[hash]));
+    }
+    assert!(flown["command"].as_str().unwrap().ends_with(&format!("--seeds table --seed {}", flown["seed"])));
 }
 
 #[test]

@@ -25,7 +25,6 @@ GOSHAWK = Path(sys.executable).with_name("goshawk")
 
 TABLE = """
 trials = 1
-seed = 3
 
 [[row]]
 name = "Navigation, slow: 6 m/s"
@@ -37,7 +36,7 @@ target = 0.5
 
 SWEEPS = """
 trials = 1
-seed = 3
+seed = 12_000_003
 
 [speeds_mps]
 track = 4
@@ -51,25 +50,88 @@ values = [0, 20]
 """
 
 
+class Table:
+    """A table of one row, flown into a folder, with models of its own."""
+
+    def __init__(self, folder: Path, options: str = "") -> None:
+        self.markdown, self.models = folder / "R.md", shutil.copytree(MODELS, folder / "models")
+        self.kept = folder / "out/navigation-slow-6-m-s.json"
+        (folder / "t.toml").write_text(f"{TABLE}options = [{options}]\n")
+        begin, end = FLIGHT_MARKS
+        self.markdown.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
+        files = ["--table", folder / "t.toml", "--models", self.models, "--out", folder / "out"]
+        self.arguments = ["campaign", "flights", *files, "--markdown", self.markdown, "--simulator", SIMULATOR]
+
+    def fly(self, *arguments: str) -> str:
+        """What is written then."""
+        assert goshawk(*self.arguments, *arguments).exit_code == 0
+        return self.markdown.read_text()
+
+
 def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -> None:
-    table, markdown, out = tmp_path / "t.toml", tmp_path / "R.md", tmp_path / "out"
-    models = shutil.copytree(MODELS, tmp_path / "models")
-    table.write_text(TABLE)
-    begin, end = FLIGHT_MARKS
-    markdown.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
-    arguments = ["campaign", "flights", "--table", str(table), "--models", str(models), "--out", str(out)]
-    arguments += ["--markdown", str(markdown), "--simulator"]
-    assert goshawk(*arguments, SIMULATOR).exit_code == 0
-    text = markdown.read_text()
+    table = Table(tmp_path)
+    text = table.fly()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
-    report = json.loads((out / "navigation-slow-6-m-s.json").read_text())
-    successes = f"{report['cells'][0]['successes']} of 1"
-    assert successes in text
-    assert successes in (models / "navigate.md").read_text()
-    assert (models / "track.md").read_text() == (MODELS / "track.md").read_text()
-    # What was flown is not flown again: no simulator is needed.
-    assert goshawk(*arguments, tmp_path / "none").exit_code == 0
-    assert markdown.read_text() == text
+    flown = table.kept.read_text()
+    report = json.loads(flown)
+    (cell,) = report["cells"]
+    assert f"{cell['successes']} of 1" in text and f"| 6 | {cell['cruise_speed_mps']:.1f} |" in text
+    assert "navigate, success: within 2 m of the goal" in text and "navigate, reached: " in text
+    assert f"{cell['successes']} of 1" in (table.models / "navigate.md").read_text()
+    assert (table.models / "track.md").read_text() == (MODELS / "track.md").read_text()
+    # What was flown is not flown again: its timing is still the same.
+    assert table.fly() == text
+    assert table.kept.read_text() == flown
+
+
+def test_the_tables_seed_is_in_its_range_and_comes_of_the_hashes(tmp_path: Path) -> None:
+    table = Table(tmp_path)
+    table.fly()
+    report, now = json.loads(table.kept.read_text()), flights.present(SIMULATOR, table.models / "navigate.onnx")
+    assert report["seed"] == now["table_seed"] and report["seeds"] == "table"
+    assert all(report["flown"][name] == report[name] == now[name] for name in flights.HASHES)
+
+
+def test_a_row_that_was_flown_with_something_else_is_stale_and_flown_again(tmp_path: Path) -> None:
+    table = Table(tmp_path)
+    assert "| Navigation, slow: 6 m/s | not flown yet | 6 |" in table.fly("--write-only")
+    fresh = table.fly()
+    flown = json.loads(table.kept.read_text())
+    flown["flown"] |= {"flight_code_sha256": "0", "vehicle_sha256": "0"}
+    table.kept.write_text(json.dumps(flown))
+    text = table.fly("--write-only")
+    assert "| Navigation, slow: 6 m/s (stale: another vehicle file, flight code) |" in text
+    assert "met" not in text and "missed" not in text
+    assert table.fly() == fresh
+
+
+def test_a_row_from_before_the_strict_rule_says_only_what_was_reached(tmp_path: Path) -> None:
+    table = Table(tmp_path)
+    table.fly()
+    flown = json.loads(table.kept.read_text())
+    for name in ("reached", "cruise_speed_mps", "peak_speed_mps"):
+        del flown["cells"][0][name]
+    flown["flown"] = {"policy_sha256": "0", "arguments": []}
+    del flown["rule"]
+    table.kept.write_text(json.dumps(flown))
+    text = table.fly("--write-only")
+    of = flown["cells"][0]["successes"]
+    assert f"| policy | 6 | – | – | 6 | – | – |  | {of} of 1 |" in text
+    assert "(stale: another policy, vehicle file, flight code, options, rule)" in text
+
+
+def test_several_pilots_fly_the_same_seeds_and_the_card_has_the_policys(tmp_path: Path) -> None:
+    table = Table(tmp_path, '"--pilot", "policy,classical"')
+    text = table.fly()
+    assert [cell["pilot"] for cell in json.loads(table.kept.read_text())["cells"]] == ["policy", "classical"]
+    assert "6 m/s | policy |" in text and "6 m/s | classical |" in text
+    assert "classical" not in (table.models / "navigate.md").read_text().split(FLIGHT_MARKS[0])[1]
+
+
+def test_a_table_with_a_seed_of_its_own_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "t.toml").write_text("seed = 3\n" + TABLE)
+    with pytest.raises(flights.FlightsError, match="leave out seed"):
+        flights.load(tmp_path / "t.toml")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -83,14 +145,14 @@ def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp
     simulator = None
     while flying.poll() is None and simulator is None:
         time.sleep(0.05)
-        simulator = next((child for child in children(flying.pid) if program(child) == SIMULATOR.name), None)
+        simulator = next((child for child in children(flying.pid) if program(child) == FLYING), None)
     assert simulator is not None, flying.communicate()[1]
     flying.send_signal(number)
     message = flying.communicate(timeout=30)[1]
     assert flying.returncode == 130
     assert message.splitlines()[-1] == "goshawk campaign flights: interrupted; what is finished is kept"
     end = time.monotonic() + 10
-    while program(simulator) == SIMULATOR.name:
+    while program(simulator) == FLYING:
         assert time.monotonic() < end, "the simulator flies on"
         time.sleep(0.05)
 
@@ -99,8 +161,8 @@ def test_a_signal_in_the_middle_of_a_simulators_start_waits_for_it(monkeypatch: 
     started: list[subprocess.Popen[bytes]] = []
     start = subprocess.Popen
 
-    def interrupted(command: list[str]) -> subprocess.Popen[bytes]:
-        child = start(command)
+    def interrupted(command: list[str], stdout: None) -> subprocess.Popen[bytes]:
+        child = start(command, stdout=stdout)
         signal.raise_signal(signal.SIGINT)
         started.append(child)
         return child
@@ -109,8 +171,7 @@ def test_a_signal_in_the_middle_of_a_simulators_start_waits_for_it(monkeypatch: 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):
-            row = flights.Row(name="a", task="track", speeds=[])
-            flights._run(row, Path("/bin/sleep"), ["60"])  # pyright: ignore[reportPrivateUsage]
+            flights._run("a", Path("/bin/sleep"), ["60"])  # pyright: ignore[reportPrivateUsage]
     finally:
         signal.signal(signal.SIGINT, before)
     (child,) = started
@@ -126,12 +187,16 @@ def children(process: int) -> list[int]:
     return found
 
 
-def program(process: int) -> str:
-    """Its name; none: it is over, or dead and nobody has asked."""
+FLYING = [SIMULATOR.name, "fly"]
+
+
+def program(process: int) -> list[str]:
+    """Its name and first argument; none: it is over, or dead and nobody has asked."""
     try:
-        return Path(Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")[0].decode()).name
+        words = Path(f"/proc/{process}/cmdline").read_bytes().decode().split("\0")
+        return [Path(words[0]).name, *words[1:2]]
     except OSError:
-        return ""
+        return []
 
 
 def test_the_robustness_figure_shows_every_sweep(tmp_path: Path) -> None:
@@ -156,11 +221,11 @@ def test_a_sweep_changes_an_option_or_the_sensors() -> None:
 
 
 def test_a_row_in_a_scanned_world_flies_in_the_cloud(tmp_path: Path) -> None:
-    row = flights.Row(name="Scanned", task="navigate", speeds=[5], scan=["--seed", "4", "--spacing", "8"])
-    report = flights.fly(row, tmp_path, SIMULATOR, MODELS, trials=1, seed=3)
+    row = flights.Row(name="Scanned", task="navigate", speeds=[5], scan=["--spacing", "8"])
+    report = flights.fly(row, tmp_path, SIMULATOR, MODELS, trials=1, seed=10_000_003)
     assert report["cells"][0]["world"] == "scan.ply"
     assert report["flown"]["scan"] == row.scan and str(tmp_path) not in json.dumps(report["flown"]["arguments"])
-    assert flights.fly(row, tmp_path, tmp_path / "none", MODELS, trials=1, seed=3) == report
+    assert flights.fly(row, tmp_path, tmp_path / "none", MODELS, trials=1, seed=10_000_003) == report
 
 
 PLAN = """
@@ -169,7 +234,7 @@ samples = 32
 scenes = 2
 frames = 16
 trials = 1
-seed = 3
+seed = 13_000_003
 
 [[campaign]]
 name = "Navigation"

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 import numpy as np
@@ -19,8 +19,11 @@ from goshawk_dashboards.state.views import Array
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
-OUTCOMES = ("success", "collision", "lost", "timeout", "too-close")
+Outcome = Literal["success", "collision", "lost", "timeout", "too-close", "behind", "out-of-view", "slow"]
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 """How a flight can end, in the order of drawing."""
+USUAL = ("goal", "planned", "policy")
+"""Course, evader and pilot that are not worth a word where all cells have them."""
 
 
 class CampaignError(Exception):
@@ -59,7 +62,7 @@ class FlightRow:
     """One flight in short."""
 
     trial: int
-    outcome: Literal["success", "collision", "lost", "timeout", "too-close"]
+    outcome: Outcome
     contact: str | None
     flown_s: float
     end_pos_m: Triple
@@ -88,14 +91,22 @@ class Cell:
     pilot: str
     task: str
     speed_mps: float
+    """What was asked for."""
+    cruise_speed_mps: float | None = None
+    """What was flown between the ends of the course; None: no flight came so far, or the file is older."""
+    peak_speed_mps: float | None = None
     spacing_m: float
     world: str
+    evader: str | None = None
     course: str | None = None
+    length_m: float | None = None
     wind_mps: float
     moving: int
     trials: int
     successes: int
     success_interval: Pair
+    reached: int | None = None
+    """Successes by the lax rule; None: the file is older than the strict one, and its successes are these."""
     failures: dict[str, int]
     contacts: dict[str, int]
     clearance_m: Quantiles
@@ -111,14 +122,15 @@ class Cell:
 
     @property
     def parts(self) -> list[str]:
-        """Of its place: "4 m" between trees or "buildings", "goal" or "zigzag", "8 moving"."""
+        """Of its place: "4 m" between trees or "buildings", "goal" or "zigzag", who ran, "8 moving", who flew."""
         world = f"{self.spacing_m:g} m" if self.world == "forest" else self.world
-        return [part for part in (world, self.course, f"{self.moving} moving" if self.moving else "") if part]
+        moving = f"{self.moving} moving" if self.moving else ""
+        return [part for part in (world, self.course, self.evader, moving, self.pilot) if part]
 
     @property
     def place(self) -> str:
-        """ "4 m, zigzag, 8 moving"; a target that simply runs to its goal is not worth a word."""
-        return ", ".join(part for part in self.parts if part != "goal")
+        """ "4 m, zigzag, 8 moving"; what is usual is not worth a word."""
+        return ", ".join(part for part in self.parts if part not in USUAL)
 
     def count(self, outcome: str) -> int:
         """How many flights ended so."""
@@ -195,6 +207,8 @@ class File:
     seed: int
     vehicle: str
     policy_sha256: str | None
+    rule: str = ""
+    """What a success is."""
     command: str = ""
     version: str = ""
     image_px: tuple[int, int] = (160, 96)

@@ -102,8 +102,9 @@ def _runs(kind_S: Array) -> Iterator[tuple[int, int]]:
 
 
 def _end(axes: Axes, palette: Palette, row: FlightRow) -> None:
-    """A tick, a cross, a ring, two or a bar: colour is not all that tells outcomes apart."""
-    marker = {"success": TICK, "collision": "x", "timeout": "_"}.get(row.outcome, "o")
+    """A sign for each: colour is not all that tells outcomes apart."""
+    signs = {"success": TICK, "collision": "x", "timeout": "_", "behind": "s", "out-of-view": "^", "slow": "D"}
+    marker = signs.get(row.outcome, "o")
     color = getattr(palette, row.outcome.replace("-", "_"))
     for size in (11, 5) if row.outcome == "too-close" else (11,):
         axes.plot(*row.end_pos_m[:2], marker=marker, mfc="none", mec=color, mew=2.2, ms=size, zorder=5)

@@ -53,7 +53,7 @@ def success_figure(campaign: Campaign) -> Figure:
         if len(speeds) <= MOST_TICKS:
             axes.set_xticks(speeds, [f"{speed:g}" for speed in speeds])
         axes.set_ylabel("flights that succeeded, %")
-        axes.set_xlabel("target's speed, m/s" if campaign.tracks else "speed, m/s")
+        axes.set_xlabel("target's speed, m/s" if campaign.tracks else "asked speed, m/s")
         legend(axes, 2)
 
     return Figure(

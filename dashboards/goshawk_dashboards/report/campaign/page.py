@@ -15,7 +15,10 @@ from goshawk_dashboards.report.campaign.tables import number
 from goshawk_dashboards.report.canvas import Figure, svg
 from goshawk_dashboards.report.shell import document, panel, table, tiles
 
-WHY = ("collided", "lost the target", "ran out of time", "came too close to the target")
+WHY = (
+    "collided", "lost the target", "ran out of time", "came too close to the target", "fell behind it",
+    "had it in view too little", "flew too slowly",
+)  # fmt: skip
 """The outcomes that are no success, in words."""
 Z = 1.96
 """Of a 95 % interval."""
@@ -73,7 +76,8 @@ def _what(campaign: Campaign) -> str:
         words.append(f"{moving} moving obstacle{'' if moving == '1' else 's'}")
     if any(cell.wind_mps for cell in cells):
         words.append(f"gusts to {listed(lambda c: c.wind_mps)} m/s")
-    pilots = [f"{pilot} pilot" for pilot in dict.fromkeys(cell.pilot for cell in cells) if pilot != "policy"]
+    flew = list(dict.fromkeys(cell.pilot for cell in cells))
+    pilots = [f"{' and '.join(flew)} pilot"] if flew != ["policy"] else []
     tasks = dict.fromkeys(cell.task for cell in cells)
     return " · ".join([*tasks, *pilots, worlds, ", ".join(words)])
 
@@ -83,10 +87,12 @@ def _head(campaign: Campaign) -> str:
     low, high = wilson(successes, trials)
     counts = [sum(cell.count(outcome) for cell in campaign.file.cells) for outcome in OUTCOMES[1:]]
     why = ", ".join(f"{count} {words}" for count, words in zip(counts, WHY, strict=True) if count) or "none failed"
+    known = [cell.reached for cell in campaign.file.cells if cell.reached is not None]
+    lax = f" By the lax rule {sum(known)} reached their end." if known else ""
     return (
         f"<header><p class='soft'>{escape(campaign.name)}: {escape(_what(campaign))}</p>"
         f"<h1>{successes} of {trials} flights succeeded</h1>"
-        f"<p class='soft'>95 % interval {100.0 * low:.0f}–{100.0 * high:.0f} %; {why}.</p></header>"
+        f"<p class='soft'>95 % interval {100.0 * low:.0f}–{100.0 * high:.0f} %; {why}.{lax}</p></header>"
     )
 
 
@@ -160,7 +166,7 @@ def _key(report: CampaignReport) -> str:
         f"<span class='shades'>0 {bar} {report.top_mps:.1f} m/s</span>. {target}"
         "Open ring: the start. Disc: the target at the end, or the goal. "
         "The end: a tick for success, a cross for a collision, a ring for lost, a bar for a timeout, "
-        "two rings for too close. "
+        "two rings for too close, a square for behind, a triangle for out of view, a diamond for slow. "
         "Obstacles are cut at the flight's height, after a collision at that of the contact.</p>"
     )
 
@@ -200,6 +206,8 @@ def _facts(campaign: Campaign) -> str:
         "height": f"{file.height_m:g} m above the start",
         "version": escape(file.version) or "unknown",
     }
+    if file.rule:
+        facts["rule"] = "<br>".join(escape(line) for line in file.rule.splitlines())
     if campaign.tracks:
         facts["desired speed"] = f"the target's and {file.speed_margin_mps:g} m/s"
     rows = "".join(f"<dt>{name}</dt><dd>{value}</dd>" for name, value in facts.items())

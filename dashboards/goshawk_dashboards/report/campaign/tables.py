@@ -50,12 +50,15 @@ def _hits(cell: Cell) -> str:
 
 Column = tuple[str, str, Callable[[Cell], str]]
 _CELL: tuple[Column, ...] = (
-    ("speed", "m/s", lambda c: f"{c.speed_mps:g}"),
+    ("asked", "m/s", lambda c: f"{c.speed_mps:g}"),
+    ("cruise", "m/s", lambda c: number(c.cruise_speed_mps, 1)),
+    ("peak", "m/s", lambda c: number(c.peak_speed_mps, 1)),
     ("place", "", lambda c: c.place),
 )
 _ENDINGS: tuple[Column, ...] = (
     ("success", "", lambda c: f"{c.successes}/{c.trials}"),
     ("95 %", "interval, %", lambda c: _row(*(100.0 * x for x in c.success_interval), digits=0, between="–")),
+    ("reached", "by the lax rule", lambda c: NONE if c.reached is None else f"{c.reached}/{c.trials}"),
     *((name.replace("-", " "), "flights", lambda c, name=name: str(c.count(name))) for name in OUTCOMES[1:]),
     ("touched", "flights", _hits),
 )

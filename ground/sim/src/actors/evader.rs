@@ -1,12 +1,14 @@
 //! The evader: a person who runs through the true map to a goal, is sent elsewhere midway, and never touches a tree.
 //!
 //! The whole run is planned before it begins, from the world and a seed; [`Evader::at`] then only looks it up. The
-//! turn midway is nevertheless a surprise: until it happens the evader runs as if there were none.
+//! turn midway is nevertheless a surprise: until it happens the evader runs as if there were none. Who sees the vehicle and
+//! gets away from it is a [`Reactive`].
 
 mod course;
 mod field;
 mod pace;
 mod path;
+mod reactive;
 #[cfg(test)]
 mod tests;
 
@@ -22,6 +24,7 @@ pub use course::{Course, CourseError};
 use field::{Field, Point, column_clearance};
 use pace::{Knot, Limits, Stand, place, timetable};
 use path::{Path, relax, resample};
+pub use reactive::Reactive;
 
 /// How a person runs.
 #[derive(Clone, Debug, PartialEq)]

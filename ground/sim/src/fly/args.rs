@@ -10,20 +10,23 @@ use goshawk_policy::Policy;
 use goshawk_vehicle::config::Vehicle;
 
 use super::files::Files;
+use super::help::after_help;
 use super::log::header;
 use super::progress::Progress;
 use super::{Campaign, Logs, Pick, failures, pick, table};
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
+use crate::seeds::{Identity, Seeds};
 use crate::sense::file::SensorArgs;
-use crate::trial::{Difference, Fault, Network, PilotKind, WorldSource};
+use crate::trial::scene::COURSE_M;
+use crate::trial::{Difference, EvaderKind, Fault, Network, PilotKind, WorldSource};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TaskName {
     /// Follow the target, a running person.
     Track,
-    /// Fly to a goal 40 m ahead.
+    /// Fly to a goal straight ahead.
     Navigate,
 }
 
@@ -36,44 +39,51 @@ pub enum PilotName {
     Classical,
 }
 
+/// Who is chased.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EvaderName {
+    /// Its run is planned before it begins: it sees nobody.
+    Planned,
+    /// It sees the vehicle, turns, doubles back, and hides behind what stands about.
+    Reactive,
+}
+
 /// Fly campaigns in lockstep and report successes.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  goshawk-sim fly --task track --speed 3,5,7 --trials 100 --seed 1 --spacing 4\n  \
-                  goshawk-sim fly --task navigate --speed 8 --trials 20 --seed 1 --json out.json   # then goshawk \
-                  campaign report out.json\n  \
-                  goshawk-sim fly --task navigate --pilot classical --speed 3,5 --spacing 5\n  \
-                  goshawk-sim fly --task track --speed 5 --moving 8   # eight posts and boxes cross the way\n  \
-                  goshawk-sim fly --task track --speed 3,5,7 --course goal,zigzag,u-turn,square,eight,stop-and-go   # how \
-                  near it comes to who turns on it\n  \
-                  goshawk-sim fly --task track --speed 4 --airframe hover_thrust=0.5 --airframe attitude_lag_s=0.2   # the \
-                  vehicle file is wrong\n  \
-                  goshawk-sim fly --task track --speed 3,5 --seed 3 --only 1:4 --log logs\n\n\
-                  Exit status:\n  0    the campaign was flown, however its flights ended\n  \
-                  1    it could not be flown, or what it found not written\n  2    the command line is wrong\n  \
-                  130  interrupted (143: terminated); what is not whole is removed")]
+#[command(after_help = after_help())]
 pub struct FlyArgs {
     /// What to fly.
     #[arg(long, value_enum)]
     task: TaskName,
-    /// What flies it.
-    #[arg(long, value_enum, default_value = "policy")]
-    pilot: PilotName,
+    /// What flies it; cells for each, on the same seeds.
+    #[arg(long, value_enum, value_name = "PILOT[,…]", value_delimiter = ',', default_value = "policy")]
+    pilot: Vec<PilotName>,
     /// Speeds, m/s: the evader's (track) or the vehicle's (navigate); a cell for each.
     #[arg(long, value_name = "V[,V…]", value_delimiter = ',', required = true, value_parser = positive)]
     speed: Vec<f64>,
     /// Flights in each cell.
     #[arg(long, value_name = "N", default_value_t = 10)]
     trials: usize,
-    /// Seed of everything.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Seed of everything, of the range that --seeds names; absent: 1, for a table the one that its hashes lead to.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// What the seed is for: tuning, which is any choice of a number, or a table, on which nothing is chosen. A table's seed
+    /// comes of the hashes of policy, vehicle file and flight code (`goshawk-sim seeds`).
+    #[arg(long, value_enum, value_name = "RANGE", default_value = "tuning")]
+    seeds: Seeds,
     /// Mean spacings of the trees, m; cells for each.
     #[arg(long, value_name = "M[,M…]", value_delimiter = ',', default_value = "4", value_parser = positive)]
     spacing: Vec<f64>,
     /// The world: forest, buildings, or a point cloud (.ply, .pcd).
     #[arg(long, value_name = "WORLD", default_value = "forest")]
     world: String,
-    /// Track: what the evader runs: goal, eight, zigzag, u-turn, square, stop-and-go, or a CSV file of waypoints (x,y in
+    /// How far ahead the goal is, the evader's or the vehicle's own; a reactive evader's whole way, m.
+    #[arg(long, value_name = "M", default_value_t = COURSE_M, value_parser = course_length)]
+    length: f64,
+    /// Track: who is chased.
+    #[arg(long, value_enum, default_value = "planned")]
+    evader: EvaderName,
+    /// Track: what a planned evader runs: goal, eight, zigzag, u-turn, square, stop-and-go, or a CSV file of waypoints (x,y in
     /// m ahead and left, and stand_s); cells for each.
     #[arg(long, value_name = "COURSE[,…]", value_delimiter = ',', default_value = "goal")]
     course: Vec<String>,
@@ -129,6 +139,15 @@ fn positive(text: &str) -> Result<f64, String> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("{text} is not above 0")) }
 }
 
+fn course_length(text: &str) -> Result<f64, String> {
+    let length_m = positive(text)?;
+    if (10.0..=190.0).contains(&length_m) {
+        Ok(length_m)
+    } else {
+        Err("a course is 10 to 190 m long, within the fence".to_owned())
+    }
+}
+
 impl FlyArgs {
     /// Flies, prints the table, writes the JSON.
     ///
@@ -138,11 +157,15 @@ impl FlyArgs {
         ensure!(self.trials > 0, "--trials is 0: there is nothing to fly");
         ensure!(self.wind.is_finite() && self.wind >= 0.0, "--wind is {}: it must be 0 or more", self.wind);
         ensure!((0.0..=0.3).contains(&self.spread), "--spread is {}: it must be 0 to 0.3", self.spread);
-        let vehicle = Vehicle::load(&self.vehicle_file)?;
         let task = match self.task {
             TaskName::Track => Task::Track,
             TaskName::Navigate => Task::Navigate,
         };
+        self.check_evader(task)?;
+        if let Some(seed) = self.seed {
+            self.seeds.allow(seed)?;
+        }
+        let vehicle = Vehicle::load(&self.vehicle_file)?;
         let mut campaign = self.campaign(task, &vehicle)?;
         // Known now rather than after the policy is loaded and the flights are flown.
         let progress = Progress::new(campaign.picks()?.len())?;
@@ -155,9 +178,8 @@ impl FlyArgs {
         let json = self.json.as_ref().map(begin).transpose()?;
         let model = self.model(&vehicle);
         let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
-        let pilot = campaign.pilot;
         // The classical pilot needs a policy's eyes, but not its way.
-        let needed = pilot == PilotKind::Policy || task == Task::Track;
+        let needed = task == Task::Track || campaign.pilots.contains(&PilotKind::Policy);
         ensure!(needed || self.policy.is_none(), "--pilot classical navigates without a policy: leave out --policy");
         let load = || needed.then(|| Policy::load(&model, library.as_deref(), 1)).transpose();
         let first = load()?;
@@ -170,6 +192,10 @@ impl FlyArgs {
             model.display(),
             super::report::task_name(task)
         );
+        let identity = Identity::new(&vehicle, first.as_ref().map(|policy| policy.sha256().to_owned()));
+        if self.seeds == Seeds::Table && self.seed.is_none() {
+            campaign.seed = identity.table_seed();
+        }
         campaign.log = self.log.clone().map(|folder| Logs {
             folder,
             header: header(&vehicle, first.as_ref()),
@@ -178,8 +204,12 @@ impl FlyArgs {
         let make = || Ok(load()?.map(|policy| Box::new(policy) as Box<dyn Network + Send>));
         let mut report = campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?;
         progress.bar.finish_and_clear();
-        report.policy_sha256 = first.map(|policy| policy.sha256().to_owned());
-        report.command = pick::command(std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()));
+        report.identity = identity;
+        let mut arguments: Vec<String> = std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect();
+        if self.seed.is_none() {
+            arguments.extend(["--seed".to_owned(), report.seed.to_string()]);
+        }
+        report.command = pick::command(arguments);
         if let Some((mut file, unfinished)) = json {
             file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }
@@ -192,16 +222,18 @@ impl FlyArgs {
 
     fn campaign(&self, task: Task, vehicle: &Vehicle) -> Result<Campaign> {
         Ok(Campaign {
-            pilot: match self.pilot {
-                PilotName::Policy => PilotKind::Policy,
-                PilotName::Classical => PilotKind::Classical,
-            },
+            pilots: self.pilots(),
             task,
             speeds_mps: self.speed.clone(),
             worlds: self.worlds()?,
+            evader: match self.evader {
+                EvaderName::Planned => EvaderKind::Planned,
+                EvaderName::Reactive => EvaderKind::Reactive,
+            },
+            length_m: self.length,
             courses: self.course.iter().map(|course| Course::parse(course)).collect::<Result<_, _>>()?,
             trials: self.trials,
-            seed: self.seed,
+            seed: self.seed.unwrap_or(1),
             wind_mps: self.wind,
             speed_margin_mps: self.speed_margin,
             height_m: self.height.or(vehicle.profile(None).map(|p| p.height)).unwrap_or(1.5),
@@ -214,6 +246,31 @@ impl FlyArgs {
             traced: self.json.is_some(),
             log: None,
         })
+    }
+
+    /// Each once, in the order given.
+    fn pilots(&self) -> Vec<PilotKind> {
+        let mut pilots = Vec::new();
+        for name in &self.pilot {
+            let pilot = match name {
+                PilotName::Policy => PilotKind::Policy,
+                PilotName::Classical => PilotKind::Classical,
+            };
+            if !pilots.contains(&pilot) {
+                pilots.push(pilot);
+            }
+        }
+        pilots
+    }
+
+    /// A reactive evader runs where it likes, and looks out for what stands, not for what moves.
+    fn check_evader(&self, task: Task) -> Result<()> {
+        if self.evader == EvaderName::Reactive {
+            ensure!(task == Task::Track, "--evader reactive is for --task track");
+            ensure!(self.course == ["goal"], "--evader reactive runs where it likes: leave out --course");
+            ensure!(self.moving.moving == 0, "--evader reactive does not look out for what moves: leave out --moving");
+        }
+        Ok(())
     }
 
     /// A forest for each spacing, or the one world.

@@ -6,20 +6,27 @@ use std::time::Duration;
 use goshawk_core::Task;
 use serde::Serialize;
 
+pub use super::names::{contact_name, evader_name, outcome_name, pilot_name, task_name};
 use super::stats::{quantile, quantiles, wilson};
 use super::{Flown, Pick};
 use crate::actors::evader::Course;
-use crate::trial::{Contact, Flight, Metrics, Outcome, PilotKind, WorldSource};
+use crate::seeds::{Identity, Seeds};
+use crate::trial::{EvaderKind, Flight, Metrics, Outcome, PilotKind, WorldSource};
 
 /// The whole of it. Everything but `timing` is the same for the same seed, vehicle file and policy.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// The campaign's seed.
     pub seed: u64,
+    /// What it is for.
+    pub seeds: Seeds,
     /// Vehicle's name in its file.
     pub vehicle: String,
-    /// SHA-256 of the policy's file; none for a stand-in.
-    pub policy_sha256: Option<String>,
+    /// What was flown, as SHA-256.
+    #[serde(flatten)]
+    pub identity: Identity,
+    /// What a success is.
+    pub rule: String,
     /// Flies it again.
     pub command: String,
     /// Of this program.
@@ -47,11 +54,19 @@ pub struct Cell {
     pub cell: usize,
     pub pilot: &'static str,
     pub task: &'static str,
+    /// What was asked for.
     pub speed_mps: f64,
+    /// What was flown between the ends of the course; none: no flight came so far.
+    pub cruise_speed_mps: Option<f64>,
+    /// The highest of all flights.
+    pub peak_speed_mps: f64,
     pub spacing_m: f64,
     pub world: String,
-    /// What the target ran; none in navigation.
+    /// Who ran, and what; none in navigation.
+    pub evader: Option<&'static str>,
+    /// See `evader`.
     pub course: Option<String>,
+    pub length_m: f64,
     pub wind_mps: f64,
     /// Moving obstacles in each flight.
     pub moving: usize,
@@ -59,6 +74,8 @@ pub struct Cell {
     pub successes: usize,
     /// 95 % interval of the success rate (Wilson).
     pub success_interval: [f64; 2],
+    /// Successes by the lax rule.
+    pub reached: usize,
     pub failures: Failures,
     /// What was hit, by kind.
     pub contacts: BTreeMap<&'static str, usize>,
@@ -89,8 +106,10 @@ pub struct Failures {
     pub collision: usize,
     pub lost: usize,
     pub timeout: usize,
-    /// Nearer than 1.5 m to the target, and otherwise a success.
     pub too_close: usize,
+    pub behind: usize,
+    pub out_of_view: usize,
+    pub slow: usize,
 }
 
 /// A least distance over some flights, m.
@@ -161,6 +180,8 @@ pub struct Speed {
 pub struct FlightRow {
     pub trial: usize,
     pub outcome: &'static str,
+    /// A success by the lax rule.
+    pub reached: bool,
     pub contact: Option<&'static str>,
     pub flown_s: f64,
     pub end_pos_m: [f64; 3],
@@ -173,6 +194,9 @@ pub struct FlightRow {
     pub min_distance_to_target_m: Option<f64>,
     pub jerk_integral: f64,
     pub flown_speed_mps: Speed,
+    pub cruise_speed_mps: Option<f64>,
+    /// The longest stretch too far from the target, s; none in navigation.
+    pub far_s: Option<f64>,
     /// "12.3 Search: the target has not been seen for too long", one for each change of mode.
     pub modes: Vec<String>,
 }
@@ -194,51 +218,6 @@ impl Timing {
     }
 }
 
-/// The task's name in the report.
-#[must_use]
-pub fn task_name(task: Task) -> &'static str {
-    match task {
-        Task::Track => "track",
-        Task::Navigate => "navigate",
-    }
-}
-
-/// The pilot's name in the report.
-#[must_use]
-pub fn pilot_name(pilot: PilotKind) -> &'static str {
-    match pilot {
-        PilotKind::Policy => "policy",
-        PilotKind::Classical => "classical",
-    }
-}
-
-/// The outcome's name in the report.
-#[must_use]
-pub fn outcome_name(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Success => "success",
-        Outcome::Collision => "collision",
-        Outcome::Lost => "lost",
-        Outcome::Timeout => "timeout",
-        Outcome::TooClose => "too-close",
-    }
-}
-
-/// The contact's name in the report.
-#[must_use]
-pub fn contact_name(contact: Contact) -> &'static str {
-    match contact {
-        Contact::Trunk => "trunk",
-        Contact::Branch => "branch",
-        Contact::Foliage => "foliage",
-        Contact::Building => "building",
-        Contact::Scan => "scan",
-        Contact::Moving => "moving",
-        Contact::Ground => "ground",
-        Contact::Person => "person",
-    }
-}
-
 /// What all flights of a cell have in common.
 #[derive(Clone, Debug)]
 pub struct CellConfig {
@@ -250,8 +229,12 @@ pub struct CellConfig {
     pub speed_mps: f64,
     /// Where.
     pub world: WorldSource,
-    /// Track: what the target runs.
+    /// Track: who runs.
+    pub evader: EvaderKind,
+    /// Track: what a planned evader runs.
     pub course: Course,
+    /// How far ahead the goal is; a reactive evader's whole way, m.
+    pub length_m: f64,
     /// m/s.
     pub wind_mps: f64,
     /// Moving obstacles in each flight.
@@ -259,25 +242,29 @@ pub struct CellConfig {
 }
 
 impl CellConfig {
-    /// World and course in short, as in a file's name: `4m`, `buildings`, `hall.ply`, `4m-zigzag`.
+    /// World, course and pilot in short, as in a file's name: `4m`, `buildings`, `hall.ply`, `4m-zigzag-classical`.
     #[must_use]
     pub fn label(&self) -> String {
         let world = match &self.world {
             WorldSource::Forest { spacing_m } => format!("{spacing_m}m"),
             other => other.name().to_owned(),
         };
-        if self.course == Course::Goal { world } else { format!("{world}-{}", self.course.name()) }
+        let course = (self.course != Course::Goal).then(|| self.course.name());
+        let pilot = (self.pilot != PilotKind::Policy).then(|| pilot_name(self.pilot));
+        [Some(world.as_str()), course, pilot].into_iter().flatten().collect::<Vec<_>>().join("-")
     }
 }
 
 impl Cell {
-    /// The world in short: `4 m`, `buildings`, `hall.ply`; with a course or moving obstacles `4 m, zigzag, 8 moving`.
+    /// The world in short: `4 m`, `buildings`, `hall.ply`; with what else is not usual `4 m, zigzag, 8 moving`.
     #[must_use]
     pub fn place(&self) -> String {
         let world = if self.world == "forest" { format!("{} m", self.spacing_m) } else { self.world.clone() };
         let course = self.course.as_deref().filter(|name| *name != Course::Goal.name());
+        let evader = self.evader.filter(|name| *name != evader_name(EvaderKind::Planned));
         let moving = (self.moving > 0).then(|| format!("{} moving", self.moving));
-        [Some(world), course.map(str::to_owned), moving].into_iter().flatten().collect::<Vec<_>>().join(", ")
+        let parts = [Some(world), course.map(str::to_owned), evader.map(str::to_owned), moving];
+        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 
     /// The summary of a cell's flights, in the order of the trials. `cell`: its place in the campaign.
@@ -304,19 +291,30 @@ impl Cell {
             pilot: pilot_name(config.pilot),
             task: task_name(config.task),
             speed_mps: config.speed_mps,
+            cruise_speed_mps: {
+                let time_s = sum(&|m| m.cruise_s);
+                (time_s > 0.0).then(|| sum(&|m| m.cruise_way_m) / time_s)
+            },
+            peak_speed_mps: flights().map(|f| f.metrics.speed_max_mps).fold(0.0, f64::max),
             spacing_m: config.world.spacing_m(),
             world: config.world.name().to_owned(),
+            evader: tracks.then(|| evader_name(config.evader)),
             course: tracks.then(|| config.course.name().to_owned()),
+            length_m: config.length_m,
             wind_mps: config.wind_mps,
             moving: config.moving,
             trials: flown.len(),
             successes,
             success_interval: wilson(successes, flown.len()),
+            reached: flights().filter(|f| f.reached).count(),
             failures: Failures {
                 collision: count(Outcome::Collision),
                 lost: count(Outcome::Lost),
                 timeout: count(Outcome::Timeout),
                 too_close: count(Outcome::TooClose),
+                behind: count(Outcome::Behind),
+                out_of_view: count(Outcome::OutOfView),
+                slow: count(Outcome::Slow),
             },
             contacts,
             clearance_m: Clearance { min, p5, p50 },
@@ -357,6 +355,7 @@ impl FlightRow {
         Self {
             trial,
             outcome: outcome_name(flight.outcome),
+            reached: flight.reached,
             contact: flight.contact.map(contact_name),
             flown_s: flight.flown_s,
             end_pos_m: flight.end_world.into(),
@@ -368,6 +367,8 @@ impl FlightRow {
             min_distance_to_target_m: m.target_distance_min_m,
             jerk_integral: m.jerk_integral,
             flown_speed_mps: Speed { mean: m.way_m / m.task_s.max(1e-9), max: m.speed_max_mps },
+            cruise_speed_mps: m.cruise_mps(),
+            far_s: tracks.then_some(m.far_s),
             modes: flight.modes.iter().map(|(at, to, cause)| format!("{at:.2} {to:?}: {cause}")).collect(),
         }
     }

@@ -3,6 +3,7 @@
 use goshawk_core::{Plan, TargetEstimate, Time, Vec3};
 
 use super::airframe::BODY_RADIUS_M;
+use super::rule::FAR_M;
 use crate::actors::evader::EvaderState;
 use crate::actors::moving;
 use crate::render::Frame;
@@ -34,10 +35,6 @@ pub enum Contact {
 const PERSON_RADIUS_M: f64 = 0.25;
 const PERSON_LOW_M: f64 = 0.25;
 const PERSON_HIGH_M: f64 = 1.5;
-
-/// Centre to centre, a vehicle that is nearer to the target than this was too close, m: within two strides of an evader,
-/// and a quarter below the least distance that the vehicle file asks for.
-pub const TOO_CLOSE_M: f64 = 1.5;
 
 /// An estimate farther from the truth than this is not the target, m.
 const SAME_TARGET_M: f64 = 2.0;
@@ -74,8 +71,22 @@ pub struct Metrics {
     pub jerk_integral: f64,
     /// Way flown, m.
     pub way_m: f64,
+    /// Of it, that between the ends of the course ([`super::rule::cruise_between`]), m, and the time there, s.
+    pub cruise_way_m: f64,
+    /// See `cruise_way_m`.
+    pub cruise_s: f64,
+    /// The longest stretch farther from the target than [`FAR_M`], s.
+    pub far_s: f64,
     /// Highest speed, m/s.
     pub speed_max_mps: f64,
+}
+
+impl Metrics {
+    /// Way over time between the ends of the course, m/s; none: the flight ended before.
+    #[must_use]
+    pub fn cruise_mps(&self) -> Option<f64> {
+        (self.cruise_s > 0.0).then(|| self.cruise_way_m / self.cruise_s)
+    }
 }
 
 /// Watches a flight.
@@ -87,6 +98,10 @@ pub(super) struct Judge {
     acc_sum: Vec3,
     acc_count: u32,
     acc_last: Option<Vec3>,
+    /// The cruise is over.
+    cruised: bool,
+    /// Farther from the target than [`FAR_M`] for so long now, s.
+    far_s: f64,
 }
 
 /// True places at a frame's exposure.
@@ -210,6 +225,22 @@ impl Judge {
         *least = least.min(distance_m);
     }
 
+    /// How far the target is in the task, m, for another `dt_s`.
+    pub(super) fn pursuit(&mut self, dt_s: f64, distance_m: f64) {
+        self.far_s = if distance_m > FAR_M { self.far_s + dt_s } else { 0.0 };
+        self.metrics.far_s = self.metrics.far_s.max(self.far_s);
+    }
+
+    /// One physics step of the task, `along_m` along the course that is to be cruised from one place to another.
+    pub(super) fn cruise(&mut self, dt_s: f64, speed_mps: f64, along_m: f64, [from_m, to_m]: [f64; 2]) {
+        self.cruised |= along_m >= to_m;
+        // Once it has begun it goes on, also where the vehicle turns back.
+        if !self.cruised && (along_m >= from_m || self.metrics.cruise_s > 0.0) {
+            self.metrics.cruise_way_m += speed_mps * dt_s;
+            self.metrics.cruise_s += dt_s;
+        }
+    }
+
     /// A frame was exposed during the task.
     pub(super) fn frame(&mut self, frame: &Frame, exposure: &Exposure) {
         let m = &mut self.metrics;
@@ -258,6 +289,38 @@ fn believed(estimate: &TargetEstimate) -> bool {
 mod tests {
     use super::*;
     use crate::world::forest::{ForestConfig, forest};
+
+    /// Steps of 10 ms: m along the course, and the speed there.
+    fn cruised(steps: impl Iterator<Item = (f64, f64)>) -> Metrics {
+        let mut judge = Judge::default();
+        steps.for_each(|(along_m, speed_mps)| judge.cruise(0.01, speed_mps, along_m, [15.0, 25.0]));
+        judge.metrics
+    }
+
+    #[test]
+    fn cruise_speed_is_that_between_the_ends_of_the_course() {
+        let flown = cruised((0..1000).map(|i| 0.04 * f64::from(i)).map(|along| {
+            let between = (15.0..25.0).contains(&along);
+            (along, if between { 4.0 } else { 9.0 })
+        }));
+        assert!((flown.cruise_mps().unwrap() - 4.0).abs() < 1e-9 && (flown.cruise_way_m - 10.0).abs() < 0.1);
+        assert_eq!(cruised([(0.0, 4.0), (14.9, 4.0)].into_iter()).cruise_mps(), None);
+    }
+
+    #[test]
+    fn who_turns_back_on_the_course_cruises_on_and_who_returns_from_its_end_does_not() {
+        let flown = cruised([16.0, 14.0, 12.0, 16.0, 24.0, 26.0, 20.0].into_iter().map(|along| (along, 2.0)));
+        assert!((flown.cruise_s - 0.05).abs() < 1e-12, "{flown:?}");
+    }
+
+    #[test]
+    fn only_a_stretch_farther_away_counts_and_the_longest_of_them() {
+        let mut judge = Judge::default();
+        for distance_m in [13.0, 13.0, 11.0, 13.0, 12.0] {
+            judge.pursuit(0.5, distance_m);
+        }
+        assert_eq!(judge.metrics.far_s, 1.0);
+    }
 
     #[test]
     fn following_the_clearance_finds_every_contact_and_the_least_distance() {

@@ -13,8 +13,11 @@ use super::airframe::{Mount, airframe};
 use super::autopilot::Obliging;
 use super::fault::{Falsified, Injection, Tampered, followed};
 use super::judge::{Contact, Follower, Judge, clearance, in_view};
+use super::rule::cruise_between;
+use super::runner::Runner;
 use super::scene::Scene;
-use super::{Flight, Outcome, Pilot, TrialConfig, TrialError, Truth, Witness};
+use super::{Flight, Pilot, TrialConfig, TrialError, Truth, Witness};
+use crate::actors::evader::EvaderState;
 use crate::render::{Frame, Renderer};
 use crate::sense::odometry::Estimator;
 use crate::sense::rgbd::{Sensor, mix};
@@ -35,6 +38,7 @@ const HEAD_START_S: f64 = 0.5;
 const RUNS_ANYWAY_S: f64 = 5.0;
 
 use camera::InFlight;
+use verdict::{Arrived, Ending};
 
 pub(crate) struct Lockstep<'a> {
     config: TrialConfig,
@@ -74,8 +78,13 @@ pub(crate) struct Lockstep<'a> {
     started: Option<Time>,
     up: Option<Time>,
     runs: Option<Time>,
-    /// Track: when the evader arrived, and how the chase was then judged. It stands there a while, and the vehicle by it.
-    arrived: Option<(Time, Outcome)>,
+    /// Track: once the evader arrived. It stands there a while, and the vehicle by it.
+    arrived: Option<Arrived>,
+    /// Track: who runs, and where that is now.
+    runner: Option<Runner<'a>>,
+    evader: Option<EvaderState>,
+    /// Where cruise speed is measured, m along the course.
+    cruise_m: [f64; 2],
 }
 
 impl<'a> Lockstep<'a> {
@@ -89,6 +98,8 @@ impl<'a> Lockstep<'a> {
         let mount = Mount::of(vehicle);
         let parameters = config.airframe.apply(&airframe(vehicle), mix(config.seed, 16));
         let start = scene.vehicle_start(&parameters);
+        let runner = scene.evader.as_ref().map(|evader| Runner::new(config, scene, evader));
+        let way_m = (scene.goal_world - scene.world.start_world()).xy().norm();
         Self {
             config: config.clone(),
             scene,
@@ -123,6 +134,9 @@ impl<'a> Lockstep<'a> {
             up: None,
             runs: None,
             arrived: None,
+            cruise_m: cruise_between(runner.as_ref().map_or(way_m, Runner::length_m)),
+            runner,
+            evader: None,
         }
     }
 
@@ -132,6 +146,8 @@ impl<'a> Lockstep<'a> {
             let now = self.now();
             self.moving = self.scene.moving_at(self.task_for(now));
             self.injection.advance(now, self.task_for(now));
+            let (running_for_s, seen_from) = (self.running_for(now), self.quad.state().pos_world);
+            self.evader = self.runner.as_mut().map(|runner| runner.advance(running_for_s, &seen_from));
             self.sense(now);
             self.see(now, witness)?;
             if self.step.is_multiple_of(self.control_steps) {
@@ -139,12 +155,12 @@ impl<'a> Lockstep<'a> {
             }
             self.move_on(now);
             if self.step.is_multiple_of(TRUTH_STEPS) {
-                witness.truth(now, &self.truth(now, None));
+                witness.truth(now, &self.truth(None));
             }
-            if let Some((outcome, contact)) = self.verdict(now) {
-                witness.truth(now, &self.truth(now, contact));
-                witness.verdict(now, outcome, contact);
-                return Ok(self.flight(now, outcome, contact));
+            if let Some(ending) = self.verdict(now) {
+                witness.truth(now, &self.truth(ending.contact));
+                witness.verdict(now, ending.outcome, ending.contact);
+                return Ok(self.flight(now, ending));
             }
             self.step += 1;
         }
@@ -246,6 +262,7 @@ impl<'a> Lockstep<'a> {
         self.quad.step(STEP_S, demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
         if self.in_task(now) {
             self.judge.physics(STEP_S, self.quad.state());
+            self.judge.cruise(STEP_S, self.quad.state().vel_world.norm(), self.along_m(), self.cruise_m);
         }
         if self.up.is_some() && self.step.is_multiple_of(CLEARANCE_STEPS) {
             let in_task = self.in_task(now);
@@ -254,10 +271,22 @@ impl<'a> Lockstep<'a> {
             if in_task {
                 self.judge.clearance(self.clearance_m);
             }
-            if let Some(evader) = self.scene.evader_at(self.running_for(now)) {
-                self.judge.target_distance((evader.centre_world() - self.quad.state().pos_world).norm());
+            if let Some(evader) = self.evader {
+                let distance_m = (evader.centre_world() - self.quad.state().pos_world).norm();
+                self.judge.target_distance(distance_m);
+                if in_task {
+                    self.judge.pursuit(CLEARANCE_STEPS as f64 * STEP_S, distance_m);
+                }
             }
         }
+    }
+
+    /// How far along the course the flight is, m: the evader's way, or the vehicle's toward its goal.
+    fn along_m(&self) -> f64 {
+        let start = self.scene.world.start_world();
+        let toward = (self.scene.goal_world - start).xy().try_normalize(1e-9);
+        let flown = (self.quad.state().pos_world - start).xy();
+        self.evader.map_or_else(|| toward.map_or(0.0, |toward| flown.dot(&toward)), |evader| evader.path_m)
     }
 
     fn goal_world(&self) -> Vec3 {
@@ -270,11 +299,11 @@ impl<'a> Lockstep<'a> {
         Rot::from_axis_angle(&Vec3::z_axis(), -self.scene.world.start_heading_rad()) * to_goal
     }
 
-    fn truth(&self, now: Time, contact: Option<Contact>) -> Truth<'_> {
+    fn truth(&self, contact: Option<Contact>) -> Truth<'_> {
         let vehicle = self.quad.state();
         Truth {
             vehicle,
-            evader: self.scene.evader_at(self.running_for(now)),
+            evader: self.evader,
             moving: &self.moving,
             clearance_m: clearance(&self.scene.world, &self.moving, &vehicle.pos_world),
             collisions: u32::from(contact.is_some()),
@@ -282,12 +311,13 @@ impl<'a> Lockstep<'a> {
         }
     }
 
-    fn flight(self, now: Time, outcome: Outcome, contact: Option<Contact>) -> Flight {
+    fn flight(self, now: Time, ending: Ending) -> Flight {
         let at = self.quad.state().pos_world;
-        let target = self.scene.evader_at(self.running_for(now)).map_or(self.goal_world(), |e| e.centre_world());
+        let target = self.evader.map_or(self.goal_world(), |e| e.centre_world());
         Flight {
-            outcome,
-            contact,
+            outcome: ending.outcome,
+            reached: ending.reached,
+            contact: ending.contact,
             end_world: at,
             end_distance_m: (target - at).norm(),
             unseen_s: self.judge.unseen_s(now),

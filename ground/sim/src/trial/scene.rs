@@ -114,6 +114,9 @@ fn start_in(world: &World, seed: u64) -> Option<([f64; 2], f64)> {
     })
 }
 
+/// How far ahead a goal is unless something else is asked for, m.
+pub const COURSE_M: f64 = 40.0;
+
 /// What a scene is made from.
 #[derive(Clone, Debug)]
 pub struct SceneConfig {
@@ -134,7 +137,7 @@ impl SceneConfig {
     #[must_use]
     pub fn of_task(task: Task, speed_mps: f64, world: WorldSource, course: Course, seed: u64) -> Self {
         let evader = (task == Task::Track).then_some((course, speed_mps));
-        Self { seed, world, distance_m: 40.0, evader, moving: 0 }
+        Self { seed, world, distance_m: COURSE_M, evader, moving: 0 }
     }
 }
 

@@ -8,7 +8,7 @@ use goshawk_sim::actors::evader::Course;
 pub use goshawk_sim::chaos::standin::{Sectors, contract_json};
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
-use goshawk_sim::trial::{Difference, Flight, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
+use goshawk_sim::trial::{Difference, EvaderKind, Flight, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
 use goshawk_vehicle::config::Vehicle;
 use std::path::Path;
 
@@ -55,7 +55,9 @@ pub fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialCon
         speed_margin_mps: 3.0,
         height_m: 1.5,
         world: WorldSource::Forest { spacing_m },
+        evader: EvaderKind::Planned,
         course: Course::Goal,
+        length_m: 40.0,
         wind_mps: 0.0,
         sensors: Sensors::default(),
         airframe: Difference::default(),

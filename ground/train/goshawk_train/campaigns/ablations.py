@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from goshawk_train.campaigns.flights import FAILURES, FlightsError, Row, fly
+from goshawk_train.campaigns.flights import FlightsError, Row, failures, fly
 from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
 
 MARKS = ("<!-- ablations: begin -->", "<!-- ablations: end -->")
@@ -136,7 +136,7 @@ def carry_out(plan: Plan, change: Change, folder: Path, runs: Path, simulator: P
     if known := kept(plan, change, folder):
         return known
     scenes = change.scenes or plan.scenes
-    data = data_set(simulator, runs / f"data-{scenes}", scenes=scenes, frames=plan.frames, seed=1)
+    data = data_set(simulator, runs / f"data-{scenes}", scenes=scenes, frames=plan.frames, seed=900_000)
     held_out = data_set(simulator, runs / "data-validation", scenes=12, frames=plan.frames, seed=900_001)
     config, out = plan.trained(change), runs / change.slug
     print(f"{change.name}: {out}", flush=True)
@@ -172,7 +172,7 @@ def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
     head = [
         *(f"{cell['task']} {cell['speed_mps']:g} m/s" for cell in cells),
         "all",
-        "collision, lost, timeout, too close",
+        "failures",
         *METRICS,
     ]
     lines = [f"| change | {' | '.join(head)} |", "|---" * (len(head) + 1) + "|"]
@@ -180,8 +180,7 @@ def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
         flown = [f"{cell['successes']}" for cell in result["cells"]]
         total = sum(cell["successes"] for cell in result["cells"])
         trials = sum(cell["trials"] for cell in result["cells"])
-        failures = [sum(cell["failures"].get(reason, 0) for cell in result["cells"]) for reason in FAILURES]
         metrics = [f"{result['metrics'][name]:.3g}" for name in METRICS]
-        row = [*flown, f"{total} of {trials}", ", ".join(map(str, failures)), *metrics]
+        row = [*flown, f"{total} of {trials}", failures(result["cells"]), *metrics]
         lines.append(f"| {change.name} | {' | '.join(row)} |")
     return "\n".join(lines)

@@ -1,8 +1,7 @@
 """The flight table: campaigns listed in a TOML file, flown one after the other, kept as JSON and written as Markdown.
 
-A row that was flown with the same options and policy is not flown again, so that a table of hours can be stopped and
-gone on with. What else decides a flight, the simulator and the vehicle file, it does not compare: delete a row's JSON
-after they changed.
+A row that was flown with the same options, policy, vehicle file and flight code is not flown again, so that a table of
+hours can be stopped and gone on with. Where one of them has changed since, the row is stale, and says so.
 """
 
 from __future__ import annotations
@@ -15,16 +14,24 @@ import signal
 import subprocess
 import tempfile
 import tomllib
-from collections.abc import Generator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from goshawk_train.errors import TrainerError
 from goshawk_train.model.card import FLIGHT_MARKS
 
-# Why a flight failed. A result from before a reason was counted has none of it.
-FAILURES = ("collision", "lost", "timeout", "too_close")
+VEHICLE = "air/vehicles/sim.toml"
+"""What `goshawk-sim` flies unless a row names another."""
+HASHES = {
+    "policy_sha256": "policy",
+    "vehicle_sha256": "vehicle file",
+    "flight_code_sha256": "flight code",
+}
+"""What decides a row's flights besides its options, as `goshawk-sim seeds` calls it, and as people do."""
 
 
 class FlightsError(TrainerError):
@@ -43,66 +50,145 @@ class Row:
     scan: list[str] = field(default_factory=list[str])
     """Options of `goshawk-sim world` whose world is scanned first, for the flights to take place in the point cloud."""
     target: float | None = None
-    """The least share of successes that ACCEPTANCE.md wants."""
+    """The least share of successes that is wanted of the policy."""
+    cruise: float | None = None
+    """The least cruise speed that is wanted of it, as a share of the asked one."""
 
-    def arguments(self, trials: int, seed: int) -> list[str]:
-        """What `goshawk-sim` is called with."""
+    def arguments(self, trials: int, seed: int | None) -> list[str]:
+        """What `goshawk-sim` is called with, without what the seed is for. No seed: it comes of the hashes."""
         out = ["fly", "--task", self.task, "--speed", ",".join(f"{v:g}" for v in self.speeds)]
-        out += ["--trials", str(trials), "--seed", str(seed)]
+        out += ["--trials", str(trials)]
+        if seed is not None:
+            out += ["--seed", str(seed)]
         if self.spacings:
             out += ["--spacing", ",".join(f"{s:g}" for s in self.spacings)]
         return out + self.options
+
+    def with_policy(self, arguments: list[str], models: Path) -> list[str]:
+        """The classical pilot alone navigates without."""
+        alone = "classical" in self.options and self.task == "navigate"
+        return arguments if alone else [*arguments, "--policy", str(self.policy(models))]
+
+    @property
+    def vehicle(self) -> str:
+        """The vehicle file."""
+        named = [value for option, value in pairwise(self.options) if option == "--vehicle-file"]
+        return named[0] if named else VEHICLE
+
+    def policy(self, models: Path) -> Path:
+        """The task's."""
+        return models / f"{self.task}.onnx"
 
     def file(self, folder: Path) -> Path:
         """Where its report is kept."""
         return folder / (re.sub(r"[^a-z0-9.]+", "-", self.name.lower()) + ".json")
 
 
-def load(path: Path) -> tuple[int, int, list[Row]]:
-    """Trials a cell, seed and rows; raises `FlightsError`."""
+@dataclass(frozen=True, kw_only=True)
+class Kept:
+    """A row of the table, and what is known of it."""
+
+    row: Row
+    report: dict[str, Any] | None
+    """None: it was never flown."""
+    stale: str = ""
+    """What is another now than when it was flown; empty: nothing."""
+
+    @property
+    def fresh(self) -> bool:
+        """It need not be flown."""
+        return self.report is not None and not self.stale
+
+
+def load(path: Path) -> tuple[int, list[Row]]:
+    """Trials a cell, and rows; raises `FlightsError`."""
     try:
         table = tomllib.loads(path.read_text())
-        return int(table["trials"]), int(table["seed"]), [Row(**row) for row in table["row"]]
+        if "seed" in table:
+            raise ValueError("its seed comes of policy, vehicle file and flight code: leave out seed")
+        return int(table["trials"]), [Row(**row) for row in table["row"]]
     except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
         raise FlightsError(f"{path} is no flight table: {error}") from error
 
 
+@cache
+def present(simulator: Path, policy: Path, vehicle: str = VEHICLE) -> Mapping[str, Any]:
+    """The hashes of today, and `table_seed`, which comes of them."""
+    with tempfile.TemporaryDirectory() as scratch:
+        found = Path(scratch) / "seeds.json"
+        files = ["--policy", str(policy), "--vehicle-file", vehicle, "--json", str(found)]
+        _run("the hashes", simulator, ["seeds", *files], quiet=True)
+        return json.loads(found.read_text())
+
+
+def kept(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int) -> Kept:
+    """The row as it was flown last, and whether that still holds."""
+    path = row.file(folder)
+    if not path.exists():
+        return Kept(row=row, report=None)
+    report = json.loads(path.read_text())
+    now, flown = _identity(row, simulator, models, trials), report.get("flown", {})
+    changed = [word for name, word in HASHES.items() if flown.get(name) != now[name]]
+    if any(flown.get(name) != now.get(name) for name in ("arguments", "scan")):
+        changed.append("options")
+    if "rule" not in report:
+        changed.append("rule")
+    return Kept(row=row, report=report, stale=", ".join(changed))
+
+
+def _identity(row: Row, simulator: Path, models: Path, trials: int) -> dict[str, Any]:
+    now = present(simulator, row.policy(models), row.vehicle)
+    arguments = row.with_policy(row.arguments(trials, None), models)
+    scan = {"scan": row.scan} if row.scan else {}
+    return {"arguments": arguments, **{name: now[name] for name in HASHES}, **scan}
+
+
+def fly_row(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int) -> Kept:
+    """Flies a row of the table, with the seed that comes of its hashes."""
+    identity = _identity(row, simulator, models, trials)
+    table_seed = present(simulator, row.policy(models), row.vehicle)["table_seed"]
+    return Kept(row=row, report=_fly(row, folder, simulator, identity, table_seed))
+
+
 def fly(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int, seed: int) -> dict[str, Any]:
-    """The row's report; flown unless it is there already."""
-    policy = models / f"{row.task}.onnx"
-    arguments = row.arguments(trials, seed)
-    if "classical" not in arguments or row.task == "track":
-        arguments += ["--policy", str(policy)]
+    """The report of a campaign with a seed of the table's range; flown unless it is there already."""
     identity: dict[str, Any] = {
-        "arguments": arguments,
-        "policy_sha256": hashlib.sha256(policy.read_bytes()).hexdigest(),
+        "arguments": row.with_policy(row.arguments(trials, seed), models),
+        "policy_sha256": hashlib.sha256(row.policy(models).read_bytes()).hexdigest(),
         **({"scan": row.scan} if row.scan else {}),
     }
-    kept = row.file(folder)
-    if kept.exists() and (report := json.loads(kept.read_text())).get("flown") == identity:
+    path = row.file(folder)
+    if path.exists() and (report := json.loads(path.read_text())).get("flown") == identity:
         return report
-    partial = kept.with_suffix(".partial")
+    return _fly(row, folder, simulator, identity, seed)
+
+
+def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed: int) -> dict[str, Any]:
+    path = row.file(folder)
+    partial = path.with_suffix(".partial")
     with tempfile.TemporaryDirectory() as scratch:
         world: list[str] = []
         if row.scan:
             cloud = Path(scratch) / "scan.ply"
-            _run(row, simulator, ["world", *row.scan, "--scan", str(cloud), "--output", str(cloud.with_suffix(".png"))])
+            made = ["--seed", str(seed), "--scan", str(cloud), "--output", str(cloud.with_suffix(".png"))]
+            _run(row.name, simulator, ["world", *row.scan, *made])
             world = ["--world", str(cloud)]
-        _run(row, simulator, [*arguments, *world, "--json", str(partial)])
+        _run(row.name, simulator, [*identity["arguments"], *world, "--seeds", "table", "--json", str(partial)])
     report = {"flown": identity, **json.loads(partial.read_text())}
     # Where each flight went is megabytes; the command is in `flown`, without the scan's passing place.
     for name in ("paths", "command"):
         del report[name]
-    kept.write_text(json.dumps(report, indent=1) + "\n")
+    path.write_text(json.dumps(report, indent=1) + "\n")
     partial.unlink()
     return report
 
 
-def _run(row: Row, simulator: Path, arguments: list[str]) -> None:
+def _run(what: str, simulator: Path, arguments: list[str], *, quiet: bool = False) -> None:
     child: subprocess.Popen[bytes] | None = None
     try:
         with _signals_held():
-            child = subprocess.Popen([str(simulator), *arguments])
+            output = subprocess.DEVNULL if quiet else None
+            child = subprocess.Popen([str(simulator), *arguments], stdout=output)
         status = child.wait()
     except OSError as error:
         raise FlightsError(f"cannot run {simulator}: {error.strerror}; build it with `make build`") from error
@@ -111,7 +197,7 @@ def _run(row: Row, simulator: Path, arguments: list[str]) -> None:
             child.kill()
             child.wait()
     if status:
-        raise FlightsError(f"{row.name}: goshawk-sim ended with {status}; its message is above")
+        raise FlightsError(f"{what}: goshawk-sim ended with {status}; its message is above")
 
 
 @contextlib.contextmanager
@@ -130,42 +216,96 @@ def _signals_held() -> Generator[None]:
         signal.raise_signal(number)
 
 
-def markdown(rows: list[tuple[Row, dict[str, Any]]]) -> str:
-    """The table of all cells."""
-    lines = [
-        "| flight | speed, m/s | spacing, m | successes | 95 % | target | collision, lost, timeout, too close "
-        "| clearance p5, m | flown mean, m/s | in view | lateral, along error 5..95 %, m |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row, report in rows:
-        lines += [_line(row, cell) for cell in report["cells"]]
+COLUMNS = (
+    *(
+        "flight",
+        "pilot",
+        "asked, m/s",
+        "cruise, m/s",
+        "peak, m/s",
+        "spacing, m",
+        "success",
+        "95 %",
+        "target",
+        "reached",
+    ),
+    *("failures", "clearance p5, m", "in view", "lateral, along error 5..95 %, m"),
+)
+
+
+def markdown(table: list[Kept], pilots: tuple[str, ...] = ("policy", "classical")) -> str:
+    """The table of all cells of these pilots, and what a success is."""
+    lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
+    rules: dict[str, str] = {}
+    for kept in table:
+        if kept.report is None:
+            blank = ["not flown yet", f"{', '.join(f'{v:g}' for v in kept.row.speeds)}"]
+            lines.append("| " + " | ".join([kept.row.name, *blank, *[""] * (len(COLUMNS) - 3)]) + " |")
+            continue
+        lines += [_line(kept, cell) for cell in kept.report["cells"] if cell["pilot"] in pilots]
+        if rule := kept.report.get("rule"):
+            rules[kept.row.task] = rule
+    lines += [f"\n{task}, {line}" for task, rule in rules.items() for line in rule.splitlines()]
     return "\n".join(lines)
 
 
-def _line(row: Row, cell: dict[str, Any]) -> str:
+def _line(kept: Kept, cell: dict[str, Any]) -> str:
     def spread(of: dict[str, float]) -> str:
         return f"{of['p5']:.2f} .. {of['p95']:.2f}"
 
-    share, failures, error = cell["successes"] / cell["trials"], cell["failures"], cell["target_error_m"]
-    verdict = "" if row.target is None else f"{row.target:.0%} {'met' if share >= row.target else 'missed'}"
+    def number(value: float | None, digits: int) -> str:
+        return "–" if value is None else f"{value:.{digits}f}"
+
+    error, trials, strict = cell["target_error_m"], cell["trials"], "reached" in cell
+    # Before the strict rule, successes were what is reached now.
+    success = f"{cell['successes']} of {trials}" if strict else "–"
     low, high = cell["success_interval"]
-    view = "" if cell["in_view_fraction"] is None else f"{cell['in_view_fraction']:.0%}"
-    errors = "" if error is None else f"{spread(error['lateral'])}; {spread(error['longitudinal'])}"
-    spacing = f"{cell['spacing_m']:g}" if cell["world"] == "forest" else ""
     cells = [
-        *(row.name, f"{cell['speed_mps']:g}", spacing, f"{cell['successes']} of {cell['trials']}"),
-        *(f"{low:.0%} to {high:.0%}", verdict, ", ".join(str(failures.get(why, 0)) for why in FAILURES)),
-        *(f"{cell['clearance_m']['p5']:.2f}", f"{cell['flown_speed_mps']['mean']:.1f}", view, errors),
+        f"{kept.row.name} (stale: another {kept.stale})" if kept.stale else kept.row.name,
+        *(cell["pilot"], f"{cell['speed_mps']:g}"),
+        *(number(cell.get("cruise_speed_mps"), 1), number(cell.get("peak_speed_mps"), 1)),
+        *(f"{cell['spacing_m']:g}" if cell["world"] == "forest" else "", success),
+        *(f"{low:.0%} to {high:.0%}" if strict else "–", "" if kept.stale else _verdict(kept.row, cell)),
+        f"{cell.get('reached', cell['successes'])} of {trials}",
+        *(failures([cell]), number(cell["clearance_m"]["p5"], 2)),
+        "" if cell["in_view_fraction"] is None else f"{cell['in_view_fraction']:.0%}",
+        "" if error is None else f"{spread(error['lateral'])}; {spread(error['longitudinal'])}",
     ]
     return "| " + " | ".join(cells) + " |"
 
 
-def put_on_card(models: Path, task: str, rows: list[tuple[Row, dict[str, Any]]]) -> None:
+def _verdict(row: Row, cell: dict[str, Any]) -> str:
+    """What is wanted of the policy, and whether it is met."""
+    if cell["pilot"] != "policy":
+        return ""
+
+    def wanted() -> Iterator[str]:
+        if row.target is not None:
+            yield f"{row.target:.0%} {_met(cell['successes'] >= row.target * cell['trials'])}"
+        if row.cruise is not None:
+            least_mps = row.cruise * cell["speed_mps"]
+            yield f"{least_mps:g} m/s {_met((cell['cruise_speed_mps'] or 0) >= least_mps)}"
+
+    return ", ".join(wanted())
+
+
+def _met(met: bool) -> str:
+    return "met" if met else "missed"
+
+
+def failures(cells: list[dict[str, Any]]) -> str:
+    """Why flights failed, and how many did: "collision 2, out of view 1"."""
+    reasons = dict.fromkeys(reason for cell in cells for reason in cell["failures"])
+    counts = {reason: sum(cell["failures"].get(reason, 0) for cell in cells) for reason in reasons}
+    return ", ".join(f"{reason.replace('_', ' ')} {count}" for reason, count in counts.items() if count) or "none"
+
+
+def put_on_card(models: Path, task: str, table: list[Kept]) -> None:
     """Writes what the task's policy flew into its model card, between the marks that `export` put there."""
-    own = [(row, report) for row, report in rows if row.task == task and "classical" not in row.options]
+    own = [kept for kept in table if kept.row.task == task and kept.fresh]
     card = models / f"{task}.md"
     if own and card.exists() and FLIGHT_MARKS[0] in card.read_text():
-        put(card, markdown(own))
+        put(card, markdown(own, ("policy",)))
 
 
 def put(path: Path, table: str, marks: tuple[str, str] = FLIGHT_MARKS) -> None:

@@ -24,18 +24,22 @@ def flights(
     trials: Trials = None,
     out: Annotated[Path, typer.Option(help="Folder of the rows' JSON.")] = Path("ground/train/results"),
     markdown: Markdown = RESULTS,
+    write_only: Annotated[
+        bool, typer.Option("--write-only", help="Write the table from what was flown before; fly nothing.")
+    ] = False,
 ) -> None:
-    """Fly the flight table of RESULTS.md; goes on where it stopped."""
+    """Fly the flight table of RESULTS.md: what was not flown yet, and what is stale; goes on where it stopped."""
     with ends_in_one_line(context):
         from goshawk_train.campaigns import flights
 
-        each, seed, rows = flights.load(table)
+        each, rows = flights.load(table)
         out.mkdir(parents=True, exist_ok=True)
-        flown: list[tuple[Any, dict[str, Any]]] = []
-        for row in rows:
-            report = flights.fly(row, out, simulator, models, trials=trials or each, seed=seed)
-            flown.append((row, report))
-            flights.put(markdown, flights.markdown(flown))
+        flown = [flights.kept(row, out, simulator, models, trials=trials or each) for row in rows]
+        flights.put(markdown, flights.markdown(flown))
+        for place, row in enumerate(rows):
+            if not (flown[place].fresh or write_only):
+                flown[place] = flights.fly_row(row, out, simulator, models, trials=trials or each)
+                flights.put(markdown, flights.markdown(flown))
             flights.put_on_card(models, row.task, flown)
         print(markdown)
 

@@ -102,3 +102,101 @@ fn the_same_seed_runs_the_same_run() {
     assert_eq!(a.at(&world, 4.321), b.at(&world, 4.321));
     assert_ne!(a.at(&world, 4.321), plan(&world, 5.0, 10).at(&world, 4.321));
 }
+
+/// Runs `seed`'s reactive evader at `speed_mps` for up to a minute, chased by whom `chaser` moves: the states every 10 ms.
+fn reactive(
+    world: &World,
+    speed_mps: f64,
+    seed: u64,
+    mut chaser: impl FnMut(&EvaderState) -> Vec3,
+) -> Vec<EvaderState> {
+    let config = EvaderConfig::at_speed(speed_mps);
+    let mut evader = Reactive::new(world, &config, &plan(world, speed_mps, seed), 80.0, seed);
+    let mut states = vec![evader.advance(-1.0, &Vec3::zeros())];
+    while !states[states.len() - 1].arrived && states.len() < 12_000 {
+        let last = states[states.len() - 1];
+        states.push(evader.advance(states.len() as f64 * 0.01, &chaser(&last)));
+    }
+    states
+}
+
+/// Who follows at 3 m behind, 1.5 m up, at up to `speed_mps`.
+fn follower(world: &World, speed_mps: f64) -> impl FnMut(&EvaderState) -> Vec3 {
+    let mut at = world.start_world() + Vec3::new(0.0, 0.0, 1.5);
+    move |target| {
+        let way = target.centre_world() + Vec3::new(0.0, 0.0, 0.6) - at;
+        at += way.cap_magnitude((way.norm() - 3.0).clamp(0.0, 0.01 * speed_mps));
+        at
+    }
+}
+
+#[test]
+fn a_reactive_evader_touches_nothing_and_keeps_its_limits_whoever_chases_it() {
+    for seed in 0..24 {
+        let speed = [3.0, 5.0, 7.0][seed as usize % 3];
+        let world = woods(seed, [3.0, 4.0, 5.0][seed as usize / 3 % 3]);
+        let states = reactive(&world, speed, seed, follower(&world, 8.0));
+        assert!(states[states.len() - 1].arrived, "seed {seed}");
+        for pair in states.windows(2) {
+            let foot = pair[1].pose.foot_world;
+            let clearance = column_clearance(&world, &foot.xy());
+            assert!(clearance >= 0.45, "seed {seed}: {clearance}");
+            assert!(pair[1].vel_world.norm() <= speed + 1e-9, "seed {seed}: {}", pair[1].vel_world);
+            let acc = (pair[1].vel_world - pair[0].vel_world).norm() / 0.01;
+            assert!(acc <= 5.0 + 1e-6, "seed {seed}: {acc}");
+            let moved =
+                (foot - pair[0].pose.foot_world).xy() - 0.5 * (pair[0].vel_world + pair[1].vel_world).xy() * 0.01;
+            assert!(moved.norm() < 1e-3, "seed {seed}: {moved}");
+        }
+    }
+}
+
+#[test]
+fn a_reactive_evader_doubles_back_before_a_chaser_and_runs_on_before_nobody() {
+    let turns = |states: &[EvaderState]| {
+        states.windows(200).any(|w| {
+            let (a, b) = (w[0].vel_world, w[199].vel_world);
+            a.norm() > 2.0 && b.norm() > 2.0 && a.dot(&b) < -0.7 * a.norm() * b.norm()
+        })
+    };
+    let (mut chased, mut alone) = (0, 0);
+    for seed in 0..12 {
+        let world = woods(seed, 4.0);
+        chased += u32::from(turns(&reactive(&world, 5.0, seed, follower(&world, 8.0))));
+        alone += u32::from(turns(&reactive(&world, 5.0, seed, |_| Vec3::new(0.0, 0.0, 1000.0))));
+    }
+    assert!(chased >= 9 && alone <= 3, "of 12, {chased} doubled back before a chaser and {alone} before nobody");
+}
+
+#[test]
+fn a_reactive_evader_stands_hidden_from_a_chaser() {
+    let mut hid = 0;
+    for seed in 0..12 {
+        let world = woods(seed, 4.0);
+        let (mut places, mut chase) = (Vec::new(), follower(&world, 3.0));
+        let states = reactive(&world, 5.0, seed, |state| {
+            places.push(chase(state));
+            places[places.len() - 1]
+        });
+        let hidden: Vec<bool> = (0..places.len())
+            .map(|i| {
+                let state = &states[i + 1];
+                !state.arrived && state.vel_world.norm() < 0.5 && world.occluded(&places[i], &state.centre_world())
+            })
+            .collect();
+        hid += u32::from(hidden.windows(30).any(|w| w.iter().all(|h| *h)));
+    }
+    assert!(hid >= 6, "{hid} of 12 stood hidden for 0.3 s");
+}
+
+#[test]
+fn a_reactive_evader_runs_the_same_way_from_the_same_chaser_and_another_from_another() {
+    let world = woods(3, 4.0);
+    let run = |seed, ahead_m: f64| {
+        let mut chase = follower(&world, 8.0);
+        reactive(&world, 5.0, seed, move |state| chase(state) + Vec3::new(ahead_m, 0.0, 0.0))
+    };
+    assert_eq!(run(9, 0.0), run(9, 0.0));
+    assert_ne!(run(9, 0.0), run(9, 4.0));
+    assert_ne!(run(9, 0.0), run(10, 0.0));
+}

@@ -65,19 +65,21 @@ impl Lockstep<'_> {
         }
     }
 
-    fn exposure(&self, now: Time) -> Exposure {
-        let person = self.scene.person_at(self.running_for(now));
-        Exposure { vehicle_world: self.quad.state().pos_world, target_world: person.map(|p| p.pose.centre_world()) }
+    fn exposure(&self) -> Exposure {
+        Exposure {
+            vehicle_world: self.quad.state().pos_world,
+            target_world: self.evader.map(|evader| evader.centre_world()),
+        }
     }
 
     fn expose(&mut self, now: Time, witness: &mut dyn Witness) {
-        let person = self.scene.person_at(self.running_for(now));
+        let person = self.runner.as_ref().zip(self.evader).map(|(runner, evader)| runner.person(&evader));
         let pose = self.mount.pose(self.quad.state());
         self.renderer.render_with(&self.scene.world, &self.moving, person.as_ref(), &pose, &mut self.frame);
         let motion = self.mount.motion(self.quad.state());
         let mut image = RgbdImage::default();
         self.sensor.capture(&self.frame, &motion, mix(mix(self.config.seed, 13), self.frames), &mut image);
-        let exposure = self.exposure(now);
+        let exposure = self.exposure();
         if self.in_task(now) {
             self.judge.frame(&self.frame, &exposure);
         }
@@ -103,7 +105,7 @@ impl Lockstep<'_> {
         let motion = self.mount.motion(self.quad.state());
         self.sensor.capture(&frame, &motion, mix(mix(self.config.seed, 24), self.second_frames), &mut image);
         let arrival = Arrival { seq: SECOND_SEQ + self.second_frames, stamp: now, source: SOURCE };
-        let exposure = self.exposure(now);
+        let exposure = self.exposure();
         self.pending.push_back(InFlight { arrival, image, exposure, planned: false, plan: None });
     }
 }

@@ -1,0 +1,41 @@
+//! Puts the SHA-256 of the flight code's sources into the binary: campaigns say by it what they were flown with.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use sha2::{Digest, Sha256};
+
+/// What decides a flight besides policy and vehicle file, from the repository's root.
+const FLIGHT_CODE: [&str; 4] = ["air/core/src", "air/policy/src", "ground/sim/src", "ground/sim/sensors"];
+
+fn files(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            files(&path, found)?;
+        } else {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+fn main() -> io::Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut found = Vec::new();
+    for folder in FLIGHT_CODE {
+        println!("cargo:rerun-if-changed={}", root.join(folder).display());
+        files(&root.join(folder), &mut found)?;
+    }
+    found.sort();
+    let mut hash = Sha256::new();
+    for path in found {
+        let contents = fs::read(&path)?;
+        let name = path.strip_prefix(&root).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+        hash.update(format!("{name} {}\n", contents.len()));
+        hash.update(contents);
+    }
+    let hex: String = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    println!("cargo:rustc-env=GOSHAWK_FLIGHT_CODE_SHA256={hex}");
+    Ok(())
+}
