@@ -64,7 +64,9 @@ class _Messages:
             "header": self._header,
             "odometry": self._odometry,
             "control": self._control,
+            "imu": self._imu,
             "plan": self._plan,
+            "map": self._map,
             "target": self._target,
             "sim_truth": self._truth,
             "rgbd": self._rgbd,
@@ -104,9 +106,8 @@ class _Messages:
             ("disturbance", control.acc_disturbance_world_3),
             ("measured", control.acc_meas_world_3),
         ):
-            accel = _type("geometry_msgs/msg/Accel")(linear=_vector(acc_3), angular=_vector(np.zeros(3)))
-            header = _header(control.stamp_ns, frames.WORLD)
-            yield f"/acceleration/{name}", _type("geometry_msgs/msg/AccelStamped")(header=header, accel=accel)
+            if acc_3 is not None:
+                yield f"/acceleration/{name}", _acceleration(control.stamp_ns, acc_3)
         if m.HasField("world_from_body_des"):
             yield (
                 "/setpoint/attitude",
@@ -116,6 +117,44 @@ class _Messages:
                 ),
             )
         yield "/setpoint/thrust", _type("std_msgs/msg/Float64")(data=control.thrust_norm)
+
+    def _imu(self, m: pb.Imu) -> Iterator[Out]:
+        unknown_9 = np.zeros(9)
+        unknown_9[0] = -1.0
+        yield (
+            "/imu",
+            _type("sensor_msgs/msg/Imu")(
+                header=_header(m.stamp_ns, frames.BODY),
+                orientation=_quaternion(_IDENTITY_4),
+                orientation_covariance=unknown_9,
+                angular_velocity=_vector(frames.vec(m.ang_vel_body)),
+                angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=_vector(frames.vec(m.specific_force_body)),
+                linear_acceleration_covariance=np.zeros(9),
+            ),
+        )
+
+    def _map(self, m: pb.ObstacleMap) -> Iterator[Out]:
+        remembered = decode.remembered(m)
+        points_V3 = (remembered.origin_world_3 + remembered.centre_V3).astype("<f4")
+        field = _type("sensor_msgs/msg/PointField")
+        fields = [
+            field(name=axis, offset=4 * k, datatype=field.FLOAT32, count=1) for k, axis in enumerate(("x", "y", "z"))
+        ]
+        yield (
+            "/remembered",
+            _type("sensor_msgs/msg/PointCloud2")(
+                header=_header(m.stamp_ns, frames.WORLD),
+                height=1,
+                width=len(points_V3),
+                fields=fields,
+                is_bigendian=False,
+                point_step=12,
+                row_step=12 * len(points_V3),
+                data=np.frombuffer(points_V3.tobytes(), dtype=np.uint8),
+                is_dense=True,
+            ),
+        )
 
     def _plan(self, m: pb.Plan) -> Iterator[Out]:
         plan = decode.plan(m)
@@ -149,6 +188,8 @@ class _Messages:
         q_4 = frames.quat(m.world_from_body)
         vel_body_3 = frames.rotate_inverse(q_4, frames.vec(m.vel_world))
         yield "/truth/odometry", _odometry(m.stamp_ns, "true_body", frames.vec(m.pos_world), q_4, vel_body_3)
+        if m.HasField("acc_world"):
+            yield "/acceleration/true", _acceleration(m.stamp_ns, frames.vec(m.acc_world))
         yield "/truth/clearance", _type("std_msgs/msg/Float64")(data=m.clearance_m)
         if m.HasField("target_pos_world"):
             pos_3, vel_3 = frames.vec(m.target_pos_world), frames.vec(m.target_vel_world)
@@ -253,6 +294,11 @@ def _transform(stamp_ns: int, parent: str, child: str, pos_3: Array, q_4: Array)
         child_frame_id=child,
         transform=_type("geometry_msgs/msg/Transform")(translation=_vector(pos_3), rotation=_quaternion(q_4)),
     )
+
+
+def _acceleration(stamp_ns: int, acc_3: Array) -> Any:
+    accel = _type("geometry_msgs/msg/Accel")(linear=_vector(acc_3), angular=_vector(np.zeros(3)))
+    return _type("geometry_msgs/msg/AccelStamped")(header=_header(stamp_ns, frames.WORLD), accel=accel)
 
 
 def _odometry(

@@ -28,6 +28,7 @@ WIDTH = 1000.0
 """Of the drawings' own coordinates; the page stretches them."""
 
 DIM = "#8b95a5"
+DASHED = ' stroke-dasharray="4 3"'
 FONT = "font:11px/16px system-ui,sans-serif;font-variant-numeric:tabular-nums"
 _PHASES: dict[str, theme.Rgb] = {
     "on the ground": theme.STALE,
@@ -156,7 +157,7 @@ def _plot_html(plot: Plot, phases: Sequence[Phase], window: Window) -> str:
     low, high = _range(plot, [e for _, e in envelopes])
     lines = "".join(
         f'<path d="{_path(e, window, low, high, height)}" fill="none" stroke="{theme.css(c.rgb)}" stroke-width="1.3" '
-        'stroke-linejoin="round" vector-effect="non-scaling-stroke"/>'
+        f'stroke-linejoin="round" vector-effect="non-scaling-stroke"{DASHED if c.dashed else ""}/>'
         for c, e in envelopes
     )
     zero_y = height * (high / (high - low))
