@@ -103,7 +103,7 @@ def test_the_review_draws_measured_and_true_and_a_gap_after_the_imu_was_lost(fel
 def test_the_review_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:
     plot = north(unfelt)
     assert plot.title.endswith("no IMU")
-    assert [c.label for c in plot.curves] == ["desired", "dist.", "true"]
+    assert [c.label for c in plot.curves] == ["des.", "dist.", "true"]
 
 
 def disturbance(flight: Flight) -> Figure:

@@ -131,7 +131,8 @@ def cursor_html(plots: Sequence[Plot], time_s: float, window: Window) -> str:
 
 
 def _values(plot: Plot, time_s: float) -> str:
-    shown = ((c, c.at(time_s)) for c in plot.curves)
+    # A dashed one lies over another, and there is no room.
+    shown = ((c, c.at(time_s)) for c in plot.curves if not c.dashed)
     return "".join(
         f'<b style="margin-left:8px;font-weight:600;color:{theme.css(c.rgb)}">{v:.{plot.digits}f}</b>'
         for c, v in shown

@@ -163,7 +163,7 @@ def _acceleration(flight: Flight, axis: int, name: str) -> Plot:
         Curve(label=label, rgb=rgb, times_s=own.times_s, values=own[field][:, axis])
         for field, label, rgb in (
             ("acc_meas_world", "measured", theme.MEASURED),
-            ("acc_des_world", "desired", theme.GOOD),
+            ("acc_des_world", "des.", theme.GOOD),
             ("acc_disturbance_world", "dist.", theme.DISTURBANCE),
         )
     ]

@@ -10,7 +10,7 @@ from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
 from goshawk_dashboards.state.views import RememberedView
 
-OPACITY = 0.45
+OPACITY = 0.35
 """The trajectories that a voxel is in the way of are to be seen."""
 
 
