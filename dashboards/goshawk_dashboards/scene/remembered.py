@@ -10,8 +10,8 @@ from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
 from goshawk_dashboards.state.views import RememberedView
 
-OPACITY = 0.35
-"""The trajectories that a voxel is in the way of are to be seen."""
+OPACITY = 0.15
+"""What lies behind many of them is to be seen, too: the viewer may stand among them."""
 
 
 class RememberedScene:
