@@ -10,7 +10,7 @@ from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
 from goshawk_dashboards.state.views import RememberedView
 
-OPACITY = 0.15
+OPACITY = 0.25
 """What lies behind many of them is to be seen, too: the viewer may stand among them."""
 
 
