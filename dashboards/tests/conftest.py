@@ -86,7 +86,7 @@ def snap() -> Callable[..., Snapshot]:
     """A snapshot of a flight, each channel ``age_s`` old; fields may be replaced."""
 
     def make(age_s: float = 0.02, **changes: Any) -> Snapshot:
-        names = ("plan", "control", "target", "health", "preview", "event", "sim_truth")
+        names = ("plan", "map", "control", "target", "health", "preview", "event", "sim_truth")
         whole = Snapshot(
             now_s=100.0,
             vehicle="goshawk",

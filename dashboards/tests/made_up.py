@@ -29,6 +29,7 @@ def make_plan(seq: int = 1, chosen: int | None = 7) -> view.PlanView:
         end_vel_world_N3=np.tile([2.0, 0.0, 0.0], (15, 1)),
         end_acc_world_N3=np.zeros((15, 3)),
         cost_N=np.linspace(1.0, 3.0, 15),
+        added_NP=np.array([[0.3, 0.0, 0.12, 0.0] if k == 6 else [0.0] * 4 for k in range(15)]),
         objectness_N=np.ones(15),
         rejections=tuple(REJECTIONS.get(k, pb.REJECTION_OBJECTNESS) for k in range(15)),
         target_pos_world_N3=None,

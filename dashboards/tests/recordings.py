@@ -66,8 +66,8 @@ def mode_at(time_s: float, duration_s: float) -> pb.Mode:
     return pb.MODE_SEARCH if SEARCH_S <= time_s < FOUND_S else pb.MODE_TRACK
 
 
-def control(time_s: float, seq: int, duration_s: float) -> pb.Control:
-    """A controller step; the plan expires for a moment at 6 s."""
+def control(time_s: float, seq: int, duration_s: float, *, imu: bool = True) -> pb.Control:
+    """A controller step; the plan expires for a moment at 6 s. ``imu``: the autopilot sends one."""
     x, y, z = position(time_s)
     expired = 6.0 <= time_s < 6.2
     return pb.Control(
@@ -81,7 +81,7 @@ def control(time_s: float, seq: int, duration_s: float) -> pb.Control:
         acc_des_world=pb.Vec3(y=-2.0 * math.sin(time_s)),
         acc_att_world=pb.Vec3(),
         acc_disturbance_world=pb.Vec3(z=0.1),
-        acc_meas_world=pb.Vec3(y=-2.0 * math.sin(time_s)),
+        acc_meas_world=pb.Vec3(y=-2.0 * math.sin(time_s)) if imu else None,
         world_from_body_des=pb.Quat(w=1.0),
         thrust_n=8.3,
         thrust_norm=0.25,
@@ -113,11 +113,24 @@ def plan(time_s: float, seq: int, chosen: int = 7) -> pb.Plan:
             end_vel_world=pb.Vec3f(x=3.0),
             end_acc_world=pb.Vec3f(),
             cost=1.0 + 0.1 * abs(k - chosen),
+            added_obstacle=0.25 if k == chosen + 1 else 0.0,
             objectness=0.9 if k == chosen else 0.1,
             target_pos_world=pb.Vec3f(x=x + 6.0, y=y, z=0.95),
             rejection=pb.REJECTION_NONE if k == chosen else pb.REJECTION_COST,
         )
     return message
+
+
+def remembered(time_s: float, seq: int) -> pb.ObstacleMap:
+    """A wall of 2 m 4 m ahead."""
+    x, y, z = position(time_s)
+    return pb.ObstacleMap(
+        seq=seq,
+        stamp_ns=START_NS + round(time_s * 1e9),
+        origin_world=pb.Vec3(x=x + 4.0, y=y - 1.0, z=z - 1.0),
+        voxel_m=0.2,
+        voxels=bytes(n for row in range(10) for up in range(10) for n in (0, row, up)),
+    )
 
 
 def target(time_s: float, seq: int, seen: bool) -> pb.Target:
@@ -142,6 +155,7 @@ def truth(time_s: float, collisions: int = 0) -> pb.SimTruth:
         pos_world=pb.Vec3(x=x, y=y, z=z),
         world_from_body=pb.Quat(w=1.0),
         vel_world=pb.Vec3(x=4.0),
+        acc_world=pb.Vec3(y=-2.0 * math.sin(time_s), z=0.05),
         target_pos_world=pb.Vec3(x=x + 6.1, y=y, z=0.95),
         target_vel_world=pb.Vec3(x=4.0),
         collisions=collisions,
@@ -178,10 +192,12 @@ def write_flight(
     chunk_bytes: int = 1 << 20,
     told: str = "",
     collides_s: float = math.inf,
+    imu_until_s: float = math.inf,
 ) -> Path:
     """A whole flight. A few pictures are made and used again, so that a long log is written in bearable time.
 
-    ``told`` is what the vehicle says as its take-off ends; from ``collides_s`` on the simulator counts a collision.
+    ``told`` is what the vehicle says as its take-off ends; from ``collides_s`` on the simulator counts a collision;
+    after ``imu_until_s`` the autopilot sends no IMU any more.
     """
     log = LogFile(path, chunk_bytes=chunk_bytes)
     noise = np.random.default_rng(1)
@@ -199,7 +215,9 @@ def write_flight(
     for step in range(round(duration_s * CONTROL_HZ)):
         time_s = step / CONTROL_HZ
         stamp_ns = START_NS + round(time_s * 1e9)
-        log.write("control", stamp_ns, control(time_s, step, duration_s))
+        log.write("control", stamp_ns, control(time_s, step, duration_s, imu=time_s < imu_until_s))
+        if step % CONTROL_HZ == 0:
+            log.write("map", stamp_ns, remembered(time_s, step // CONTROL_HZ))
         if step % (CONTROL_HZ // TRUTH_HZ) == 0:
             log.write("sim_truth", stamp_ns, truth(time_s, int(time_s >= collides_s)))
         seq = step * FRAME_HZ // CONTROL_HZ

@@ -45,6 +45,7 @@ def truth(moving: BoxesView) -> TruthView:
         stamp_ns=1,
         pos_world_3=zero_3,
         vel_world_3=zero_3,
+        acc_world_3=np.array([1.0, 2.0, 3.0]),
         target_pos_world_3=zero_3,
         target_vel_world_3=zero_3,
         clearance_m=1.0,

@@ -53,7 +53,7 @@ def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:
     order = [int(part.split('"')[0]) for part in words.split('data-candidate="')[1:]]
     assert order == [7, *[k for k in range(15) if k != 7]]
     assert 'data-candidate="0" data-rejection="objectness"' in words
-    assert "candidate 8: cost 2.14, objectness 1.00, dearer than the one flown" in words
+    assert "candidate 9: cost 2.14, objectness 1.00, dearer than the one flown" in words
 
 
 def test_a_strip_without_a_choice_says_so(snap: Make) -> None:

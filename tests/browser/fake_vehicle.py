@@ -188,6 +188,7 @@ class FakeVehicle:
                     end_vel_world=vecf(2.5 * out),
                     end_acc_world=vecf(np.zeros(3)),
                     cost=0.5 + off + 0.1 * row,
+                    added_obstacle=0.25 if row == 2 else 0.0,
                     objectness=math.exp(-3 * off * off),
                     target_pos_world=vecf(m.target_pos + self.np_rng.normal(0, 0.1, 3)),
                     rejection=pb.REJECTION_OBJECTNESS if off > 0.75 else pb.REJECTION_COST,
@@ -219,6 +220,16 @@ class FakeVehicle:
             plan_age_s=0.02,
             hover_thrust=0.314,
             attitude_lag_s=0.084,
+        )
+
+    def map(self, m: Motion, seq: int, stamp_ns: int) -> pb.ObstacleMap:
+        """A wall beside the way."""
+        return pb.ObstacleMap(
+            seq=seq,
+            stamp_ns=stamp_ns,
+            origin_world=vec(m.pos + np.array([1.0, 1.5, -1.0])),
+            voxel_m=0.2,
+            voxels=bytes(n for along in range(12) for up in range(10) for n in (along, 0, up)),
         )
 
     def target(self, m: Motion, seq: int, stamp_ns: int) -> pb.Target:
@@ -286,6 +297,7 @@ class FakeVehicle:
             pos_world=vec(m.pos),
             world_from_body=wxyz(m.yaw),
             vel_world=vec(m.vel),
+            acc_world=vec(m.acc),
             target_pos_world=vec(m.target_pos),
             target_vel_world=vec(m.target_vel),
             clearance_m=1.2 + 0.5 * math.sin(m.path_m),
@@ -316,7 +328,15 @@ class FakeVehicle:
 def publish(session: zenoh.Session, fake: FakeVehicle, stop: threading.Event) -> None:
     """Puts every channel at its rate until told to stop."""
     args = fake.args
-    rates_hz = {"control": 50.0, "plan": 60.0, "target": 60.0, "health": 2.0, "preview": 10.0, "sim_truth": 50.0}
+    rates_hz = {
+        "control": 50.0,
+        "plan": 60.0,
+        "map": 1.0,
+        "target": 60.0,
+        "health": 2.0,
+        "preview": 10.0,
+        "sim_truth": 50.0,
+    }
     publishers = {
         name: session.declare_publisher(
             key_expression(name, args.vehicle),
@@ -344,7 +364,7 @@ def publish(session: zenoh.Session, fake: FakeVehicle, stop: threading.Event) ->
             if now_s < due_s[name]:
                 continue
             due_s[name] = max(due_s[name] + 1.0 / rate, now_s - 0.1)
-            if name in ("plan", "target") and fake.mode != pb.MODE_TRACK:
+            if name in ("plan", "map", "target") and fake.mode != pb.MODE_TRACK:
                 continue
             seqs[name] += 1
             if fake.rng.random() < args.lose:

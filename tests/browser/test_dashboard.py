@@ -52,6 +52,21 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     assert np.linalg.norm(np.asarray(scene.candidates.position) - place) > 1.0
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
 
+    def drawn() -> bool:
+        return scene.remembered.cubes is not None
+
+    page.get_by_text("Candidates", exact=True).click()
+    expect(page.locator('[data-goshawk="parts"]')).to_contain_text("+0.25 obstacle")
+    expect(page.locator('[data-goshawk="parts"]')).to_contain_text("dearer than the one flown")
+    expect(page.locator('[data-goshawk="accelerations"]')).to_contain_text("true")
+    assert drawn(), "what is remembered is not drawn"
+    page.get_by_text("View", exact=True).click()
+    page.get_by_label("Remembered obstacles").dispatch_event("click")
+    deadline = time.monotonic() + 60
+    while drawn():
+        assert time.monotonic() < deadline, "the toggle hid nothing"
+        time.sleep(0.05)
+
     page.get_by_role("button", name="Stop", exact=True).click()
     mode(page, "landed")
     assert g.link.snapshot().mode == pb.MODE_LANDED

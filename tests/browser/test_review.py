@@ -115,6 +115,17 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     assert scene.candidates.points.shape[0] == 15 * 23
     assert np.allclose(scene.candidates.position, plan.start_pos_world_3, atol=1e-5)
     eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)) > 40)
+    assert plan.chosen is not None
+    flown = page.locator(f'[data-goshawk="parts"] tr[data-candidate="{plan.chosen}"]')
+    expect(flown).to_contain_text(f"{plan.cost_N[plan.chosen]:.2f}")
+    expect(flown).to_contain_text("flown")
+    expect(page.locator('[data-goshawk="plots"]')).to_contain_text("measured")
+    expect(page.locator('[data-goshawk="plots"]')).to_contain_text("true")
+    remembered = flight.remembered_at(9.0)
+    assert remembered is not None and scene.remembered.cubes is not None
+    assert len(scene.remembered.cubes.batched_positions) == len(remembered.cells_V3)
+    page.get_by_label("Remembered obstacles").dispatch_event("click")
+    eventually("the toggle hid nothing", lambda: scene.remembered.cubes is None)
     assert seen.errors == []
     assert flight.world is not None, "a trial's log holds its forest"
     assert view.viewer.scene.get_handle_by_name("/first/world/trunks") is not None

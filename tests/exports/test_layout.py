@@ -21,6 +21,7 @@ KINDS = {
     "/camera/depth": "foxglove.RawImage",
     "/camera/calibration": "foxglove.CameraCalibration",
     "/log": "foxglove.Log",
+    "/remembered": "foxglove.PointCloud",
 }
 
 

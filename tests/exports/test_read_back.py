@@ -33,8 +33,10 @@ def test_csv_has_every_record_of_every_channel(flight: Flight, exported: Exports
     control = rows(done.path / "tel_control.csv")
     columns = flight.columns("control", ["pos_world", "plan_age_s", "mode"])
     # The first steps come before the first odometry: no place, so an empty cell.
-    assert [float(row["pos_world.x"] or 0.0) for row in control] == columns["pos_world"][:, 0].tolist()
+    east = np.array([float(row["pos_world.x"] or "nan") for row in control])
+    assert np.array_equal(east, columns["pos_world"][:, 0], equal_nan=True)
     assert control[0]["pos_world.x"] == ""
+    assert done.counts["log_imu.csv"] == flight.count("imu") > 500
     ages = np.array([float(row["plan_age_s"] or "nan") for row in control])
     assert np.array_equal(ages, columns["plan_age_s"], equal_nan=True)
     assert [row["mode"] for row in control] == [pb.Mode.Name(int(mode)) for mode in columns["mode"]]
@@ -102,6 +104,13 @@ def test_ros2_messages_decode_by_their_own_schemas(flight: Flight, exported: Exp
     assert (place.x, place.y, place.z) == tuple(odometry["pos_world"][-1])
     twist = last.twist.twist.linear
     assert np.hypot(np.hypot(twist.x, twist.y), twist.z) == pytest.approx(np.linalg.norm(odometry["vel_world"][-1]))
+    felt = [found[f"/acceleration/{name}"][-1].accel.linear for name in ("measured", "true")]
+    assert np.allclose(*([a.x, a.y, a.z] for a in felt), atol=2.0)
+    assert len(found["/imu"]) == flight.count("imu")
+    cloud, remembered = found["/remembered"][-1], flight.remembered_at(flight.duration_s)
+    assert remembered is not None and cloud.width == len(remembered.cells_V3) > 0
+    first = np.frombuffer(bytes(cloud.data), "<f4")[:3]
+    assert np.allclose(first, remembered.origin_world_3 + remembered.centre_V3[0], atol=1e-3)
     info = found["/camera/camera_info"][0]
     assert info.k[2] == info.width / 2
     plan = flight.plan_at(flight.duration_s)
@@ -133,6 +142,10 @@ def test_rerun_opens_with_its_blueprint(flight: Flight, exported: Exports) -> No
     assert counts["world/body/camera/image"] == flight.count("rgbd")
     assert counts["world/plan/candidates"] == counts["world/plan/chosen"] == plan
     assert counts["events"] == len(flight.events)
+    assert counts["world/remembered"] == flight.count("map") > 0
+    assert counts["imu/specific_force"] == flight.count("imu")
+    assert counts["acceleration/up/true"] == flight.count("sim_truth")
+    assert control - 5 <= counts["acceleration/up/measured"] <= control
 
 
 def test_rerun_keeps_the_vehicles_clock(flight: Flight, exported: Exports) -> None:

@@ -2,8 +2,8 @@
 
 The log's channels are copied under their topic with a leading slash, which old message paths need. Added, with
 Foxglove's schemas: ``/tf``, ``/tf_static``, ``/vehicle/pose``, ``/camera/image``, ``/camera/depth``,
-``/camera/calibration``, ``/scene/vehicle``, ``/scene/plan``, ``/scene/target``, ``/scene/truth``, ``/scene/path`` and
-``/log``.
+``/camera/calibration``, ``/scene/vehicle``, ``/scene/plan``, ``/scene/target``, ``/scene/truth``, ``/scene/path``,
+``/remembered`` and ``/log``.
 The layout that shows them is ``dashboards/foxglove/goshawk.json``.
 """
 
@@ -24,7 +24,9 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
@@ -86,6 +88,7 @@ class _Scene:
             "header": self._header,
             "control": self._control,
             "plan": self._plan,
+            "map": self._map,
             "target": self._target,
             "sim_truth": self._truth,
             "rgbd": self._rgbd,
@@ -136,6 +139,19 @@ class _Scene:
             flown = _line(lines.points_NS3[lines.chosen], width=6.0, rgb=theme.vivid(theme.GOOD))
             entities.append(_entity("chosen", m.ready_ns, LIFETIME_S, lines=[flown]))
         yield "/scene/plan", SceneUpdate(entities=entities)
+
+    def _map(self, m: pb.ObstacleMap) -> Iterator[Out]:
+        remembered = decode.remembered(m)
+        cloud = PointCloud(
+            timestamp=_time(m.stamp_ns),
+            frame_id=frames.WORLD,
+            pose=_pose(remembered.origin_world_3),
+            point_stride=12,
+            data=remembered.centre_V3.astype("<f4").tobytes(),
+        )
+        for k, axis in enumerate(("x", "y", "z")):
+            cloud.fields.add(name=axis, offset=4 * k, type=PackedElementField.FLOAT32)
+        yield "/remembered", cloud
 
     def _target(self, m: pb.Target) -> Iterator[Out]:
         target = decode.target(m)

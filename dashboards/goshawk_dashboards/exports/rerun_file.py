@@ -31,13 +31,13 @@ AXES = ("east", "north", "up")
 
 _BODY, _CAMERA = "world/body", "world/body/camera"
 _IMAGE, _DEPTH = f"{_CAMERA}/image", f"{_CAMERA}/depth"
-_ACCELERATIONS: tuple[tuple[str, theme.Rgb, Callable[[ControlView], Array]], ...] = (
+_ACCELERATIONS: tuple[tuple[str, theme.Rgb, Callable[[ControlView], Array | None]], ...] = (
     ("desired", theme.WARN, lambda c: c.acc_des_world_3),
     ("attitude", theme.BAD, lambda c: c.acc_att_world_3),
     ("disturbance", theme.GOOD, lambda c: c.acc_disturbance_world_3),
     ("measured", theme.VEHICLE, lambda c: c.acc_meas_world_3),
 )
-"""The four of the paper's disturbance figure, in its colours."""
+"""The four of the paper's disturbance figure, in its colours; a simulated flight has the true one beside them."""
 
 
 def write_rerun(records: Iterable[Record], output: Path) -> dict[str, int]:
@@ -64,7 +64,9 @@ class _Log:
         self._takers: dict[str, Callable[[Any, int], None]] = {
             "header": self._header,
             "control": self._control,
+            "imu": self._imu,
             "plan": self._plan,
+            "map": self._map,
             "target": self._target,
             "sim_truth": self._truth,
             "rgbd": self._rgbd,
@@ -96,8 +98,9 @@ class _Log:
         self._columns(_BODY, stamps_ns, rr.Transform3D.columns(translation=pos_M3, quaternion=xyzw_M4))
         for k, axis in enumerate(AXES):
             for name, color, of in _ACCELERATIONS:
-                values_M = [float(of(c)[k]) for c in self._controls]
-                self._series(f"acceleration/{axis}/{name}", stamps_ns, values_M, color)
+                known = {c.stamp_ns: float(acc_3[k]) for c in self._controls if (acc_3 := of(c)) is not None}
+                if known:
+                    self._series(f"acceleration/{axis}/{name}", list(known), list(known.values()), color)
             self._series(f"speed/{axis}", stamps_ns, vel_M3[:, k].tolist(), None)
         self._series("speed/total", stamps_ns, np.linalg.norm(vel_M3, axis=1).tolist(), theme.VEHICLE)
         path = FlownPath()
@@ -117,6 +120,17 @@ class _Log:
 
     def _control(self, m: pb.Control, _: int) -> None:
         self._controls.append(decode.control(m))
+
+    def _imu(self, m: pb.Imu, log_ns: int) -> None:
+        self._row("imu/specific_force", log_ns, rr.Scalars(frames.vec(m.specific_force_body)))
+        self._row("imu/angular_velocity", log_ns, rr.Scalars(frames.vec(m.ang_vel_body)))
+
+    def _map(self, m: pb.ObstacleMap, log_ns: int) -> None:
+        remembered = decode.remembered(m)
+        half_3 = [0.5 * remembered.voxel_m] * 3
+        centres_V3 = remembered.origin_world_3 + remembered.centre_V3
+        boxes = rr.Boxes3D(centers=centres_V3, half_sizes=[half_3], colors=[theme.REMEMBERED])
+        self._row("world/remembered", log_ns, boxes)
 
     def _plan(self, m: pb.Plan, log_ns: int) -> None:
         plan = decode.plan(m)
@@ -139,6 +153,9 @@ class _Log:
     def _truth(self, m: pb.SimTruth, log_ns: int) -> None:
         truth = decode.truth(m)
         self._row("truth/clearance", log_ns, rr.Scalars(truth.clearance_m))
+        if truth.acc_world_3 is not None:
+            for axis, value in zip(AXES, truth.acc_world_3, strict=True):
+                self._row(f"acceleration/{axis}/true", log_ns, rr.Scalars(value))
         if truth.target_pos_world_3 is None:
             return
         person = rr.Boxes3D(centers=[truth.target_pos_world_3], half_sizes=[[0.25, 0.25, 0.875]], colors=[theme.TRUTH])

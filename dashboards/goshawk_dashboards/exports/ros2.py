@@ -6,29 +6,24 @@ Frames are REP 103's: ``world`` is ENU, ``body`` FLU; a twist is in its child's 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.writer import Writer
-from rosbags.typesys import Stores, get_typestore
 
 from goshawk_dashboards.exports import frames
-from goshawk_dashboards.exports.drawing import LIFETIME_S, plan_lines
+from goshawk_dashboards.exports import ros2_messages as ros
+from goshawk_dashboards.exports.drawing import plan_lines
 from goshawk_dashboards.exports.source import Record
 from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.state import decode, words
-from goshawk_dashboards.state.views import Array
 
 SAMPLES = 12
 """Points along a trajectory."""
 
 Out = tuple[str, Any]
-
-_STORE = get_typestore(Stores.ROS2_JAZZY)
-_TYPES: dict[str, Any] = dict(_STORE.types)
 
 
 def write_ros2(records: Iterable[Record], output: Path) -> dict[str, int]:
@@ -44,11 +39,11 @@ def write_ros2(records: Iterable[Record], output: Path) -> dict[str, int]:
             for topic, message in convert.of(record):
                 kind = message.__msgtype__
                 if kind not in schemas:
-                    definition, _ = _STORE.generate_msgdef(kind, ros_version=2)
+                    definition, _ = ros.STORE.generate_msgdef(kind, ros_version=2)
                     schemas[kind] = writer.register_schema(kind, "ros2msg", definition.encode())
                 if topic not in channels:
                     channels[topic] = writer.register_channel(topic, "cdr", schemas[kind])
-                data = bytes(_STORE.serialize_cdr(message, kind))
+                data = bytes(ros.STORE.serialize_cdr(message, kind))
                 n = counts.get(topic, 0)
                 writer.add_message(channels[topic], record.log_ns, data, record.log_ns, sequence=n)
                 counts[topic] = n + 1
@@ -64,7 +59,9 @@ class _Messages:
             "header": self._header,
             "odometry": self._odometry,
             "control": self._control,
+            "imu": self._imu,
             "plan": self._plan,
+            "map": self._map,
             "target": self._target,
             "sim_truth": self._truth,
             "rgbd": self._rgbd,
@@ -85,60 +82,99 @@ class _Messages:
     def _header(self, m: pb.LogHeader) -> Iterator[Out]:
         mount = frames.camera_mount(m)
         if mount is not None:
-            lens = _transform(0, frames.BODY, frames.CAMERA, mount.pos_body_3, mount.body_from_camera_4)
-            optical = _transform(0, frames.CAMERA, frames.OPTICAL, np.zeros(3), frames.CAMERA_FROM_OPTICAL_4)
-            yield "/tf_static", _type("tf2_msgs/msg/TFMessage")(transforms=[lens, optical])
+            lens = ros.transform(0, frames.BODY, frames.CAMERA, mount.pos_body_3, mount.body_from_camera_4)
+            optical = ros.transform(0, frames.CAMERA, frames.OPTICAL, np.zeros(3), frames.CAMERA_FROM_OPTICAL_4)
+            yield "/tf_static", ros.kind_of("tf2_msgs/msg/TFMessage")(transforms=[lens, optical])
 
     def _odometry(self, m: pb.Odometry) -> Iterator[Out]:
         q_4 = frames.quat(m.world_from_body)
         motion = (frames.rotate_inverse(q_4, frames.vec(m.vel_world)), frames.vec(m.ang_vel_body))
-        yield "/odometry", _odometry(m.stamp_ns, frames.BODY, frames.vec(m.pos_world), q_4, *motion)
+        yield "/odometry", ros.odometry(m.stamp_ns, frames.BODY, frames.vec(m.pos_world), q_4, *motion)
 
     def _control(self, m: pb.Control) -> Iterator[Out]:
         control = decode.control(m)
-        state = _transform(control.stamp_ns, frames.WORLD, frames.BODY, control.pos_world_3, control.world_from_body_4)
-        yield "/tf", _type("tf2_msgs/msg/TFMessage")(transforms=[state])
+        state = ros.transform(
+            control.stamp_ns, frames.WORLD, frames.BODY, control.pos_world_3, control.world_from_body_4
+        )
+        yield "/tf", ros.kind_of("tf2_msgs/msg/TFMessage")(transforms=[state])
         for name, acc_3 in (
             ("desired", control.acc_des_world_3),
             ("attitude", control.acc_att_world_3),
             ("disturbance", control.acc_disturbance_world_3),
             ("measured", control.acc_meas_world_3),
         ):
-            accel = _type("geometry_msgs/msg/Accel")(linear=_vector(acc_3), angular=_vector(np.zeros(3)))
-            header = _header(control.stamp_ns, frames.WORLD)
-            yield f"/acceleration/{name}", _type("geometry_msgs/msg/AccelStamped")(header=header, accel=accel)
+            if acc_3 is not None:
+                yield f"/acceleration/{name}", ros.acceleration(control.stamp_ns, acc_3)
         if m.HasField("world_from_body_des"):
             yield (
                 "/setpoint/attitude",
-                _type("geometry_msgs/msg/QuaternionStamped")(
-                    header=_header(control.stamp_ns, frames.WORLD),
-                    quaternion=_quaternion(frames.quat(m.world_from_body_des)),
+                ros.kind_of("geometry_msgs/msg/QuaternionStamped")(
+                    header=ros.header(control.stamp_ns, frames.WORLD),
+                    quaternion=ros.quaternion(frames.quat(m.world_from_body_des)),
                 ),
             )
-        yield "/setpoint/thrust", _type("std_msgs/msg/Float64")(data=control.thrust_norm)
+        yield "/setpoint/thrust", ros.kind_of("std_msgs/msg/Float64")(data=control.thrust_norm)
+
+    def _imu(self, m: pb.Imu) -> Iterator[Out]:
+        unknown_9 = np.zeros(9)
+        unknown_9[0] = -1.0
+        yield (
+            "/imu",
+            ros.kind_of("sensor_msgs/msg/Imu")(
+                header=ros.header(m.stamp_ns, frames.BODY),
+                orientation=ros.quaternion(ros.IDENTITY_4),
+                orientation_covariance=unknown_9,
+                angular_velocity=ros.vector(frames.vec(m.ang_vel_body)),
+                angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=ros.vector(frames.vec(m.specific_force_body)),
+                linear_acceleration_covariance=np.zeros(9),
+            ),
+        )
+
+    def _map(self, m: pb.ObstacleMap) -> Iterator[Out]:
+        remembered = decode.remembered(m)
+        points_V3 = (remembered.origin_world_3 + remembered.centre_V3).astype("<f4")
+        field = ros.kind_of("sensor_msgs/msg/PointField")
+        fields = [
+            field(name=axis, offset=4 * k, datatype=field.FLOAT32, count=1) for k, axis in enumerate(("x", "y", "z"))
+        ]
+        yield (
+            "/remembered",
+            ros.kind_of("sensor_msgs/msg/PointCloud2")(
+                header=ros.header(m.stamp_ns, frames.WORLD),
+                height=1,
+                width=len(points_V3),
+                fields=fields,
+                is_bigendian=False,
+                point_step=12,
+                row_step=12 * len(points_V3),
+                data=np.frombuffer(points_V3.tobytes(), dtype=np.uint8),
+                is_dense=True,
+            ),
+        )
 
     def _plan(self, m: pb.Plan) -> Iterator[Out]:
         plan = decode.plan(m)
         lines = plan_lines(plan, SAMPLES)
-        header = _header(plan.ready_ns, frames.WORLD)
+        header = ros.header(plan.ready_ns, frames.WORLD)
         markers = [
-            _line(header, k, points_S3, rgb, width_m=0.02)
+            ros.line(header, k, points_S3, rgb, width_m=0.02)
             for k, (points_S3, rgb) in enumerate(zip(lines.points_NS3, lines.rgb_N3, strict=True))
         ]
-        yield "/plan/candidates", _type("visualization_msgs/msg/MarkerArray")(markers=markers)
+        yield "/plan/candidates", ros.kind_of("visualization_msgs/msg/MarkerArray")(markers=markers)
         if lines.chosen is not None:
             times_S = np.linspace(0.0, plan.duration_s, SAMPLES)
             poses = [
-                _type("geometry_msgs/msg/PoseStamped")(
-                    header=_header(plan.frame_ns + int(t * 1e9), frames.WORLD), pose=_pose(p_3)
+                ros.kind_of("geometry_msgs/msg/PoseStamped")(
+                    header=ros.header(plan.frame_ns + int(t * 1e9), frames.WORLD), pose=ros.pose(p_3)
                 )
                 for t, p_3 in zip(times_S, lines.points_NS3[lines.chosen], strict=True)
             ]
-            yield "/plan/chosen", _type("nav_msgs/msg/Path")(header=header, poses=poses)
+            yield "/plan/chosen", ros.kind_of("nav_msgs/msg/Path")(header=header, poses=poses)
 
     def _target(self, m: pb.Target) -> Iterator[Out]:
         target = decode.target(m)
-        message = _odometry(m.stamp_ns, "target", target.pos_world_3, _IDENTITY_4, target.vel_world_3)
+        message = ros.odometry(m.stamp_ns, "target", target.pos_world_3, ros.IDENTITY_4, target.vel_world_3)
         if target.covariance_66 is not None:
             pose_66, twist_66 = np.zeros((6, 6)), np.zeros((6, 6))
             pose_66[:3, :3], twist_66[:3, :3] = target.covariance_66[:3, :3], target.covariance_66[3:, 3:]
@@ -148,25 +184,29 @@ class _Messages:
     def _truth(self, m: pb.SimTruth) -> Iterator[Out]:
         q_4 = frames.quat(m.world_from_body)
         vel_body_3 = frames.rotate_inverse(q_4, frames.vec(m.vel_world))
-        yield "/truth/odometry", _odometry(m.stamp_ns, "true_body", frames.vec(m.pos_world), q_4, vel_body_3)
-        yield "/truth/clearance", _type("std_msgs/msg/Float64")(data=m.clearance_m)
+        yield "/truth/odometry", ros.odometry(m.stamp_ns, "true_body", frames.vec(m.pos_world), q_4, vel_body_3)
+        if m.HasField("acc_world"):
+            yield "/acceleration/true", ros.acceleration(m.stamp_ns, frames.vec(m.acc_world))
+        yield "/truth/clearance", ros.kind_of("std_msgs/msg/Float64")(data=m.clearance_m)
         if m.HasField("target_pos_world"):
             pos_3, vel_3 = frames.vec(m.target_pos_world), frames.vec(m.target_vel_world)
-            yield "/truth/target", _odometry(m.stamp_ns, "true_target", pos_3, _IDENTITY_4, vel_3)
+            yield "/truth/target", ros.odometry(m.stamp_ns, "true_target", pos_3, ros.IDENTITY_4, vel_3)
 
     def _rgbd(self, m: pb.CompressedRgbd) -> Iterator[Out]:
         frame = FrameView.of(m)
-        header = _header(m.stamp_ns, frames.OPTICAL)
+        header = ros.header(m.stamp_ns, frames.OPTICAL)
         colour = np.frombuffer(m.rgb_png, dtype=np.uint8)
         yield (
             "/camera/image/compressed",
-            _type("sensor_msgs/msg/CompressedImage")(header=header, format="rgb8; png compressed bgr8", data=colour),
+            ros.kind_of("sensor_msgs/msg/CompressedImage")(
+                header=header, format="rgb8; png compressed bgr8", data=colour
+            ),
         )
         depth = frames.depth_mm(frame)
         if depth is not None:
             yield (
                 "/camera/depth/image",
-                _type("sensor_msgs/msg/Image")(
+                ros.kind_of("sensor_msgs/msg/Image")(
                     header=header,
                     height=m.height,
                     width=m.width,
@@ -176,19 +216,21 @@ class _Messages:
                     data=np.frombuffer(depth, dtype=np.uint8),
                 ),
             )
-        yield "/camera/camera_info", _camera_info(header, m)
+        yield "/camera/camera_info", ros.camera_info(header, m)
 
     def _event(self, m: pb.Event) -> Iterator[Out]:
-        log = _type("rcl_interfaces/msg/Log")
+        log = ros.kind_of("rcl_interfaces/msg/Log")
         event = decode.event(m)
         level = {pb.SEVERITY_WARNING: log.WARN, pb.SEVERITY_ERROR: log.ERROR}.get(event.severity, log.INFO)
         yield (
             "/rosout",
-            log(stamp=_stamp(m.stamp_ns), level=level, name=event.kind, msg=event.text, file="", function="", line=0),
+            log(
+                stamp=ros.stamp(m.stamp_ns), level=level, name=event.kind, msg=event.text, file="", function="", line=0
+            ),
         )
 
     def _health(self, m: pb.Health) -> Iterator[Out]:
-        kind, pair = _type("diagnostic_msgs/msg/DiagnosticStatus"), _type("diagnostic_msgs/msg/KeyValue")
+        kind, pair = ros.kind_of("diagnostic_msgs/msg/DiagnosticStatus"), ros.kind_of("diagnostic_msgs/msg/KeyValue")
         figures = [pair(key=f"{r.name}_hz", value=f"{r.hz:.2f}") for r in m.rates]
         figures += [pair(key=f"{x.name}_p99_ms", value=f"{x.p99_ms:.3f}") for x in m.latencies]
         state = kind(
@@ -208,107 +250,5 @@ class _Messages:
             )
             for c in m.checks
         ]
-        header = _header(m.stamp_ns, "")
-        yield "/diagnostics", _type("diagnostic_msgs/msg/DiagnosticArray")(header=header, status=[state, *checks])
-
-
-_IDENTITY_4 = np.array([1.0, 0.0, 0.0, 0.0])
-
-
-@cache
-def _type(name: str) -> Any:
-    return _TYPES[name]
-
-
-def _stamp(stamp_ns: int) -> Any:
-    return _type("builtin_interfaces/msg/Time")(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
-
-
-def _header(stamp_ns: int, frame: str) -> Any:
-    return _type("std_msgs/msg/Header")(stamp=_stamp(stamp_ns), frame_id=frame)
-
-
-def _vector(v_3: Array) -> Any:
-    x, y, z = v_3.tolist()
-    return _type("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
-
-
-def _point(p_3: Array) -> Any:
-    x, y, z = p_3.tolist()
-    return _type("geometry_msgs/msg/Point")(x=x, y=y, z=z)
-
-
-def _quaternion(q_4: Array) -> Any:
-    w, x, y, z = q_4.tolist()
-    return _type("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
-
-
-def _pose(pos_3: Array, q_4: Array = _IDENTITY_4) -> Any:
-    return _type("geometry_msgs/msg/Pose")(position=_point(pos_3), orientation=_quaternion(q_4))
-
-
-def _transform(stamp_ns: int, parent: str, child: str, pos_3: Array, q_4: Array) -> Any:
-    return _type("geometry_msgs/msg/TransformStamped")(
-        header=_header(stamp_ns, parent),
-        child_frame_id=child,
-        transform=_type("geometry_msgs/msg/Transform")(translation=_vector(pos_3), rotation=_quaternion(q_4)),
-    )
-
-
-def _odometry(
-    stamp_ns: int, child: str, pos_3: Array, q_4: Array, vel_child_3: Array, ang_vel_child_3: Array | None = None
-) -> Any:
-    twist = _type("geometry_msgs/msg/Twist")(
-        linear=_vector(vel_child_3), angular=_vector(np.zeros(3) if ang_vel_child_3 is None else ang_vel_child_3)
-    )
-    return _type("nav_msgs/msg/Odometry")(
-        header=_header(stamp_ns, frames.WORLD),
-        child_frame_id=child,
-        pose=_type("geometry_msgs/msg/PoseWithCovariance")(pose=_pose(pos_3, q_4), covariance=np.zeros(36)),
-        twist=_type("geometry_msgs/msg/TwistWithCovariance")(twist=twist, covariance=np.zeros(36)),
-    )
-
-
-def _camera_info(header: Any, m: pb.CompressedRgbd) -> Any:
-    lens = frames.pinhole(m)
-    roi = _type("sensor_msgs/msg/RegionOfInterest")(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    return _type("sensor_msgs/msg/CameraInfo")(
-        header=header,
-        height=m.height,
-        width=m.width,
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=np.array(lens.k_9),
-        r=np.eye(3).ravel(),
-        p=np.array(lens.p_12),
-        binning_x=0,
-        binning_y=0,
-        roi=roi,
-    )
-
-
-def _line(header: Any, number: int, points_S3: Array, rgb: np.ndarray, *, width_m: float) -> Any:
-    kind = _type("visualization_msgs/msg/Marker")
-    red, green, blue = (rgb / 255.0).tolist()
-    empty = _type("sensor_msgs/msg/CompressedImage")(header=header, format="", data=np.zeros(0, dtype=np.uint8))
-    return kind(
-        header=header,
-        ns="candidates",
-        id=number,
-        type=kind.LINE_STRIP,
-        action=kind.ADD,
-        pose=_pose(np.zeros(3)),
-        scale=_vector(np.array([width_m, 0.0, 0.0])),
-        color=_type("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=1.0),
-        lifetime=_type("builtin_interfaces/msg/Duration")(sec=0, nanosec=int(LIFETIME_S * 1e9)),
-        frame_locked=False,
-        points=[_point(p_3) for p_3 in points_S3],
-        colors=[],
-        texture_resource="",
-        texture=empty,
-        uv_coordinates=[],
-        text="",
-        mesh_resource="",
-        mesh_file=_type("visualization_msgs/msg/MeshFile")(filename="", data=np.zeros(0, dtype=np.uint8)),
-        mesh_use_embedded_materials=False,
-    )
+        header = ros.header(m.stamp_ns, "")
+        yield "/diagnostics", ros.kind_of("diagnostic_msgs/msg/DiagnosticArray")(header=header, status=[state, *checks])

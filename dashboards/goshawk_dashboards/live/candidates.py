@@ -10,10 +10,10 @@ from html import escape
 
 import numpy as np
 import viser.transforms as tf
-from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
 
 from goshawk_dashboards.page import theme
+from goshawk_dashboards.page.candidates import ranked, reason, words_of
 from goshawk_dashboards.scene import curves
 from goshawk_dashboards.state import words
 from goshawk_dashboards.state.snapshot import Snapshot
@@ -22,29 +22,8 @@ from goshawk_dashboards.state.views import Array, PlanView, PreviewView
 HFOV_RAD = float(np.pi / 2.0)
 """Of the camera whose picture is shown: the lattice's."""
 MAX_PREVIEW_BYTES = 200_000
-REASONS: dict[pb.Rejection, tuple[str, str]] = {
-    pb.REJECTION_NONE: ("", "flown"),
-    pb.REJECTION_COST: ("$", "dearer than the one flown"),
-    pb.REJECTION_OBJECTNESS: ("o", "no target to chase, and it holds none"),
-    pb.REJECTION_GATE: ("g", "its detection is not confirmed or not consistent"),
-    pb.REJECTION_BLOCKED: ("x", "would meet something that was seen, or the target, or climb over the goal"),
-    pb.REJECTION_INVALID: ("!", "its network values are not finite"),
-}
-"""A letter for the strip, and the words, for each rejection."""
 
 _DIM = "#8b95a5"
-
-
-def words_of(plan: PlanView, k: int) -> str:
-    """All about one candidate, in a line."""
-    return (
-        f"candidate {k}: cost {plan.cost_N[k]:.2f}, objectness {plan.objectness_N[k]:.2f}, "
-        f"{_reason(plan.rejections[k])[1]}"
-    )
-
-
-def _reason(why: pb.Rejection) -> tuple[str, str]:
-    return REASONS.get(why, ("?", words.rejection(why)))
 
 
 def strip_html(snap: Snapshot, *, fresh: bool) -> str:
@@ -52,10 +31,11 @@ def strip_html(snap: Snapshot, *, fresh: bool) -> str:
     plan = snap.plan
     if plan is None or len(plan.cost_N) == 0:
         return f'<div data-goshawk="strip" style="font:11px system-ui;color:{_DIM};padding:2px 8px">no plan yet</div>'
-    order = sorted(range(len(plan.cost_N)), key=lambda k: (k != plan.chosen, float(plan.cost_N[k])))
     top = max(float(plan.cost_N.max()), 1e-9)
     colors = [(int(r), int(g), int(b)) for r, g, b in curves.colors_N3(plan)]
-    columns = "".join(_column(plan, k, 4.0 + 34.0 * max(0.0, float(plan.cost_N[k])) / top, colors[k]) for k in order)
+    columns = "".join(
+        _column(plan, k, 4.0 + 34.0 * max(0.0, float(plan.cost_N[k])) / top, colors[k]) for k in ranked(plan)
+    )
     chosen = words_of(plan, plan.chosen) if plan.chosen is not None else "nothing was eligible: what there is, is held"
     faded = "" if fresh else "opacity:.35;filter:grayscale(1);"
     return (
@@ -68,7 +48,7 @@ def strip_html(snap: Snapshot, *, fresh: bool) -> str:
 
 
 def _column(plan: PlanView, k: int, height_px: float, color: theme.Rgb) -> str:
-    letter = _reason(plan.rejections[k])[0]
+    letter = reason(plan.rejections[k])[0]
     flown = k == plan.chosen
     return (
         f'<div class="goshawk-hover" data-candidate="{k}" data-rejection="{words.rejection(plan.rejections[k])}" '

@@ -9,6 +9,7 @@ from functools import cached_property
 from goshawk_dashboards.live import plots
 from goshawk_dashboards.live.candidates import picture_html, strip_html
 from goshawk_dashboards.live.link import link_html, radio_html
+from goshawk_dashboards.page.candidates import table_html
 from goshawk_dashboards.page.status import (
     command_html,
     events_html,
@@ -90,6 +91,16 @@ class Words:
     def picture(self) -> str:
         """What the camera sees, with the candidates over it."""
         return picture_html(self._snap, fresh=self._fresh)
+
+    @cached_property
+    def accelerations(self) -> str:
+        """What the plots' colours mean."""
+        return plots.legend_html(self._snap)
+
+    @cached_property
+    def candidates(self) -> str:
+        """The candidates in figures and words."""
+        return table_html(self._snap.plan if self._fresh else None)
 
     @cached_property
     def strip(self) -> str:

@@ -13,7 +13,7 @@ from goshawk_dashboards.state.alerts import RADIO_STALE_S
 from goshawk_dashboards.state.snapshot import STALE_S, Snapshot
 from goshawk_dashboards.state.views import ChannelView
 
-_CHANNELS = ("control", "plan", "target", "health", "preview", "event", "sim_truth")
+_CHANNELS = ("control", "plan", "map", "target", "health", "preview", "event", "sim_truth")
 
 
 def _seconds(value: float | None) -> str:

@@ -99,6 +99,7 @@ class LivePanels:
             self._detections = gui.add_checkbox("Detections", True)
             self._trails = gui.add_checkbox("Trails", True)
             self._frustum = gui.add_checkbox("Camera frustum", True)
+            self._remembered = gui.add_checkbox("Remembered obstacles", True)
             self._world = gui.add_checkbox("World (simulator)", True)
             self._truth = gui.add_checkbox("True target (simulator)", True)
             gui.add_button("Clear trails").on_click(lambda _: on_clear())
@@ -110,7 +111,9 @@ class LivePanels:
         with first:
             self._picture = gui.add_html("")
             self._strip = gui.add_html("")
-            gui.add_html(plots.legend_html())
+            with gui.add_folder("Candidates", expand_by_default=False):
+                self._candidates = gui.add_html("")
+            self._accelerations = gui.add_html("")
         second = instruments.add_tab("Timing", viser.Icon.CLOCK)
         tabs = (first, second, second)
         self.plots = [plots.PlotGroup(self._viewer, t, kind) for t, kind in zip(tabs, plots.KINDS, strict=True)]
@@ -127,6 +130,7 @@ class LivePanels:
             truth=self._truth.value,
             frustum=self._frustum.value,
             detections=self._detections.value,
+            remembered=self._remembered.value,
         )
 
     @property
@@ -189,3 +193,5 @@ class LivePanels:
         self._events.content = words.events
         self._picture.content = words.picture
         self._strip.content = words.strip
+        self._candidates.content = words.candidates
+        self._accelerations.content = words.accelerations

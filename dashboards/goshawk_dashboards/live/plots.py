@@ -21,7 +21,10 @@ from goshawk_dashboards.state.views import Array
 
 MOTION_WINDOW_S = 20.0
 TIMING_WINDOW_S = 120.0
-MEASURED: theme.Rgb = (205, 211, 220)
+ACC_STEP_MPS2, ACC_MOST_MPS2 = 4.0, 24.0
+"""Steps of an acceleration's axis, and where it ends: what is more is a knock."""
+TRUE = "true"
+"""Of a simulation; it is dashed."""
 _NAN = float("nan")
 
 
@@ -32,17 +35,24 @@ class Plot:
     title: str
     lines: tuple[tuple[str, theme.Rgb], ...]
     values: Callable[[Snapshot], Sequence[float]]
-    step: float | None
-    """The y axis goes from 0 to a multiple of this; None: at least -4 .. 4, growing with the data."""
+    step: float
+    """The y axis goes from 0 to a multiple of this."""
+    most: float = math.inf
+    """Where the axis ends at the latest."""
+    signed: bool = False
+    """The axis goes as far below 0 as above."""
+
+
+def _true_acceleration(snap: Snapshot) -> Array | None:
+    return snap.truth.acc_world_3 if snap.truth is not None and snap.fresh("sim_truth") else None
 
 
 def _acceleration(axis: int) -> Callable[[Snapshot], Sequence[float]]:
     def values(snap: Snapshot) -> Sequence[float]:
         c = snap.control
-        if c is None:
-            return (_NAN,) * 4
-        kinds = (c.acc_des_world_3, c.acc_att_world_3, c.acc_disturbance_world_3, c.acc_meas_world_3)
-        return [float(acc_3[axis]) for acc_3 in kinds]
+        own = (None,) * 4 if c is None else (c.acc_des_world_3, c.acc_att_world_3, c.acc_disturbance_world_3,
+                                             c.acc_meas_world_3)  # fmt: skip
+        return [_NAN if acc_3 is None else float(acc_3[axis]) for acc_3 in (*own, _true_acceleration(snap))]
 
     return values
 
@@ -87,10 +97,18 @@ ACCELERATIONS: tuple[tuple[str, theme.Rgb], ...] = (
     ("desired", theme.GOOD),
     ("attitude", theme.VEHICLE),
     ("disturbance", theme.DISTURBANCE),
-    ("measured", MEASURED),
+    ("measured", theme.MEASURED),
+    (TRUE, theme.TRUTH),
 )
 MOTION = tuple(
-    Plot(title=f"acceleration {name}, m/s\u00b2", lines=ACCELERATIONS, values=_acceleration(axis), step=None)
+    Plot(
+        title=f"acceleration {name}, m/s\u00b2",
+        lines=ACCELERATIONS,
+        values=_acceleration(axis),
+        step=ACC_STEP_MPS2,
+        most=ACC_MOST_MPS2,
+        signed=True,
+    )
     for axis, name in enumerate(("east", "north", "up"))
 ) + (
     Plot(
@@ -175,9 +193,9 @@ class PlotGroup:
         self._viewer = viewer
         self._tab = tab
         self._plots = kind.plots
-        self._tops = [plot.step or 0.0 for plot in kind.plots]
+        self._tops = [plot.step for plot in kind.plots]
         with tab:
-            self.handles = [_add(viewer, plot, plot.step or 0.0) for plot in kind.plots]
+            self.handles = [_add(viewer, plot, plot.step) for plot in kind.plots]
 
     def draw(self, curves: Curves) -> None:
         """Sends the window to the viewer."""
@@ -188,8 +206,7 @@ class PlotGroup:
         for k, plot in enumerate(self._plots):
             lines = rows[:, first : first + len(plot.lines)]
             first += len(plot.lines)
-            if plot.step is not None:
-                self._raise(k, plot.step, lines)
+            self._raise(k, plot, lines)
             self.handles[k].data = (ago, *(np.ascontiguousarray(column) for column in lines.T))
 
     def clear(self) -> None:
@@ -197,24 +214,18 @@ class PlotGroup:
         for plot, handle in zip(self._plots, self.handles, strict=True):
             handle.data = _nothing(plot)
 
-    def _raise(self, k: int, step: float, lines: Array) -> None:
+    def _raise(self, k: int, plot: Plot, lines: Array) -> None:
         """uPlot cannot find the range of a line with gaps by itself, and viser's plot loses its data when its range is
         changed: a new one takes its place. In steps, and never down, so that this is rare."""
-        largest = float(np.nanmax(lines)) if np.isfinite(lines).any() else 0.0
-        top = float(np.ceil(largest / step)) * step
+        sizes = np.abs(lines) if plot.signed else lines
+        largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 0.0
+        top = min(float(np.ceil(largest / plot.step)) * plot.step, plot.most)
         if top > self._tops[k]:
             self._tops[k] = top
             with self._tab:
-                fresh = _add(self._viewer, self._plots[k], top, order=self.handles[k].order)
+                fresh = _add(self._viewer, plot, top, order=self.handles[k].order)
             self.handles[k].remove()
             self.handles[k] = fresh
-
-
-def _scales(step: float | None, top: float) -> dict[str, uplot.Scale]:
-    at_least_4: uplot.Scale = {
-        "range": {"min": {"pad": 0.1, "soft": -4.0, "mode": 1}, "max": {"pad": 0.1, "soft": 4.0, "mode": 1}}
-    }
-    return {"x": {"time": False}, "y": at_least_4 if step is None else {"range": (0.0, top)}}
 
 
 def _nothing(plot: Plot) -> tuple[Array, ...]:
@@ -226,12 +237,15 @@ def _add(viewer: Viewer, plot: Plot, top: float, order: float | None = None) -> 
     axis: uplot.Axis = {"stroke": "#8b95a5", "grid": line, "ticks": line, "font": "11px system-ui", "gap": 2.0}  # type: ignore[typeddict-item]
     series: list[uplot.Series] = [{"label": "s"}]
     for label, color in plot.lines:
-        series.append({"label": label, "stroke": theme.css(color), "width": 1.5, "points": {"show": False}})
+        row: uplot.Series = {"label": label, "stroke": theme.css(color), "width": 1.5, "points": {"show": False}}
+        if label == TRUE:
+            row["dash"] = (3.0, 3.0)
+        series.append(row)
     return viewer.gui.add_uplot(
         data=_nothing(plot),
         series=tuple(series),
         title=plot.title,
-        scales=_scales(plot.step, top),
+        scales={"x": {"time": False}, "y": {"range": (-top if plot.signed else 0.0, top)}},
         order=order,
         axes=({**axis, "size": 22.0, "space": 40.0}, {**axis, "size": 38.0, "space": 20.0}),
         legend={"show": False},
@@ -240,14 +254,19 @@ def _add(viewer: Viewer, plot: Plot, top: float, order: float | None = None) -> 
     )
 
 
-def legend_html() -> str:
-    """What the colours of the accelerations mean."""
+def legend_html(snap: Snapshot) -> str:
+    """What the colours of the accelerations mean, of those that there are."""
+    absent: dict[str, str] = {}
+    if snap.control is not None and snap.control.acc_meas_world_3 is None:
+        absent["measured"] = " (no IMU)"
+    shown = [pair for pair in ACCELERATIONS if pair[0] != TRUE or _true_acceleration(snap) is not None]
     return (
-        '<div style="font:11px system-ui;color:#aab3c0;padding:2px 8px;display:flex;flex-wrap:wrap;gap:2px 9px">'
+        '<div data-goshawk="accelerations" '
+        'style="font:11px system-ui;color:#aab3c0;padding:2px 8px;display:flex;flex-wrap:wrap;gap:2px 9px">'
         + "".join(
             f'<span><span style="display:inline-block;width:10px;height:3px;border-radius:2px;vertical-align:middle;'
-            f'background:{theme.css(c)}"></span> {name}</span>'
-            for name, c in ACCELERATIONS
+            f'background:{theme.css(c)}"></span> {name}{absent.get(name, "")}</span>'
+            for name, c in shown
         )
         + "</div>"
     )

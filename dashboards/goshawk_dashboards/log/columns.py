@@ -75,9 +75,10 @@ def _getter(kind: type[Message], field: str) -> tuple[Callable[[Any], Any], NDAr
         parts = _VECTORS.get(descriptor.message_type.name)
         if parts is None:
             raise KeyError(f"{field} of {kind.DESCRIPTOR.name} is no number and no vector")
+        absent = (np.nan,) * len(parts)
         if parts == "xyz":
-            return lambda m: ((v := getattr(m, field)).x, v.y, v.z), np.zeros((0, 3))
-        return lambda m: ((q := getattr(m, field)).w, q.x, q.y, q.z), np.zeros((0, 4))
+            return lambda m: ((v := getattr(m, field)).x, v.y, v.z) if m.HasField(field) else absent, np.zeros((0, 3))
+        return lambda m: ((q := getattr(m, field)).w, q.x, q.y, q.z) if m.HasField(field) else absent, np.zeros((0, 4))
     if descriptor.is_repeated:
         raise KeyError(f"{field} of {kind.DESCRIPTOR.name} is a list")
     if descriptor.has_presence:

@@ -40,6 +40,7 @@ CHANNELS: Mapping[str, tuple[str, type[Message]]] = {
         for name, message in (
             ("control", pb.Control),
             ("plan", pb.Plan),
+            ("map", pb.ObstacleMap),
             ("target", pb.Target),
             ("health", pb.Health),
             ("event", pb.Event),
@@ -49,6 +50,7 @@ CHANNELS: Mapping[str, tuple[str, type[Message]]] = {
     "header": ("log/header", pb.LogHeader),
     "rgbd": ("log/rgbd", pb.CompressedRgbd),
     "odometry": ("log/odometry", pb.Odometry),
+    "imu": ("log/imu", pb.Imu),
     "command": ("log/command", pb.CommandRecord),
     "planner_input": ("log/planner_input", pb.PlannerInput),
     "controller_input": ("log/controller_input", pb.ControllerInput),
@@ -153,6 +155,10 @@ class Flight:
         """The newest plan at a time."""
         return self._view_at("plan", time_s, decode.plan)
 
+    def remembered_at(self, time_s: float) -> view.RememberedView | None:
+        """What the planner remembered by then to stand about it, as it told last."""
+        return self._view_at("map", time_s, decode.remembered)
+
     def control_at(self, time_s: float) -> view.ControlView | None:
         """The newest controller step at a time."""
         return self._view_at("control", time_s, decode.control)
@@ -210,7 +216,7 @@ class Flight:
     def columns(self, channel: str, fields: Sequence[str], *, max_hz: float | None = None) -> Columns:
         """Fields of a channel's records as arrays, decoded at the first call and kept.
 
-        A number or bool is (M,), a Vec3 (M, 3), a Quat (M, 4); an unset optional number is NaN, an unset vector zeros.
+        A number or bool is (M,), a Vec3 (M, 3), a Quat (M, 4); an unset vector or optional number is NaN.
         ``max_hz`` takes records at least that far apart. Records that do not decode are left out. Raises KeyError for
         a field that the message does not have.
         """

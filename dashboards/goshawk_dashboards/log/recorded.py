@@ -17,7 +17,7 @@ from goshawk_dashboards.state import views as view
 from goshawk_dashboards.state.snapshot import SAMPLE_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array
 
-CHANNELS = ("control", "plan", "target", "health", "event", "sim_truth")
+CHANNELS = ("control", "plan", "map", "target", "health", "event", "sim_truth")
 SHORT_S = 0.1
 """A shorter phase is no place to jump to: the mission passes through search on its way to track."""
 TRAIL_S = 30.0
@@ -43,6 +43,7 @@ def snapshot_at(flight: Flight, time_s: float) -> Snapshot:
         linked=True,
         alive=True,
         plan=flight.plan_at(time_s),
+        remembered=flight.remembered_at(time_s),
         control=flight.control_at(time_s),
         target=flight.target_at(time_s),
         health=flight.health_at(time_s),
@@ -105,7 +106,8 @@ def trails_at(flight: Flight, time_s: float) -> tuple[Array, Array]:
     first, last = np.searchsorted(own.times_s, (time_s - TRAIL_S, time_s + 1e-6))
     t_first, t_last = np.searchsorted(target.times_s, (time_s - TRAIL_S, time_s + 1e-6))
     held = target["confirmed"][t_first:t_last].astype(bool)
-    return own["pos_world"][first:last], target["pos_world"][t_first:t_last][held]
+    own_N3 = own["pos_world"][first:last]
+    return own_N3[np.isfinite(own_N3[:, 0])], target["pos_world"][t_first:t_last][held]
 
 
 def stops_s(flight: Flight) -> Array:
@@ -208,6 +210,7 @@ def only_chosen(plan: view.PlanView | None) -> view.PlanView | None:
         end_vel_world_N3=plan.end_vel_world_N3[one],
         end_acc_world_N3=plan.end_acc_world_N3[one],
         cost_N=plan.cost_N[one],
+        added_NP=plan.added_NP[one],
         objectness_N=plan.objectness_N[one],
         rejections=plan.rejections[one],
         target_pos_world_N3=None if plan.target_pos_world_N3 is None else plan.target_pos_world_N3[one],

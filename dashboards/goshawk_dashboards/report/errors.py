@@ -25,15 +25,17 @@ def target_errors(flight: Flight) -> TargetErrors | None:
     """For each confirmed estimate with truth around it; None if there is none."""
     truth = flight.columns("sim_truth", ["pos_world", "target_pos_world"])
     estimate = flight.columns("target", ["stamp_ns", "pos_world", "confirmed"])
-    if len(truth) < 2 or len(estimate) == 0:
+    known = np.isfinite(truth["target_pos_world"][:, 0])
+    if np.count_nonzero(known) < 2 or len(estimate) == 0:
         return None
+    known_s = truth.times_s[known]
     stamps_s = (estimate["stamp_ns"] - flight.start_ns) * 1e-9
-    use = estimate["confirmed"].astype(bool) & (stamps_s >= truth.times_s[0]) & (stamps_s <= truth.times_s[-1])
+    use = estimate["confirmed"].astype(bool) & (stamps_s >= known_s[0]) & (stamps_s <= known_s[-1])
     if not use.any():
         return None
     times_s_M = stamps_s[use]
-    target_M3 = _at(times_s_M, truth.times_s, truth["target_pos_world"])
-    sight_M2 = (target_M3 - _at(times_s_M, truth.times_s, truth["pos_world"]))[:, :2]
+    target_M3 = _at(times_s_M, known_s, truth["target_pos_world"][known])
+    sight_M2 = (target_M3 - _at(times_s_M, known_s, truth["pos_world"][known]))[:, :2]
     along_M2 = sight_M2 / np.maximum(np.linalg.norm(sight_M2, axis=1, keepdims=True), 1e-6)
     error_M2 = (estimate["pos_world"][use] - target_M3)[:, :2]
     return TargetErrors(

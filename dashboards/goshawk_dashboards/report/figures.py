@@ -50,7 +50,7 @@ def path_figure(material: Material) -> Figure | None:
     """Where it flew, from above and from the side, coloured by speed."""
     flight = material.flight
     control = flight.columns("control", ["pos_world", "vel_world"], max_hz=_rate(flight, PATH_ROWS))
-    placed = np.any(control["pos_world"] != 0.0, axis=1)
+    placed = np.isfinite(control["pos_world"][:, 0])
     pos_M3, times_s_M = control["pos_world"][placed], control.times_s[placed]
     if len(pos_M3) < 2:
         return None
@@ -59,6 +59,7 @@ def path_figure(material: Material) -> Figure | None:
     confirmed = target["confirmed"].astype(bool)
     target_M3 = target["pos_world"][confirmed]
     truth_M3 = flight.columns("sim_truth", ["target_pos_world"], max_hz=_rate(flight, PATH_ROWS))["target_pos_world"]
+    truth_M3 = truth_M3[np.isfinite(truth_M3[:, 0])]
     top_mps = max(float(speed_M.max()), _SPEED_LEAST_MPS)
 
     low_3, high_3, size_in = _map_frame(np.concatenate([pos_M3, target_M3, truth_M3]))
@@ -159,29 +160,39 @@ def disturbance_figure(material: Material) -> Figure | None:
     if np.count_nonzero(pushing) < 2:
         return None
     curves = {name: np.where(pushing[:, None], control[field], np.nan) for name, field in names.items()}
+    felt = bool(np.isfinite(curves["measured"]).any())
+    shown = [name for name in ("measured", "desired", "attitude", "disturbance") if felt or name != "measured"]
+    truth = flight.columns("sim_truth", ["acc_world"], max_hz=_rate(flight, MOST_ROWS))
+    simulated = bool(np.isfinite(truth["acc_world"]).any())
 
     def draw(canvas: Canvas, palette: Palette) -> None:
         rows = canvas.subplots(3, 1, sharex=True)
         for k, axes in enumerate(rows):
             mark_phases(axes, flight.phases, palette, named=k == 0)
-            for name in ("measured", "desired", "attitude", "disturbance"):
+            for name in shown:
                 axes.plot(control.times_s, curves[name][:, k], color=getattr(palette, name), lw=1.1, label=name)
+            if simulated:
+                axes.plot(truth.times_s, truth["acc_world"][:, k], color=palette.ink, lw=0.8, ls=":", label="true")
             axes.set_ylabel(f"{AXES[k]}, m/s²")
         rows[2].set_xlabel("s")
-        rows[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.13), ncols=4, borderaxespad=0.0)
+        rows[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.13), ncols=5, borderaxespad=0.0)
 
     table = {"time_s": control.times_s}
     for name, values_M3 in curves.items():
         table |= columns_of(name, values_M3, "mps2")
+    tables = {"disturbance": table}
+    if simulated:
+        tables["disturbance_true"] = {"time_s": truth.times_s, **columns_of("true", truth["acc_world"], "mps2")}
+    came = "what the autopilot's IMU felt (measured): measured should follow desired."
     return Figure(
         name="disturbance",
         title="Disturbance",
         caption="The trajectory's acceleration (desired), what the commanded attitude and thrust alone would give "
-        "(attitude: desired and lead, less disturbance), the observer's estimate (disturbance), and what came of it "
-        "(measured): measured should follow desired.",
+        "(attitude: desired and lead, less disturbance), the observer's estimate (disturbance), and "
+        + (came if felt else "no IMU: the log has no measured acceleration."),
         size_in=(10.0, 6.2),
         draw=draw,
-        tables={"disturbance": table},
+        tables=tables,
     )
 
 

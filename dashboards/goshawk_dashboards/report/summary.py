@@ -175,7 +175,7 @@ def figures(flight: Flight, seen: Clearance | None, errors: TargetErrors | None,
         "control", ["pos_world", "vel_world", "acc_att_world", "acc_disturbance_world", "thrust_n"]
     )
     placed = flight.columns("control", ["pos_world"], max_hz=PATH_HZ)["pos_world"]
-    placed = placed[np.any(placed != 0.0, axis=1)]
+    placed = placed[np.isfinite(placed[:, 0])]
     task_M = on_task(flight, control.times_s)
     speed = np.linalg.norm(control["vel_world"][task_M], axis=1)
     pushing_M = task_M & (control["thrust_n"] > 0.0)
@@ -219,6 +219,7 @@ def _in_sight(flight: Flight) -> float | None:
 
 
 def _of(measure: Callable[[Array], Any], values: Array) -> float | None:
+    values = values[np.isfinite(values)]
     return float(measure(values)) if len(values) else None
 
 

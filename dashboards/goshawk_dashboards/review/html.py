@@ -28,6 +28,7 @@ WIDTH = 1000.0
 """Of the drawings' own coordinates; the page stretches them."""
 
 DIM = "#8b95a5"
+DASHED = ' stroke-dasharray="4 3"'
 FONT = "font:11px/16px system-ui,sans-serif;font-variant-numeric:tabular-nums"
 _PHASES: dict[str, theme.Rgb] = {
     "on the ground": theme.STALE,
@@ -130,7 +131,8 @@ def cursor_html(plots: Sequence[Plot], time_s: float, window: Window) -> str:
 
 
 def _values(plot: Plot, time_s: float) -> str:
-    shown = ((c, c.at(time_s)) for c in plot.curves)
+    # A dashed one lies over another, and there is no room.
+    shown = ((c, c.at(time_s)) for c in plot.curves if not c.dashed)
     return "".join(
         f'<b style="margin-left:8px;font-weight:600;color:{theme.css(c.rgb)}">{v:.{plot.digits}f}</b>'
         for c, v in shown
@@ -156,7 +158,7 @@ def _plot_html(plot: Plot, phases: Sequence[Phase], window: Window) -> str:
     low, high = _range(plot, [e for _, e in envelopes])
     lines = "".join(
         f'<path d="{_path(e, window, low, high, height)}" fill="none" stroke="{theme.css(c.rgb)}" stroke-width="1.3" '
-        'stroke-linejoin="round" vector-effect="non-scaling-stroke"/>'
+        f'stroke-linejoin="round" vector-effect="non-scaling-stroke"{DASHED if c.dashed else ""}/>'
         for c, e in envelopes
     )
     zero_y = height * (high / (high - low))

@@ -118,6 +118,7 @@ class ReviewPanels:
             )
             boxes = {
                 "rejected": gui.add_checkbox("Rejected candidates", True),
+                "remembered": gui.add_checkbox("Remembered obstacles", True, visible=self._flight.count("map") > 0),
                 "depth": gui.add_checkbox("Measured depth", self._flight.world is None),
                 "replay": gui.add_checkbox("The other policy's choice", True, visible=has_replay),
                 "world": gui.add_checkbox("World (simulator)", True, visible=self._flight.world is not None),
@@ -147,6 +148,7 @@ class ReviewPanels:
             trails=box["trails"],
             truth=box["truth"],
             frustum=box["frustum"],
+            remembered=box["remembered"],
         )
         second: SecondMode = self._second.value
         return ReviewOptions(view=view, depth=box["depth"], replay=box["replay"], second=second)

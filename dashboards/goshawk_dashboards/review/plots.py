@@ -6,7 +6,7 @@ Shape suffixes: M samples, 3 a vector.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,6 @@ CONTROL_FIELDS = (
 )  # fmt: skip
 COLUMNS = 340
 """Pixels that a plot is wide, about: finer than that nothing can be seen."""
-MEASURED: theme.Rgb = (205, 211, 220)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,6 +33,7 @@ class Curve:
     rgb: theme.Rgb
     times_s: Array
     values: Array
+    dashed: bool = False
 
     def at(self, time_s: float) -> float | None:
         """The newest value at a time; None: there is none, or it is stale."""
@@ -44,7 +44,7 @@ class Curve:
 
     def shifted(self, by_s: float) -> Curve:
         """The same, later."""
-        return Curve(label=self.label, rgb=self.rgb, times_s=self.times_s + by_s, values=self.values)
+        return replace(self, times_s=self.times_s + by_s)
 
     def envelope(self, from_s: float, to_s: float, columns: int = COLUMNS) -> tuple[Array, Array, Array]:
         """Time, least and greatest value of each pixel column of a window that has any; ascending."""
@@ -81,8 +81,7 @@ def plots_of(flight: Flight, replay: Replay | None, second: Flight | None, secon
         _plot("to the target, m", _distances(flight), second, _estimated_distance, second_by_s),
         _plot("clearance, m", [_clearance(flight, theme.GOOD)], second, _clearance, second_by_s, digits=2),
         _plot("cost of what was flown", _costs(flight, replay), second, _cost, second_by_s, digits=2),
-        *(Plot(title=f"acc. {name}, m/s²", curves=_accelerations(flight, axis), from_zero=True)
-          for axis, name in enumerate(("east", "north", "up"))),
+        *(_acceleration(flight, axis, name) for axis, name in enumerate(("east", "north", "up"))),
         Plot(title="age of the plan, ms", curves=(_plan_age(flight),), from_zero=True, digits=0),
     ]  # fmt: skip
     return tuple(p for p in plots if any(np.isfinite(c.values).any() for c in p.curves))
@@ -158,16 +157,20 @@ def _cost(flight: Flight, rgb: theme.Rgb) -> Curve:
     return Curve(label="cost", rgb=rgb, times_s=times_s, values=values)
 
 
-def _accelerations(flight: Flight, axis: int) -> tuple[Curve, ...]:
-    fields = (
-        ("acc_meas_world", "measured", MEASURED),
-        ("acc_des_world", "desired", theme.GOOD),
-        ("acc_disturbance_world", "dist.", theme.DISTURBANCE),
-    )
-    acc = _control(flight)
-    return tuple(
-        Curve(label=label, rgb=rgb, times_s=acc.times_s, values=acc[field][:, axis]) for field, label, rgb in fields
-    )
+def _acceleration(flight: Flight, axis: int, name: str) -> Plot:
+    own, truth = _control(flight), flight.columns("sim_truth", ["acc_world"])
+    curves = [
+        Curve(label=label, rgb=rgb, times_s=own.times_s, values=own[field][:, axis])
+        for field, label, rgb in (
+            ("acc_meas_world", "measured", theme.MEASURED),
+            ("acc_des_world", "des.", theme.GOOD),
+            ("acc_disturbance_world", "dist.", theme.DISTURBANCE),
+        )
+    ]
+    felt = np.isfinite(curves[0].values).any()
+    true = Curve(label="true", rgb=theme.TRUTH, times_s=truth.times_s, values=truth["acc_world"][:, axis], dashed=True)
+    shown = (*(curves if felt else curves[1:]), *([true] if np.isfinite(true.values).any() else []))
+    return Plot(title=f"acc. {name}, m/s²" + ("" if felt else ", no IMU"), curves=shown, from_zero=True)
 
 
 def _plan_age(flight: Flight) -> Curve:

@@ -11,9 +11,9 @@ from goshawk_proto import goshawk_pb2 as pb
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark
 from goshawk_dashboards.page import theme
+from goshawk_dashboards.page.candidates import table_html, words_of
 from goshawk_dashboards.review.html import DIM, FONT, MARK_COLORS
 from goshawk_dashboards.scene import curves
-from goshawk_dashboards.state import words
 from goshawk_dashboards.state.views import PlanView
 
 
@@ -34,7 +34,7 @@ def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | No
     return (
         f'<div data-goshawk="candidates" data-seq="{plan.seq}" style="{FONT};color:#aab3c0;padding:2px 12px">'
         f'<div style="display:grid;grid-template-columns:repeat({columns},1fr);gap:3px">{cells}</div>'
-        f'<div style="margin-top:4px">{words}</div></div>'
+        f'<div style="margin-top:4px">{words}</div></div>{table_html(plan)}'
     )
 
 
@@ -42,7 +42,7 @@ def _cell(plan: PlanView, k: int, rgb: np.ndarray, flown: bool, other: bool) -> 
     color: theme.Rgb = (int(rgb[0]), int(rgb[1]), int(rgb[2]))
     frame = theme.css(theme.REPLAY) if other and not flown else ("#fff" if flown else "transparent")
     return (
-        f'<div title="{words.rejection(plan.rejections[k])}" style="background:{theme.css(color, 0.28)};'
+        f'<div title="{escape(words_of(plan, k))}" style="background:{theme.css(color, 0.28)};'
         f'text-align:center;border:2px solid {frame};border-radius:4px;line-height:13px;padding:1px 0">'
         f'<b style="color:#fff">{plan.cost_N[k]:.2f}</b>'
         f'<div style="font-size:10px">{100 * plan.objectness_N[k]:.0f} %</div></div>'

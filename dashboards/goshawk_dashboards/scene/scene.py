@@ -14,9 +14,10 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves, shapes
 from goshawk_dashboards.scene.picture import decode_preview
+from goshawk_dashboards.scene.remembered import RememberedScene
 from goshawk_dashboards.scene.target import TargetScene
 from goshawk_dashboards.scene.world import WorldScene
-from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.snapshot import MAP_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array, ControlView, PlanView
 
 SAMPLES = 24
@@ -37,6 +38,7 @@ class ViewOptions:
     truth: bool = True
     frustum: bool = True
     detections: bool = True
+    remembered: bool = True
 
 
 def prepare(server: viser.ViserServer) -> None:
@@ -77,6 +79,7 @@ class LiveScene:
         self._plan_drawn: tuple[int, bool] | None = None
         self._preview_seq: int | None = None
         self.world = WorldScene(viewer, root)
+        self.remembered = RememberedScene(viewer, root)
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
         self._make_vehicle()
         self._make_plan()
@@ -158,6 +161,7 @@ class LiveScene:
         self._draw_detections(snap.plan, plan_fresh and options.detections)
         self._draw_plan(snap.plan, plan_fresh, options)
         self._draw_camera(snap, options)
+        self.remembered.update(snap.remembered if snap.fresh("map", MAP_STALE_S) and options.remembered else None)
         self.target.update(snap.target if snap.fresh("target") else None, trail=options.trails)
         truth = snap.truth if snap.fresh("sim_truth") else None
         self.target.show_truth(truth if options.truth else None)
@@ -178,6 +182,7 @@ class LiveScene:
             node.visible = False
         self.detections.visible = self._vehicle_line.visible = False
         self.target.forget()
+        self.remembered.update(None)
         if self.candidates is not None:
             self.candidates.visible = False
 

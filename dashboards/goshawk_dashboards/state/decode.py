@@ -19,6 +19,8 @@ MAX_CANDIDATES = 256
 """More than any lattice has: a bound on what one message may make us draw."""
 MAX_BOXES = 20_000
 """What a simulator sends at most."""
+MAX_VOXELS = 20_000
+"""More than a vehicle tells of what it remembers."""
 
 
 class MalformedError(ValueError):
@@ -80,10 +82,30 @@ def plan(m: pb.Plan) -> view.PlanView:
         end_vel_world_N3=_vecs("candidate velocity", (c.end_vel_world for c in cands)),
         end_acc_world_N3=_vecs("candidate acceleration", (c.end_acc_world for c in cands)),
         cost_N=_array("candidate cost", [c.cost for c in cands], (-1,)),
+        added_NP=_array(
+            "what is added to a cost",
+            [[getattr(c, f"added_{part}") for part in view.ADDED] for c in cands],
+            (-1, len(view.ADDED)),
+        ),
         objectness_N=_array("candidate objectness", [c.objectness for c in cands], (-1,)),
         rejections=tuple(c.rejection for c in cands),
         target_pos_world_N3=_vecs("candidate detection", (c.target_pos_world for c in cands)) if detections else None,
         chosen=chosen,
+    )
+
+
+def remembered(m: pb.ObstacleMap) -> view.RememberedView:
+    """The map of what stands; three bytes a voxel, and an edge."""
+    if len(m.voxels) % 3 or len(m.voxels) > 3 * MAX_VOXELS:
+        raise MalformedError(f"map has {len(m.voxels)} bytes, not three a voxel of {MAX_VOXELS} at most")
+    if not (math.isfinite(m.voxel_m) and m.voxel_m > 0.0):
+        raise MalformedError(f"map has voxels of {m.voxel_m} m")
+    return view.RememberedView(
+        seq=m.seq,
+        stamp_ns=m.stamp_ns,
+        origin_world_3=_vec("map origin", m.origin_world),
+        voxel_m=m.voxel_m,
+        cells_V3=np.frombuffer(m.voxels, dtype=np.uint8).reshape(-1, 3),
     )
 
 
@@ -100,7 +122,7 @@ def control(m: pb.Control) -> view.ControlView:
         acc_des_world_3=_vec("desired acceleration", m.acc_des_world),
         acc_att_world_3=_vec("attitude acceleration", m.acc_att_world),
         acc_disturbance_world_3=_vec("disturbance", m.acc_disturbance_world),
-        acc_meas_world_3=_vec("measured acceleration", m.acc_meas_world),
+        acc_meas_world_3=_vec("measured acceleration", m.acc_meas_world) if m.HasField("acc_meas_world") else None,
         thrust_n=_number("thrust", m.thrust_n),
         thrust_norm=_number("normalised thrust", m.thrust_norm),
         yaw_des_rad=_number("desired yaw", m.yaw_des_rad),
@@ -186,6 +208,7 @@ def truth(m: pb.SimTruth) -> view.TruthView:
         stamp_ns=m.stamp_ns,
         pos_world_3=_vec("true position", m.pos_world),
         vel_world_3=_vec("true velocity", m.vel_world),
+        acc_world_3=_vec("true acceleration", m.acc_world) if m.HasField("acc_world") else None,
         target_pos_world_3=(
             _vec("true target position", m.target_pos_world) if m.HasField("target_pos_world") else None
         ),

@@ -15,6 +15,7 @@ from goshawk_dashboards.state.views import (
     HealthView,
     PlanView,
     PreviewView,
+    RememberedView,
     StopView,
     TargetView,
     TruthView,
@@ -30,6 +31,8 @@ The vehicle itself calls a plan stale sooner, by its own clock (`PLAN_STALE_S` o
 from the arrival, so what the link lost or held back is in it too. With the vehicle's limit a weak link would make the
 view flicker in a flight in which nothing is wrong. The review keeps to it, so that it shows what was to be seen.
 """
+MAP_STALE_S = 3.0
+"""The same for what the planner remembers, which comes once a second."""
 FLYING = frozenset({pb.MODE_TAKEOFF, pb.MODE_TRACK, pb.MODE_NAVIGATE, pb.MODE_SEARCH, pb.MODE_HOLD, pb.MODE_STOPPING})
 """The modes in which the vehicle is in the air."""
 
@@ -47,6 +50,7 @@ class Snapshot:
     alive: bool
     """The vehicle's liveliness token is present."""
     plan: PlanView | None = None
+    remembered: RememberedView | None = None
     control: ControlView | None = None
     target: TargetView | None = None
     health: HealthView | None = None

@@ -1,7 +1,8 @@
 """What a vehicle, its link and its operator said, part by part, as plain immutable values: a snapshot holds them.
 
 Frames: ``*_world`` is ENU, body and camera are FLU; SI and radians; quaternions are (w, x, y, z), unit length.
-Shape suffixes: N candidates, K trees, B boxes, 3 a vector, 4 a quaternion. Arrays are float64 (unless said), read-only.
+Shape suffixes: N candidates, P parts of a cost, K trees, B boxes, V voxels, 3 a vector, 4 a quaternion. Arrays are
+float64 (unless said), read-only.
 Absence is ``None``. An ``age_s`` is seconds since the sample arrived on the ground, by the ground's clock.
 """
 
@@ -14,6 +15,10 @@ from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+ADDED = ("obstacle", "mover", "target", "climbing")
+"""The parts that the planner adds to a candidate's cost: it meets what stands and was seen, or what moves; it comes too
+near to the target; it ends above the goal."""
 
 UNSEEN_S = 0.5
 """A target out of sight for longer is lost to who looks, though the vehicle still pursues it."""
@@ -37,6 +42,9 @@ class PlanView:
     end_vel_world_N3: Array
     end_acc_world_N3: Array
     cost_N: Array
+    """What the network expects, alone."""
+    added_NP: Array
+    """What the planner adds to it, one column for each of ADDED; zero of what is too dear already."""
     objectness_N: Array
     rejections: tuple[pb.Rejection, ...]
     """Why each candidate is not flown."""
@@ -44,6 +52,24 @@ class PlanView:
     """Each candidate's detection; None in navigation."""
     chosen: int | None
     """Index of the trajectory flown; None: nothing was eligible."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RememberedView:
+    """What the planner remembers to stand about the vehicle: V occupied voxels, the nearest ones."""
+
+    seq: int
+    stamp_ns: int
+    origin_world_3: Array
+    """The lowest corner of voxel 0, 0, 0."""
+    voxel_m: float
+    """A voxel's edge, > 0."""
+    cells_V3: NDArray[np.uint8]
+
+    @property
+    def centre_V3(self) -> Array:
+        """Each voxel's centre, from the origin, m."""
+        return (self.cells_V3.astype(np.float64) + 0.5) * self.voxel_m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +87,8 @@ class ControlView:
     acc_des_world_3: Array
     acc_att_world_3: Array
     acc_disturbance_world_3: Array
-    acc_meas_world_3: Array
+    acc_meas_world_3: Array | None
+    """By the autopilot's IMU, turned and without gravity; None: it sends none."""
     thrust_n: float
     thrust_norm: float
     yaw_des_rad: float
@@ -174,6 +201,8 @@ class TruthView:
     stamp_ns: int
     pos_world_3: Array
     vel_world_3: Array
+    acc_world_3: Array | None
+    """None: a log from before it was told."""
     target_pos_world_3: Array | None
     """None: nobody runs."""
     target_vel_world_3: Array

@@ -27,6 +27,7 @@ def truth(
         stamp_ns=int(time_s * 1e9),
         pos_world_3=np.array([x_m, 0.0, 1.5]),
         vel_world_3=np.array([speed_mps, 0.0, 0.0]),
+        acc_world_3=None,
         target_pos_world_3=ZERO_3,
         target_vel_world_3=ZERO_3,
         clearance_m=clearance_m,

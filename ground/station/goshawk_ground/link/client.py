@@ -45,6 +45,7 @@ Listener = Callable[[str, Any], None]
 
 _DECODERS: dict[str, tuple[Any, Callable[[Any], Any]]] = {
     "plan": (goshawk_pb2.Plan, decode.plan),
+    "map": (goshawk_pb2.ObstacleMap, decode.remembered),
     "control": (goshawk_pb2.Control, decode.control),
     "target": (goshawk_pb2.Target, decode.target),
     "health": (goshawk_pb2.Health, decode.health),
@@ -164,6 +165,7 @@ class GroundLink:
                 linked=linked,
                 alive=self._alive and linked,
                 plan=self._newest.get("plan"),
+                remembered=self._newest.get("map"),
                 control=self._newest.get("control"),
                 target=self._newest.get("target"),
                 health=self._newest.get("health"),

@@ -1,0 +1,139 @@
+"""The measured acceleration is the IMU's: without it there is a gap. A simulation draws the true one beside it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import recordings as rec
+from goshawk_dashboards.exports import Format, export_log
+from goshawk_dashboards.live import plots as live
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.report.canvas import Figure, svg
+from goshawk_dashboards.report.report import make_report
+from goshawk_dashboards.review import html
+from goshawk_dashboards.review.html import Window
+from goshawk_dashboards.review.plots import Plot, plots_of
+from goshawk_dashboards.state import decode
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_proto import goshawk_pb2 as pb
+
+Make = Callable[..., Snapshot]
+
+LOST_S = 3.0
+"""When the autopilot of the made-up flight stops sending its IMU."""
+
+
+@pytest.fixture(scope="module")
+def felt(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    """A flight with an IMU until LOST_S."""
+    path = tmp_path_factory.mktemp("felt") / "felt.mcap"
+    return Flight.open(rec.write_flight(path, 6.0, imu_until_s=LOST_S))
+
+
+@pytest.fixture(scope="module")
+def unfelt(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    """A flight without an IMU."""
+    path = tmp_path_factory.mktemp("unfelt") / "unfelt.mcap"
+    return Flight.open(rec.write_flight(path, 3.0, imu_until_s=0.0))
+
+
+def test_what_is_not_measured_is_absent_and_zero_is_zero() -> None:
+    unit = pb.Quat(w=1.0)
+    assert decode.control(pb.Control(world_from_body=unit)).acc_meas_world_3 is None
+    still = decode.control(pb.Control(world_from_body=unit, acc_meas_world=pb.Vec3()))
+    np.testing.assert_array_equal(still.acc_meas_world_3, [0.0, 0.0, 0.0])
+    assert decode.truth(pb.SimTruth()).acc_world_3 is None
+
+
+def test_a_column_of_vectors_has_gaps_where_none_was_sent(felt: Flight) -> None:
+    columns = felt.columns("control", ["acc_meas_world"])
+    known = np.isfinite(columns["acc_meas_world"]).all(axis=1)
+    np.testing.assert_array_equal(known, columns.times_s < LOST_S)
+
+
+def row(snap: Snapshot) -> dict[str, float]:
+    """What the live plot of the northward acceleration takes of a snapshot, by line."""
+    plot = live.MOTION[1]
+    return dict(zip((name for name, _ in plot.lines), plot.values(snap), strict=True))
+
+
+def test_the_live_plots_have_a_gap_without_an_imu_and_say_so(snap: Make) -> None:
+    base = snap()
+    assert base.control is not None
+    assert row(base)["measured"] == 1.0
+    assert "no IMU" not in live.legend_html(base)
+    without = replace(base, control=replace(base.control, acc_meas_world_3=None))
+    assert np.isnan(row(without)["measured"])
+    assert row(without)["desired"] == 2.0
+    assert "measured (no IMU)" in live.legend_html(without)
+
+
+def test_the_live_plots_draw_the_truth_of_a_simulation_alone(snap: Make) -> None:
+    assert np.isnan(row(snap())["true"])
+    assert "true" not in live.legend_html(snap())
+    simulated = snap(truth=decode.truth(rec.truth(1.0)))
+    assert row(simulated)["true"] == pytest.approx(-2.0 * np.sin(1.0))
+    assert "true" in live.legend_html(simulated)
+    assert np.isnan(row(snap(age_s=5.0, truth=decode.truth(rec.truth(1.0))))["true"])
+
+
+def north(flight: Flight) -> Plot:
+    """The review's plot of the northward acceleration."""
+    (plot,) = (p for p in plots_of(flight, None, None, 0.0) if p.title.startswith("acc. north"))
+    return plot
+
+
+def test_the_review_draws_measured_and_true_and_a_gap_after_the_imu_was_lost(felt: Flight) -> None:
+    plot = north(felt)
+    curves = {c.label: c for c in plot.curves}
+    assert curves["measured"].at(2.0) == pytest.approx(-2.0 * np.sin(2.0), abs=0.05)
+    assert curves["measured"].at(5.0) is None
+    assert curves["true"].at(5.0) == pytest.approx(-2.0 * np.sin(5.0), abs=0.1)
+    assert "no IMU" not in plot.title
+    drawn = html.plots_html([plot], felt.phases, Window.around(0.0, None, felt.duration_s))
+    assert drawn.count("stroke-dasharray") == 1
+    assert "nan" not in drawn
+
+
+def test_the_review_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:
+    plot = north(unfelt)
+    assert plot.title.endswith("no IMU")
+    assert [c.label for c in plot.curves] == ["des.", "dist.", "true"]
+
+
+def disturbance(flight: Flight) -> Figure:
+    """The report's figure of the accelerations."""
+    (figure,) = (f for f in make_report(flight).figures if f.name == "disturbance")
+    return figure
+
+
+def test_the_report_has_a_gap_after_the_imu_was_lost_and_the_truth(felt: Flight) -> None:
+    figure = disturbance(felt)
+    table = figure.tables["disturbance"]
+    np.testing.assert_array_equal(np.isfinite(table["measured_up_mps2"]), table["time_s"] < LOST_S)
+    assert set(figure.tables["disturbance_true"]["true_up_mps2"]) == {0.05}
+    drawn = svg(figure)
+    assert ">measured<" in drawn and ">true<" in drawn
+
+
+def test_the_report_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:
+    figure = disturbance(unfelt)
+    assert "no IMU" in figure.caption
+    assert ">measured<" not in svg(figure)
+
+
+def test_exports_leave_out_what_was_not_measured(felt: Flight, unfelt: Flight, tmp_path: Path) -> None:
+    sent = round(LOST_S * rec.CONTROL_HZ)
+    ros2 = export_log(felt, Format.ROS2, tmp_path / "felt.ros2.mcap").counts
+    assert ros2["/acceleration/measured"] == sent < ros2["/acceleration/desired"]
+    assert ros2["/acceleration/true"] == felt.count("sim_truth")
+    assert "/acceleration/measured" not in export_log(unfelt, Format.ROS2, tmp_path / "unfelt.ros2.mcap").counts
+    folder = export_log(felt, Format.CSV, tmp_path / "felt_csv").path
+    with (folder / "tel_control.csv").open(newline="", encoding="utf-8") as file:
+        cells = [row["acc_meas_world.y"] for row in csv.DictReader(file)]
+    assert all(cells[:sent]) and not any(cells[sent:])

@@ -1,0 +1,102 @@
+"""What the planner remembers is drawn where it stands, the newest map, and goes with its vehicle or its age."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import recordings as rec
+import viser
+from goshawk_dashboards.exports import Format, export_log
+from goshawk_dashboards.gate import Access, Gate, Role
+from goshawk_dashboards.log import recorded
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.page.serving import close_server, open_server
+from goshawk_dashboards.scene.scene import LiveScene, ViewOptions
+from goshawk_dashboards.state import decode
+from goshawk_dashboards.state.snapshot import MAP_STALE_S, Snapshot
+from goshawk_proto import goshawk_pb2 as pb
+
+Make = Callable[..., Snapshot]
+
+
+@pytest.fixture
+def scene() -> Iterator[LiveScene]:
+    """A scene whose server stands for a browser."""
+    gate = Gate(host="127.0.0.1", port=0, access=Access())
+    server = open_server(gate, Role.OPERATOR, "test")
+    yield LiveScene(server)
+    close_server(server)
+    gate.close()
+
+
+def places(scene: LiveScene) -> np.ndarray:
+    """Where the cubes are drawn, in the world."""
+    cubes = scene.remembered.cubes
+    assert isinstance(cubes, viser.BatchedMeshHandle)
+    return np.asarray(cubes.position) + cubes.batched_positions
+
+
+def test_a_voxels_place_is_the_middle_of_its_cell() -> None:
+    message = pb.ObstacleMap(
+        seq=3, origin_world=pb.Vec3(x=-10.0, y=2.0), voxel_m=0.2, voxels=bytes([0, 0, 0, 127, 1, 31])
+    )
+    seen = decode.remembered(message)
+    np.testing.assert_allclose(seen.origin_world_3 + seen.centre_V3, [[-9.9, 2.1, 0.1], [15.5, 2.3, 6.3]])
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (pb.ObstacleMap(voxel_m=0.2, voxels=bytes(4)), "4 bytes"),
+        (pb.ObstacleMap(voxel_m=0.2, voxels=bytes(3 * 20_001)), "60003 bytes"),
+        (pb.ObstacleMap(voxel_m=0.0), "voxels of 0.0 m"),
+        (pb.ObstacleMap(voxel_m=0.2, origin_world=pb.Vec3(x=float("nan"))), "origin is not finite"),
+    ],
+)
+def test_a_map_that_makes_no_sense_is_refused(message: pb.ObstacleMap, words: str) -> None:
+    with pytest.raises(decode.MalformedError, match=words):
+        decode.remembered(message)
+
+
+def test_the_voxels_are_one_mesh_where_they_stand_and_a_newer_map_takes_its_place(scene: LiveScene, snap: Make) -> None:
+    options = ViewOptions()
+    scene.update(snap(remembered=decode.remembered(rec.remembered(1.0, 1))), options)
+    first = places(scene)
+    assert first.shape == (100, 3)
+    np.testing.assert_allclose(first[:, 0], 4.0 + 4.0 + 0.1, atol=1e-5)
+    drawn = scene.remembered.cubes
+    scene.update(snap(remembered=decode.remembered(rec.remembered(1.0, 1))), options)
+    assert scene.remembered.cubes is drawn, "the same map is not drawn anew"
+    scene.update(snap(remembered=decode.remembered(rec.remembered(2.0, 2))), options)
+    np.testing.assert_allclose(places(scene)[:, 0], 8.0 + 4.0 + 0.1, atol=1e-5)
+
+
+def test_nothing_is_drawn_of_an_old_map_nor_of_another_vehicle_nor_unasked(scene: LiveScene, snap: Make) -> None:
+    remembered = decode.remembered(rec.remembered(1.0, 1))
+    scene.update(snap(remembered=remembered), ViewOptions(remembered=False))
+    assert scene.remembered.cubes is None
+    scene.update(snap(remembered=remembered), ViewOptions())
+    assert scene.remembered.cubes is not None
+    scene.update(snap(remembered=remembered, age_s=MAP_STALE_S + 0.1), ViewOptions())
+    assert scene.remembered.cubes is None
+    scene.update(snap(remembered=remembered), ViewOptions())
+    scene.forget()
+    assert scene.remembered.cubes is None
+
+
+def test_the_review_shows_the_newest_map_at_or_before_the_time(scene: LiveScene, tmp_path: Path) -> None:
+    flight = Flight.open(rec.write_flight(tmp_path / "flight.mcap", 4.0))
+    for time_s, shown_s in ((2.0, 2.0), (2.99, 2.0), (3.0, 3.0), (1.0, 1.0)):
+        scene.update(recorded.snapshot_at(flight, time_s), ViewOptions())
+        np.testing.assert_allclose(places(scene)[:, 0], 4.0 * shown_s + 4.1, atol=1e-4)
+    assert recorded.snapshot_at(flight, -1.0).remembered is None
+
+
+def test_exports_hold_the_map_and_the_imu(tmp_path: Path) -> None:
+    path = rec.write_flight(tmp_path / "flight.mcap", 2.0)
+    flight = Flight.open(path)
+    for format, topic in ((Format.ROS2, "/remembered"), (Format.FOXGLOVE, "/remembered")):
+        assert export_log(flight, format, tmp_path / f"out{format.suffix}").counts[topic] == flight.count("map") == 2
