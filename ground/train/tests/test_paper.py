@@ -111,8 +111,8 @@ def test_in_navigation_all_trajectories_are_pulled_toward_a_direction(
     outcome = run.losses(torch.zeros(len(batch.state_BS), 10, 3, 5), batch)
     torch.testing.assert_close(outcome.label_BN, outcome.terms.trajectory_BN().clamp_max(40.0))
     torch.testing.assert_close(batch.state_BS[:, 6:9].norm(dim=1), torch.ones(len(batch.state_BS)))
-    level = batch.situation.aim_rel_B3[:, :2].norm(dim=1)
-    torch.testing.assert_close(level, torch.full_like(level, config.reach_m))
+    level = torch.linalg.vector_norm(batch.situation.aim_rel_B3[:, :2], dim=1)
+    torch.testing.assert_close(level, torch.full((len(batch.state_BS),), config.reach_m))
 
 
 def test_a_state_without_an_aim_wants_the_papers_goal_and_navigation_a_direction(paper: Config) -> None:
@@ -140,12 +140,12 @@ def test_colours_are_changed_as_in_hsv() -> None:
     )
     out = augment.jitter_hsv(rgb, jitter)
     for image in range(4):
-        for pixel, got in zip(rgb[image].reshape(-1, 3), out[image].reshape(-1, 3), strict=True):
-            hue, saturation, value = colorsys.rgb_to_hsv(*pixel.tolist())
+        for pixel, got in zip(rgb[image].reshape(-1, 3).numpy(), out[image].reshape(-1, 3).numpy(), strict=True):
+            hue, saturation, value = colorsys.rgb_to_hsv(float(pixel[0]), float(pixel[1]), float(pixel[2]))
             hue = (hue + jitter.hue[image] / (2 * np.pi)) % 1
             saturation = min(saturation * jitter.saturation[image], 1.0)
             want = colorsys.hsv_to_rgb(hue, saturation, min(value * jitter.value[image], 1.0))
-            np.testing.assert_allclose(got.numpy(), want, atol=1e-5)
+            np.testing.assert_allclose(got, want, atol=1e-5)
 
 
 def test_half_a_file_says_nearly_the_same_and_can_be_begun_from(
