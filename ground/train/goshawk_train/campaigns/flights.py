@@ -49,6 +49,8 @@ class Row:
     options: list[str] = field(default_factory=list[str])
     scan: list[str] = field(default_factory=list[str])
     """Options of `goshawk-sim world` whose world is scanned first, for the flights to take place in the point cloud."""
+    model: str | None = None
+    """The policy's file; None: the task's."""
     target: float | None = None
     """The least share of successes that is wanted of the policy."""
     cruise: float | None = None
@@ -76,8 +78,8 @@ class Row:
         return named[0] if named else VEHICLE
 
     def policy(self, models: Path) -> Path:
-        """The task's."""
-        return models / f"{self.task}.onnx"
+        """The named one, or the task's."""
+        return models / (self.model or f"{self.task}.onnx")
 
     def file(self, folder: Path) -> Path:
         """Where its report is kept."""
@@ -150,12 +152,23 @@ def fly_row(row: Row, folder: Path, simulator: Path, models: Path, *, trials: in
     return Kept(row=row, report=_fly(row, folder, simulator, identity, table_seed))
 
 
-def fly(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int, seed: int) -> dict[str, Any]:
-    """The report of a campaign with a seed of the table's range; flown unless it is there already."""
+def fly(
+    row: Row,
+    folder: Path,
+    simulator: Path,
+    models: Path,
+    *,
+    trials: int,
+    seed: int,
+    also: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The report of a campaign with a seed of the table's range; flown unless it is there already. `also` is what
+    decides its flights beside options and policy."""
     identity: dict[str, Any] = {
         "arguments": row.with_policy(row.arguments(trials, seed), models),
         "policy_sha256": hashlib.sha256(row.policy(models).read_bytes()).hexdigest(),
         **({"scan": row.scan} if row.scan else {}),
+        **(also or {}),
     }
     path = row.file(folder)
     if path.exists() and (report := json.loads(path.read_text())).get("flown") == identity:

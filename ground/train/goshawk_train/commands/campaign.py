@@ -74,6 +74,42 @@ def robustness(
 
 
 @app.command(
+    epilog="Examples: goshawk campaign extensions | goshawk campaign extensions --only the-paper-s-method --trials 20 "
+    "--out out --markdown out/table.md"
+)
+def extensions(
+    context: typer.Context,
+    plan: Annotated[Path, typer.Option(help="The parts and the campaigns.")] = Path(
+        "ground/train/configs/extensions.toml"
+    ),
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="This line, named as its folder in --out; give it again for several."),
+    ] = None,
+    models: Models = MODELS,
+    simulator: Simulator = SIMULATOR,
+    trials: Trials = None,
+    runs: Annotated[Path, typer.Option(help="Folder of vehicle files and reports.")] = Path("runs/extensions"),
+    out: Annotated[Path, typer.Option(help="Folder of the JSON.")] = Path("ground/train/results/extensions"),
+    markdown: Markdown = RESULTS,
+) -> None:
+    """Fly the paper's method, with each part beyond it alone, all, and all but each; goes on where it stopped."""
+    with ends_in_one_line(context):
+        from dataclasses import replace
+
+        from goshawk_train.campaigns import extensions, flights
+
+        listed = extensions.load(plan)
+        listed = replace(listed, trials=trials or listed.trials).only(only or [])
+        flown: list[tuple[Any, list[dict[str, Any]]]] = []
+        for variant in listed.variants:
+            print(f"{variant.name}:", flush=True)
+            flown.append((variant, extensions.carry_out(listed, variant, out, runs, simulator, models)))
+            flights.put(markdown, extensions.markdown(listed, flown), extensions.MARKS)
+        print(markdown)
+
+
+@app.command(
     epilog="Examples: goshawk campaign ablations | goshawk campaign ablations --only none --only no-image-augmentation"
 )
 def ablations(

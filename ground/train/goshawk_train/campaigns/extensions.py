@@ -1,0 +1,176 @@
+"""What each part beyond the paper is worth: the paper's method, with each part alone, all, and all but each.
+
+`configs/extensions.toml` lists the parts and the campaigns. All fly the same seeds, so that lines compare. A line that
+was flown with the same switches, policy and flight code is not flown again.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from goshawk_train.campaigns.flights import FlightsError, Row, fly, present
+
+MARKS = ("<!-- extensions: begin -->", "<!-- extensions: end -->")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """What a part is added to, or taken from."""
+
+    name: str
+    vehicle: Path
+    track: str
+    """Policies, by their files' names."""
+    navigate: str
+    on: bool
+    """All parts are; off: none."""
+
+    def policy(self, task: str) -> str:
+        """The task's."""
+        return self.track if task == "track" else self.navigate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """One line of the table."""
+
+    base: Base
+    part: str | None
+    """What differs from the base; None: nothing."""
+    switches: dict[str, bool]
+
+    @property
+    def name(self) -> str:
+        """As the table calls it."""
+        if self.part is None:
+            return self.base.name
+        return f"{self.base.name}, {'without' if self.base.on else 'with'} {self.part}"
+
+    @property
+    def slug(self) -> str:
+        """The name, for files."""
+        return re.sub(r"[^a-z0-9]+", "-", self.name.lower()).strip("-")
+
+    def write(self, folder: Path) -> Path:
+        """The vehicle file, and its tuning file beside it, in a folder of their own."""
+        text = self.base.vehicle.read_text()
+        named = re.search(r'^tuning = "([^"]+)"', text, re.MULTILINE)
+        if named is None:
+            raise FlightsError(f"{self.base.vehicle} names no tuning file")
+        tuning = (self.base.vehicle.parent / named[1]).read_text()
+        bare = re.sub(r"^\[extensions\]\n(?:(?!\[).*\n)*", "", tuning, flags=re.MULTILINE)
+        lines = [f"{name} = {'true' if on else 'false'}" for name, on in self.switches.items()]
+        out = folder / self.slug
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "tuning.toml").write_text("\n".join([bare, "[extensions]", *lines, ""]))
+        (out / "vehicle.toml").write_text(text.replace(named[0], 'tuning = "tuning.toml"'))
+        return out / "vehicle.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is flown."""
+
+    trials: int
+    seed: int
+    campaigns: list[Row]
+    variants: list[Variant]
+
+    def only(self, slugs: list[str]) -> Plan:
+        """With the named lines alone; raises `FlightsError` for one that there is not."""
+        known = {variant.slug: variant for variant in self.variants}
+        if unknown := [slug for slug in slugs if slug not in known]:
+            raise FlightsError(f"no line is named {', '.join(unknown)}; there are {', '.join(known)}")
+        return replace(self, variants=[known[slug] for slug in slugs]) if slugs else self
+
+
+def load(path: Path) -> Plan:
+    """The plan in a TOML file; raises `FlightsError`."""
+    try:
+        table = tomllib.loads(path.read_text())
+        bases = [
+            Base(
+                name=base["name"],
+                vehicle=Path(base["vehicle"]),
+                track=base["track"],
+                navigate=base["navigate"],
+                on=base["on"],
+            )
+            for base in table["base"]
+        ]
+        parts = {part["name"]: list[str](part["switches"]) for part in table["part"]}
+        return Plan(
+            trials=int(table["trials"]),
+            seed=int(table["seed"]),
+            campaigns=[Row(**row) for row in table["campaign"]],
+            variants=[variant for base in bases for variant in _variants(base, parts)],
+        )
+    except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
+        raise FlightsError(f"{path} lists no extensions: {error}") from error
+
+
+def _variants(base: Base, parts: dict[str, list[str]]) -> list[Variant]:
+    switches = dict.fromkeys((name for names in parts.values() for name in names), base.on)
+    changed = [
+        Variant(base=base, part=part, switches=switches | dict.fromkeys(names, not base.on))
+        for part, names in parts.items()
+    ]
+    return [Variant(base=base, part=None, switches=switches), *changed]
+
+
+def identity(plan: Plan, variant: Variant, simulator: Path, models: Path) -> dict[str, Any]:
+    """What a line's flights depend on; raises `FlightsError`."""
+    policies = {task: models / variant.base.policy(task) for task in ("track", "navigate")}
+    hashes = {task: present(simulator, path, str(variant.base.vehicle)) for task, path in policies.items()}
+    return {
+        "switches": variant.switches,
+        "policies": {task: found["policy_sha256"] for task, found in hashes.items()},
+        **{name: hashes["track"][name] for name in ("vehicle_sha256", "flight_code_sha256")},
+        "campaigns": [row.arguments(plan.trials, plan.seed) for row in plan.campaigns],
+    }
+
+
+def carry_out(
+    plan: Plan, variant: Variant, folder: Path, runs: Path, simulator: Path, models: Path
+) -> list[dict[str, Any]]:
+    """Each campaign's only cell; flown unless it is in `folder` already, each campaign's report kept in `runs`."""
+    now, summary = identity(plan, variant, simulator, models), folder / f"{variant.slug}.json"
+    if summary.exists() and (known := json.loads(summary.read_text()))["identity"] == now:
+        return known["cells"]
+    vehicle = variant.write(runs)
+    cells: list[dict[str, Any]] = []
+    for campaign in plan.campaigns:
+        model = variant.base.policy(campaign.task)
+        row = replace(campaign, model=model, options=[*campaign.options, "--vehicle-file", str(vehicle)])
+        also = {name: now[name] for name in ("switches", "vehicle_sha256", "flight_code_sha256")}
+        report = fly(row, vehicle.parent, simulator, models, trials=plan.trials, seed=plan.seed, also=also)
+        cells += report["cells"]
+    folder.mkdir(parents=True, exist_ok=True)
+    summary.write_text(json.dumps({"identity": now, "cells": cells}, indent=1) + "\n")
+    return cells
+
+
+def markdown(plan: Plan, results: list[tuple[Variant, list[dict[str, Any]]]]) -> str:
+    """The table of all lines that are flown: successes in each campaign with their 95 % interval, and their sum."""
+    if not results:
+        return "None is flown yet."
+    head = ["what flies", *(campaign.name for campaign in plan.campaigns), "all", "against its base"]
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    sums = {variant.slug: sum(cell["successes"] for cell in cells) for variant, cells in results}
+    for variant, cells in results:
+        flown = [_share(cell) for cell in cells]
+        trials = sum(cell["trials"] for cell in cells)
+        base = sums.get(replace(variant, part=None).slug)
+        against = "" if variant.part is None or base is None else f"{sums[variant.slug] - base:+d}"
+        lines.append(f"| {' | '.join([variant.name, *flown, f'{sums[variant.slug]} of {trials}', against])} |")
+    return "\n".join(lines)
+
+
+def _share(cell: dict[str, Any]) -> str:
+    low, high = cell["success_interval"]
+    return f"{cell['successes']} of {cell['trials']} ({low:.0%} to {high:.0%})"

@@ -1,0 +1,84 @@
+"""`goshawk campaign extensions`: what each part beyond the paper is worth, with the real simulator."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from command import goshawk
+from goshawk_train.campaigns import extensions
+from goshawk_train.campaigns.flights import FlightsError
+
+ROOT = Path(__file__).resolve().parents[3]
+PLAN = ROOT / "ground/train/configs/extensions.toml"
+SWITCHES = set(tomllib.loads((ROOT / "air/vehicles/paper-tuning.toml").read_text())["extensions"])
+
+
+def switches(vehicle: Path) -> dict[str, bool]:
+    return tomllib.loads(vehicle.with_name("tuning.toml").read_text())["extensions"]
+
+
+def test_every_switch_is_a_part_once_and_both_bases_fly_with_each_the_other_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(ROOT)
+    plan = extensions.load(PLAN)
+    parts = [part["switches"] for part in tomllib.loads(PLAN.read_text())["part"]]
+    assert sorted(name for names in parts for name in names) == sorted(SWITCHES)
+    assert len(plan.variants) == 2 * (1 + len(parts))
+    for base in {variant.base.name for variant in plan.variants}:
+        lines = [variant for variant in plan.variants if variant.base.name == base]
+        assert set(lines[0].switches.values()) == {lines[0].base.on}
+        for line, names in zip(lines[1:], parts, strict=True):
+            changed = {name for name, on in line.switches.items() if on != lines[0].switches[name]}
+            assert changed == set(names), line.name
+
+
+def test_a_lines_vehicle_has_its_switches_and_else_its_bases_tuning(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(ROOT)
+    for variant in extensions.load(PLAN).variants:
+        vehicle = variant.write(tmp_path)
+        assert switches(vehicle) == variant.switches
+        tuning = tomllib.loads(vehicle.with_name("tuning.toml").read_text())
+        shipped = tomllib.loads((ROOT / "air/vehicles/tuning.toml").read_text())
+        assert {name: table for name, table in tuning.items() if name != "extensions"} == shipped
+
+
+def test_lines_are_flown_once_and_told_against_their_base(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(ROOT)
+    (tmp_path / "plan.toml").write_text(
+        PLAN.read_text().split("[[campaign]]")[0]
+        + '[[campaign]]\nname = "N"\ntask = "navigate"\nspeeds = [8]\nspacings = [6]\n\n'
+        + "[[part]]"
+        + PLAN.read_text().split("[[part]]", 1)[1]
+    )
+    table = tmp_path / "t.md"
+    table.write_text("\n".join(extensions.MARKS))
+    fly = [
+        *("campaign", "extensions", "--plan", str(tmp_path / "plan.toml"), "--trials", "2"),
+        *("--only", "all", "--only", "all-without-no-climbing", "--runs", str(tmp_path / "runs")),
+        *("--out", str(tmp_path / "out"), "--markdown", str(table)),
+    ]
+    first = goshawk(*fly)
+    assert first.exit_code == 0, first.stderr
+    flown_ns = [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("**/*.json"))]
+    kept = json.loads((tmp_path / "out/all-without-no-climbing.json").read_text())
+    assert kept["identity"]["switches"]["no_climbing"] is False and len(kept["cells"]) == 1
+    written = table.read_text()
+    assert "| All | " in written and "| All, without no climbing | " in written
+    assert goshawk(*fly).exit_code == 0 and len(flown_ns) == 4
+    assert [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("**/*.json"))] == flown_ns, "flown once"
+    assert table.read_text() == written
+
+
+def test_an_unknown_line_and_a_bad_plan_are_refused_by_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(FlightsError, match="no line is named nobody"):
+        extensions.load(PLAN).only(["nobody"])
+    (tmp_path / "bad.toml").write_text("trials = 1\n")
+    refused = goshawk("campaign", "extensions", "--plan", str(tmp_path / "bad.toml"))
+    assert refused.exit_code == 2 and "lists no extensions" in refused.stderr
