@@ -114,7 +114,7 @@ pub struct Lattice {
 #[derive(Debug, thiserror::Error)]
 pub enum ContractError {
     /// Not JSON, a field is missing, of the wrong type, or unknown.
-    #[error("not a version {VERSION} contract: {0}")]
+    #[error("not a version {VERSION} contract: {}", one_line(.0))]
     Fields(#[from] serde_json::Error),
     /// The schema is another one.
     #[error(
@@ -134,6 +134,11 @@ pub enum ContractError {
         /// What would do.
         needed: String,
     },
+}
+
+/// An unknown field's name is quoted as it is, line breaks included.
+fn one_line(error: &serde_json::Error) -> String {
+    error.to_string().replace(char::is_control, " ")
 }
 
 /// Only the version, whatever else there is.
@@ -325,6 +330,14 @@ mod tests {
             object.insert("novelty".into(), json!(1));
             assert!(read(&contract).unwrap_err().to_string().contains("unknown field `novelty`"));
         }
+    }
+
+    #[test]
+    fn an_unknown_field_with_a_line_break_in_its_name_is_refused_in_one_line() {
+        let mut contract = track();
+        contract["chan\nels"] = json!(1);
+        let message = read(&contract).unwrap_err().to_string();
+        assert!(message.contains("unknown field `chan els`") && message.lines().count() == 1, "{message}");
     }
 
     #[test]
