@@ -72,9 +72,10 @@ fn most_held(work: impl FnOnce()) -> usize {
 }
 
 fn channel(topic: &str) -> Channel {
-    let own = [Channel::HEADER, Channel::RGBD, Channel::ODOMETRY, Channel::PLANNER_INPUT, Channel::CONTROLLER_INPUT];
-    let told = [Key::Control, Key::Plan, Key::Target, Key::Event].map(|key| Channel::of(key).unwrap());
-    own.into_iter().chain(told).find(|channel| channel.topic == topic).unwrap()
+    let inputs = [Channel::ODOMETRY, Channel::IMU, Channel::PLANNER_INPUT, Channel::CONTROLLER_INPUT];
+    let own = [Channel::HEADER, Channel::RGBD].into_iter().chain(inputs);
+    let told = [Key::Control, Key::Plan, Key::Map, Key::Target, Key::Event].map(|key| Channel::of(key).unwrap());
+    own.chain(told).find(|channel| channel.topic == topic).unwrap()
 }
 
 /// The records of a flight's first two and a half seconds, with six of its images.
