@@ -62,10 +62,16 @@ impl PropertyAccess for Vertex {
 }
 
 fn ply(path: &Path) -> Result<Vec<Point>, String> {
-    let mut file = Reader::new(BufReader::new(File::open(path).map_err(|e| e.to_string())?));
+    let file = File::open(path).map_err(|e| e.to_string())?;
+    let bytes = file.metadata().map_err(|e| e.to_string())?.len();
+    let mut file = Reader::new(BufReader::new(file));
     let parser = Parser::<Vertex>::new();
     let header = parser.read_header(&mut file).map_err(|e| e.to_string())?;
     for (name, element) in &header.elements {
+        // One of an element without properties takes no bytes: the library would make as many as it is told to.
+        if element.count as u64 > bytes {
+            return Err(format!("its header promises {} of {name:?}, and the file has {bytes} bytes", element.count));
+        }
         let read = parser.read_payload_for_element(&mut file, element, &header).map_err(|e| e.to_string())?;
         if name == "vertex" {
             let colour = |v: &Vertex| Some([v.rgb[0]?, v.rgb[1]?, v.rgb[2]?]);
@@ -182,6 +188,16 @@ mod tests {
 
     fn places(points: &[Point]) -> Vec<[f32; 3]> {
         points.iter().map(|p| p.at.map(|c| c as f32)).collect()
+    }
+
+    #[test]
+    fn a_ply_whose_header_promises_more_than_the_file_can_hold_is_refused() {
+        for properties in ["", "property float x\n"] {
+            let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\n";
+            let file = format!("{header}{properties}end_header\n");
+            let message = read("cloud.ply", file.as_bytes()).unwrap_err().to_string();
+            assert!(message.contains("promises 4000000000 of \"vertex\""), "{message}");
+        }
     }
 
     #[test]
