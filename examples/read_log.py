@@ -33,7 +33,8 @@ def main(log: Annotated[Path, typer.Argument(help="A flight log.")]) -> None:
     motion = flight.columns("control", ["vel_world"], max_hz=20.0)
     if len(motion):
         speed_mps = np.linalg.norm(motion["vel_world"], axis=1)
-        print(f"speed: mean {speed_mps.mean():.1f}, most {speed_mps.max():.1f} m/s")
+        # Before the first odometry there is none.
+        print(f"speed: mean {np.nanmean(speed_mps):.1f}, most {np.nanmax(speed_mps):.1f} m/s")
 
     target = flight.columns("target", ["confirmed", "since_seen_s"], max_hz=20.0)
     if len(target):
