@@ -77,6 +77,9 @@ pub fn check(config: &Path, overrides: Overrides, wait_s: f64) -> Findings {
             findings.ok("vehicle file", format!("{}: {}, profiles {names}", config.display(), vehicle.name));
             let (model, log_dir) = overrides.apply(&mut vehicle);
             let policy: Option<Policy> = board::policy(&vehicle, &model, &mut findings);
+            if let Some(why) = vehicle.unkept() {
+                findings.warn("least distance", why);
+            }
             board::scheduling(&vehicle, &mut findings);
             board::log_folder(&log_dir, &mut findings);
             live::listen(&vehicle, policy.as_ref(), wait_s, &mut findings);

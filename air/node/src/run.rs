@@ -100,7 +100,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         battery_start: vehicle.limits.battery_start,
         source: vehicle.sensors.odometry,
         insecure: *access.guard() == Guard::Nobody,
-        exposure,
+        warnings: [("mavlink", exposure), ("least distance", vehicle.unkept().map(str::to_owned))],
     };
     let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, visitors.clone(), identity)?;
     visitors.watch(&bus, access.clone())?;

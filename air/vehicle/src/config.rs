@@ -219,6 +219,14 @@ impl Vehicle {
         if model == self.resolve(&self.policy.model) { policy.pinned(model, &self.policy.sha256) } else { Ok(()) }
     }
 
+    /// What the tuning leaves undone that the limits ask for, for people; none: nothing.
+    #[must_use]
+    pub fn unkept(&self) -> Option<&'static str> {
+        let off =
+            "extensions.least_distance is off: nothing keeps the vehicle from its target; fly it in simulation only";
+        (!self.tuning().extensions.least_distance).then_some(off)
+    }
+
     /// Where ONNX Runtime is; none: to be searched for.
     #[must_use]
     pub fn library(&self) -> Option<PathBuf> {

@@ -109,8 +109,7 @@ pub trait Pilot {
     fn take_plan(&mut self, plan: Plan);
 
     /// What it remembers to stand about it, as the `seq`-th such message; none: nothing, or it tells nobody.
-    fn obstacle_map(&self, seq: u64, now: Time) -> Option<v1::ObstacleMap> {
-        let _ = (seq, now);
+    fn obstacle_map(&self, _seq: u64, _now: Time) -> Option<v1::ObstacleMap> {
         None
     }
 

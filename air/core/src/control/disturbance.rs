@@ -52,8 +52,6 @@ pub struct Observer {
     error: Vec3,
     /// d̂ / m, m/s².
     disturbance: Vec3,
-    /// The model u of the last step, m/s².
-    model: Vec3,
 }
 
 /// exp(M t) for M = [-a -1; b 0], row-major; a, b > 0, t >= 0.
@@ -78,7 +76,7 @@ impl Observer {
     /// An observer that has seen nothing.
     #[must_use]
     pub fn new(config: ObserverConfig) -> Self {
-        Self { config, vel_world: None, error: Vec3::zeros(), disturbance: Vec3::zeros(), model: Vec3::zeros() }
+        Self { config, vel_world: None, error: Vec3::zeros(), disturbance: Vec3::zeros() }
     }
 
     /// Forgets everything: on the ground, or after the odometry jumped or was stale.
@@ -104,7 +102,6 @@ impl Observer {
         }
         let Some(before) = self.vel_world else {
             self.vel_world = Some(vel_world);
-            self.model = acc_model_world;
             return;
         };
         if dt <= 0.0 {
@@ -118,19 +115,12 @@ impl Observer {
         self.disturbance = cap(self.error * phi[1][0] + q * phi[1][1] + w, self.config.limit_mps2);
         self.error = if error.iter().all(|x| x.is_finite()) { error } else { Vec3::zeros() };
         self.vel_world = Some(vel_world);
-        self.model = acc_model_world;
     }
 
     /// d̂ / m, m/s²; never longer than the limit.
     #[must_use]
     pub fn disturbance(&self) -> Vec3 {
         self.disturbance
-    }
-
-    /// The observer's model of the actual acceleration, u + d̂/m, m/s².
-    #[must_use]
-    pub fn acceleration(&self) -> Vec3 {
-        self.model + self.disturbance
     }
 }
 
@@ -216,7 +206,6 @@ mod tests {
             observer.step(0.01, Vec3::x() * (0.03 * f64::from(k)), Vec3::x() * 3.0);
         }
         assert!(observer.disturbance().norm() < 1e-9);
-        assert!((observer.acceleration() - Vec3::x() * 3.0).norm() < 1e-9);
     }
 
     #[test]
@@ -250,7 +239,6 @@ mod tests {
             for k in 0..steps {
                 observer.step(dt, Vec3::from(v) * f64::from(k), Vec3::zeros());
                 prop_assert!(observer.disturbance().norm() <= 4.0 + 1e-9);
-                prop_assert!(observer.acceleration().iter().all(|x| x.is_finite()));
             }
         }
     }

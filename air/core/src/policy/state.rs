@@ -4,8 +4,8 @@ use std::ops::Deref;
 
 use crate::values::types::Vec3;
 
-/// Most numbers that a `state` input has.
-const MOST: usize = 13;
+/// Most numbers that a `state` input has: with all that there is.
+const MOST: usize = 16;
 
 /// What a policy's `state` holds beyond the velocity and the acceleration, which are the paper's. The order is that of
 /// the fields.
@@ -66,7 +66,7 @@ impl StateLayout {
             (true, parts.acceleration),
             (self.up, parts.up),
             (self.aim, parts.aim),
-            (self.direction && !self.aim, direction),
+            (self.direction, direction),
         ];
         let held = vectors.iter().filter(|(held, _)| *held).flat_map(|(_, vector)| vector.iter());
         let agility = self.agility.then_some(&parts.agility);
@@ -121,9 +121,6 @@ mod tests {
         for bits in 0..16_u8 {
             let held = |bit: u8| bits & 1 << bit != 0;
             let layout = StateLayout { up: held(0), aim: held(1), direction: held(2), agility: held(3) };
-            if layout.aim && layout.direction {
-                continue;
-            }
             assert_eq!(layout.state(&PARTS).len(), layout.numbers(), "{layout:?}");
         }
     }
@@ -139,6 +136,6 @@ mod tests {
     fn a_logged_state_comes_back_and_one_that_is_too_long_does_not() {
         let state = StateLayout { up: true, aim: true, direction: false, agility: true }.state(&PARTS);
         assert_eq!(NetworkState::from_slice(&state), Some(state));
-        assert_eq!(NetworkState::from_slice(&[0.0; 14]), None);
+        assert_eq!(NetworkState::from_slice(&[0.0; 17]), None);
     }
 }

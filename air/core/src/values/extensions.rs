@@ -14,7 +14,8 @@ pub struct Extensions {
     pub obstacle_memory: bool,
     /// The vehicle steps out of the way of what moves, and of a target that comes.
     pub stepping_aside: bool,
-    /// The least distance to the target is kept: ways through it cost more, and the controller brakes before it.
+    /// The least distance to the target is kept: ways through it cost more, and the controller brakes before it. Off, nothing
+    /// keeps the vehicle from its target, and it says so at each start.
     pub least_distance: bool,
     /// The cheapest of all candidates is flown; off: of those in whose cell the target is seen.
     pub choice_among_all: bool,

@@ -54,8 +54,8 @@ pub struct Identity {
     pub source: OdometrySource,
     /// Whoever connects may fly the vehicle.
     pub insecure: bool,
-    /// Why others may pose as the autopilot; none: they may not.
-    pub exposure: Option<String>,
+    /// What is amiss as long as the process runs, by what it concerns: told at its start and in each flight's log.
+    pub warnings: [(&'static str, Option<String>); 2],
 }
 
 struct Publishers {
@@ -153,7 +153,7 @@ impl Telemetry {
 
     /// Works until the process stops, then finishes the log.
     pub fn run(mut self, reports: &Receiver<Report>, shared: &Shared) {
-        self.tell_exposure();
+        self.tell_warnings();
         loop {
             let stopping = shared.stopping();
             while let Ok(report) = reports.try_recv() {
@@ -204,16 +204,18 @@ impl Telemetry {
         self.last_imu = None;
         started.profile.as_ref().clone_into(&mut self.profile);
         self.facts.recorder_failed = self.log.open(&started.profile).err();
-        self.tell_exposure();
+        self.tell_warnings();
         if let Some(odometry) = odometry {
             self.record_odometry(odometry);
         }
     }
 
-    /// Each flight's log says that others could have posed as the autopilot.
-    fn tell_exposure(&mut self) {
-        if let Some(why) = self.identity.exposure.clone() {
-            self.event(v1::Severity::Warning, "mavlink", why);
+    /// Each flight's log says what was amiss all the while, such as that others could have posed as the autopilot.
+    fn tell_warnings(&mut self) {
+        for (kind, why) in self.identity.warnings.clone() {
+            if let Some(why) = why {
+                self.event(v1::Severity::Warning, kind, why);
+            }
         }
     }
 
@@ -464,7 +466,8 @@ impl Telemetry {
     fn faults(&self) -> Vec<String> {
         let failing = self.checks.iter().filter(|c| !c.ok).map(|c| format!("{}: {}", c.name, c.reason));
         let insecure = self.identity.insecure.then(|| format!("network: {INSECURE}"));
-        let exposed = self.identity.exposure.as_ref().map(|why| format!("mavlink: {why}"));
-        failing.chain(insecure).chain(exposed).collect()
+        let told = |(kind, why): &(&str, Option<String>)| why.as_ref().map(|why| format!("{kind}: {why}"));
+        let warned = self.identity.warnings.iter().filter_map(told);
+        failing.chain(insecure).chain(warned).collect()
     }
 }
