@@ -135,7 +135,7 @@ pub fn scene_seed(seed: u64, scene: usize) -> u64 {
 }
 
 /// The world of a scene: trees at a spacing of 3–7 m, one scene in twenty sparse, one in four with walls, boxes and posts
-/// between wider spaced trees.
+/// between wider spaced trees; in every second one decoys besides.
 ///
 /// # Errors
 /// Never with the default rectangle.
@@ -145,11 +145,13 @@ pub fn scene_world(seed: u64) -> Result<World, WorldError> {
     let hills_m = rng.random_range(0.1..0.45);
     let grow = |spacing_m| forest(&ForestConfig { spacing_m, hills_m, ..ForestConfig::default() }, seed);
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x0c10_77e4);
-    if rng.random_bool(clutter::CLUTTERED) {
-        Ok(clutter::cluttered(grow(spacing_m + clutter::WIDER_M)?, &mut rng))
+    let world = if rng.random_bool(clutter::CLUTTERED) {
+        clutter::cluttered(grow(spacing_m + clutter::WIDER_M)?, &mut rng)
     } else {
-        grow(spacing_m)
-    }
+        grow(spacing_m)?
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xdec0_7000);
+    Ok(if rng.random_bool(clutter::WITH_DECOYS) { clutter::with_decoys(world, &mut rng) } else { world })
 }
 
 /// Poses, images and labels of one scene.

@@ -1,5 +1,8 @@
 //! What people put between trees: walls with and without a doorway, boxes, posts. A share of the scenes has it, so that
 //! a policy also learns what is wide, what is flat, and that not all that stands upright in a bright colour is a person.
+//!
+//! Decoys stand in half of the scenes, so many that most images there show some: posts and crates of a person's size, as
+//! the obstacles that move. A policy that never saw any takes them for the target.
 
 use crate::world::{Cuboid, Kind, Part, RoundCone, Shape, World};
 use goshawk_core::Vec3;
@@ -10,6 +13,11 @@ use std::f64::consts::TAU;
 pub(super) const CLUTTERED: f64 = 0.25;
 /// Its trees stand so much wider, m: there must be room for it.
 pub(super) const WIDER_M: f64 = 2.0;
+
+/// Share of the scenes with decoys.
+pub(super) const WITH_DECOYS: f64 = 0.5;
+/// Their number in a scene, from and to.
+const DECOYS: std::ops::RangeInclusive<usize> = 20..=120;
 
 /// Numbers of walls, boxes and posts in a scene, from and to.
 const WALLS: std::ops::RangeInclusive<usize> = 10..=40;
@@ -30,13 +38,26 @@ pub(super) fn cluttered<R: Rng>(world: World, rng: &mut R) -> World {
         parts.push(upright(&world, at, half, rng.random_range(0.4..2.6), yaw_rad, tint));
     }
     for _ in 0..rng.random_range(POSTS) {
-        let [x, y] = place(&world, rng);
-        let foot = world.ground_height(x, y);
-        let (a, b) = (Vec3::new(x, y, foot - ROOT_M), Vec3::new(x, y, foot + rng.random_range(1.2..3.0)));
-        let radius = rng.random_range(0.05..0.3);
-        let shape = Shape::Cone(RoundCone { a, b, radius_a: radius, radius_b: radius });
-        parts.push(Part { shape, kind: Kind::Building, tint: tint(rng) });
+        let (at, height_m) = (place(&world, rng), rng.random_range(1.2..3.0));
+        parts.push(post(&world, at, rng.random_range(0.05..0.3), height_m, tint(rng)));
     }
+    world.with_more(parts)
+}
+
+/// The world with decoys in it; half of them are painted as walls and boxes are, half in bands.
+pub(super) fn with_decoys<R: Rng>(world: World, rng: &mut R) -> World {
+    let parts = (0..rng.random_range(DECOYS)).map(|_| {
+        let (at, height_m, tint) = (place(&world, rng), rng.random_range(1.2..2.9), tint(rng));
+        let kind = if rng.random_bool(0.5) { Kind::Building } else { Kind::Moving };
+        let part = if rng.random_bool(0.5) {
+            post(&world, at, rng.random_range(0.08..0.3), height_m, tint)
+        } else {
+            let half = [rng.random_range(0.15..0.5), rng.random_range(0.15..0.5)];
+            upright(&world, at, half, height_m, rng.random_range(0.0..TAU), tint)
+        };
+        Part { kind, ..part }
+    });
+    let parts = parts.collect();
     world.with_more(parts)
 }
 
@@ -65,6 +86,14 @@ fn wall<R: Rng>(world: &World, parts: &mut Vec<Part>, rng: &mut R) {
         let cuboid = Cuboid { centre, half: Vec3::new(door_m / 2.0, half_thick_m, half_height), yaw_rad };
         parts.push(Part { shape: Shape::Cuboid(cuboid), kind: Kind::Building, tint });
     }
+}
+
+/// A post; its round top rises by a radius above `height_m`.
+fn post(world: &World, [x, y]: [f64; 2], radius_m: f64, height_m: f64, tint: [f32; 3]) -> Part {
+    let foot = world.ground_height(x, y);
+    let (a, b) = (Vec3::new(x, y, foot - ROOT_M), Vec3::new(x, y, foot + height_m));
+    let shape = Shape::Cone(RoundCone { a, b, radius_a: radius_m, radius_b: radius_m });
+    Part { shape, kind: Kind::Building, tint }
 }
 
 /// A box on the ground; `half` its horizontal half edges, m.
