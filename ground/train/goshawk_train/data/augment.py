@@ -38,7 +38,7 @@ def draw_jitter(rng: np.random.Generator, count: int, config: AugmentConfig) -> 
 def jitter_hsv(rgb_BHW3: Tensor, jitter: Jitter) -> Tensor:
     """The changes in the HSV colour space, as the paper has them; values 0..1."""
     hue, saturation, gain = (
-        torch.as_tensor(values, dtype=rgb_BHW3.dtype)[:, None, None]
+        torch.as_tensor(values, dtype=rgb_BHW3.dtype, device=rgb_BHW3.device)[:, None, None]
         for values in (jitter.hue * (3 / math.pi), jitter.saturation, jitter.value)
     )
     red, green, blue = rgb_BHW3.unbind(-1)
@@ -68,24 +68,24 @@ def augment(rgbd_BHW4: Tensor, rng: np.random.Generator, config: AugmentConfig) 
 
     The mirror is not done here: it changes geometry as well (see `batches.make_batch`).
     """
-    count = len(rgbd_BHW4)
+    count, device = len(rgbd_BHW4), rgbd_BHW4.device
     out, jitter = torch.empty_like(rgbd_BHW4), draw_jitter(rng, count, config)
     if config.space == "hsv":
         rgb = jitter_hsv(rgbd_BHW4[..., :3], jitter)
     else:
-        matrix = torch.tensor(colour_matrices(jitter), dtype=rgbd_BHW4.dtype)
+        matrix = torch.tensor(colour_matrices(jitter), dtype=rgbd_BHW4.dtype, device=device)
         rgb = torch.einsum("bhwi,bji->bhwj", rgbd_BHW4[..., :3], matrix)
     if config.noise > 0:
         # A fresh field for each batch, scaled and rolled for each image: noise is cheap this way.
         seed = int(rng.integers(2**31))
         field = torch.randn((*rgbd_BHW4.shape[1:3], 3), generator=torch.Generator().manual_seed(seed))
-        gain = torch.tensor(rng.uniform(0, 2 * config.noise, count), dtype=rgb.dtype)
-        rgb.addcmul_(field[None], gain[:, None, None, None])
+        gain = torch.tensor(rng.uniform(0, 2 * config.noise, count), dtype=rgb.dtype, device=device)
+        rgb.addcmul_(field.to(device)[None], gain[:, None, None, None])
     out[..., :3] = rgb.clamp_(0, 1)
     out[..., 3] = rgbd_BHW4[..., 3]
     draw = rng.uniform(size=count)
-    blank_rgb = torch.tensor(draw < config.blank_rgb)
-    blank_depth = torch.tensor(draw > 1 - config.blank_depth)
+    blank_rgb = torch.tensor(draw < config.blank_rgb, device=device)
+    blank_depth = torch.tensor(draw > 1 - config.blank_depth, device=device)
     out[blank_rgb, ..., :3] = 0
     out[blank_depth, ..., 3] = 1
     return out

@@ -27,6 +27,7 @@ from goshawk_train.data.ply import read_ply
 from goshawk_train.model import geometry
 
 F64 = NDArray[np.float64]
+CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,15 +104,17 @@ def epoch_order(frames: int, *, seed: int, epoch: int) -> NDArray[np.int64]:
     return np.random.default_rng([seed, 1, epoch]).permutation(frames)
 
 
-def _images(frames: Frames, index_I: NDArray[np.int64], mirrored_I: NDArray[np.bool_], config: Config) -> Tensor:
+def _images(
+    frames: Frames, index_I: NDArray[np.int64], mirrored_I: NDArray[np.bool_], config: Config, device: torch.device
+) -> Tensor:
     """[I, H, W, 4] in 0..1."""
     rgb, depth = frames.rgb_FHW3[index_I], frames.depth_FHW[index_I]
     rgb[mirrored_I] = rgb[mirrored_I, :, ::-1]
     depth[mirrored_I] = depth[mirrored_I, :, ::-1]
-    rgbd = torch.empty(len(index_I), config.camera.height, config.camera.width, 4)
-    rgbd[..., :3] = torch.from_numpy(rgb)
+    rgbd = torch.empty(len(index_I), config.camera.height, config.camera.width, 4, device=device)
+    rgbd[..., :3] = torch.from_numpy(rgb).to(device)
     rgbd[..., :3] /= 255
-    rgbd[..., 3] = torch.from_numpy(preprocess.normalise_depth(depth, config.depth))
+    rgbd[..., 3] = torch.from_numpy(preprocess.normalise_depth(depth, config.depth)).to(device)
     return rgbd
 
 
@@ -123,11 +126,15 @@ def make_batch(
     *,
     training: bool,
     states: int = 1,
+    device: torch.device = CPU,
 ) -> Batch:
-    """Frames with fresh random states, `states` each; with colour changes, blanking and mirroring when `training`."""
+    """Frames with fresh random states, `states` each; with colour changes, blanking and mirroring when `training`.
+
+    Images go to the device as the integers that they are, and become numbers there.
+    """
     images, labels = len(index_I), frames.labels
     mirrored = rng.uniform(size=images) < (config.augment.flip if training else 0.0)
-    rgbd = _images(frames, index_I, mirrored, config)
+    rgbd = _images(frames, index_I, mirrored, config, device)
     if training:
         rgbd = augment.augment(rgbd, rng, config.augment)
 
@@ -182,4 +189,4 @@ def make_batch(
             aim_rel_B3=tensor(to_net(aim, world_from_net)),
             agility_B=tensor(agility[:, 0]),
         ),
-    )
+    ).to(device)

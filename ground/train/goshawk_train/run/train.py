@@ -23,6 +23,7 @@ import torch.nn.functional as F
 from torch.utils.tensorboard import SummaryWriter
 
 from goshawk_train.config import Config, replace_training
+from goshawk_train.costs.batch import Batch
 from goshawk_train.costs.esdf import SceneMaps
 from goshawk_train.costs.losses import LossModel
 from goshawk_train.costs.trajectory import CostModel
@@ -81,6 +82,7 @@ class Trainer:
         self.total_steps = math.ceil(config.training.samples / self.samples_a_step)
         self.step, self.seconds = 0, 0.0
         self._order = (-1, np.zeros(0, dtype=np.int64))
+        self._ahead: tuple[int, Batch] | None = None
 
     def snapshot(self) -> Checkpoint:
         """The run as it can be written to disk."""
@@ -126,27 +128,40 @@ class Trainer:
         if other.folded:
             rng = np.random.default_rng([self.config.seed, 3])
             index = rng.choice(len(self.frames), min(NORMALISING_FRAMES, len(self.frames)), replace=False)
-            batch = batches.make_batch(self.frames, index, rng, self.config, training=True)
-            normalise(self.network, batch.rgbd_I4HW.to(self.workers.device))
+            batch = batches.make_batch(self.frames, index, rng, self.config, training=True, device=self.workers.device)
+            normalise(self.network, batch.rgbd_I4HW)
         self.ema = Ema(self.network, self.config.training.ema)
         self.data_name += f", begun from {other.origin}"
 
-    def indices(self) -> np.ndarray:
-        """This process's frames of the current step."""
-        epoch, position = divmod(self.step, self.steps_per_epoch)
+    def indices(self, step: int) -> np.ndarray:
+        """This process's frames of a step."""
+        epoch, position = divmod(step, self.steps_per_epoch)
         if self._order[0] != epoch:
             self._order = (epoch, batches.epoch_order(len(self.frames), seed=self.config.seed, epoch=epoch))
         batch = self.config.training.batch
         start = position * self.samples_a_step + self.workers.rank * batch
         return self._order[1][start : start + batch]
 
+    def _batch(self, step: int) -> Batch:
+        """This process's part of a step."""
+        if self._ahead and self._ahead[0] == step:
+            return self._ahead[1]
+        config, workers = self.config, self.workers
+        rng = np.random.default_rng([config.seed, 2, step * workers.count + workers.rank])
+        return batches.make_batch(
+            self.frames,
+            self.indices(step),
+            rng,
+            config,
+            training=True,
+            states=config.training.states,
+            device=workers.device,
+        )
+
     def advance(self) -> dict[str, torch.Tensor]:
         """One optimiser step; returns the loss and its parts. Raises `TrainingError` on a non-finite loss."""
         started, training = time.monotonic(), self.config.training
-        rng = np.random.default_rng([self.config.seed, 2, self.step * self.workers.count + self.workers.rank])
-        batch = batches.make_batch(
-            self.frames, self.indices(), rng, self.config, training=True, states=training.states
-        ).to(self.workers.device)
+        batch = self._batch(self.step)
         rate = learning_rate(
             self.step,
             total=self.total_steps,
@@ -166,6 +181,7 @@ class Trainer:
         outcome.loss.backward()
         self.workers.average_gradients(self.network.parameters())
         norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), training.gradient_norm_max)
+        self._ahead = (self.step + 1, self._batch(self.step + 1))  # a GPU is still at this one
         if not torch.isfinite(norm):
             raise TrainingError(f"step {self.step}: loss or gradient is not finite; resume from the last checkpoint")
         self.optimiser.step()
