@@ -1,6 +1,7 @@
 //! A campaign: many flights in lockstep over all cores, and what they come to.
 
 pub mod args;
+pub mod compute;
 mod contour;
 pub mod failures;
 pub mod files;
@@ -15,6 +16,7 @@ pub mod stats;
 mod table;
 pub mod trace;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -32,9 +34,10 @@ use crate::sense::file::Sensors;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::Mount;
 use crate::trial::{
-    Difference, EvaderKind, Fault, Flight, Network, PilotKind, TrialConfig, TrialError, Unwatched, Witness,
+    Difference, EvaderKind, Fault, Flight, Network, PilotKind, Spent, TrialConfig, TrialError, Unwatched, Witness,
     WorldSource, rule,
 };
+use compute::{Clerk, Compute};
 use files::Files;
 use log::{FlightLog, LogError};
 use path::FlightPath;
@@ -189,6 +192,7 @@ impl Campaign {
         let picks = self.picks()?;
         let cells: Vec<CellConfig> = self.cells();
         let spare: Mutex<Vec<Option<Box<dyn Network + Send>>>> = Mutex::new(Vec::new());
+        let spending: Mutex<BTreeMap<&'static str, Vec<Spent>>> = Mutex::new(BTreeMap::new());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.threads)
             .build()
@@ -203,14 +207,19 @@ impl Campaign {
                         Some(network) => network,
                         None => make().map_err(CampaignError::Network)?,
                     };
-                    let flown = self.fly(&cells[pick.cell], pick, vehicle, network.as_deref_mut())?;
+                    let cell = &cells[pick.cell];
+                    let (flown, spent) = self.fly(cell, pick, vehicle, network.as_deref_mut())?;
+                    let mut all = spending.lock().unwrap_or_else(PoisonError::into_inner);
+                    all.entry(report::pilot_name(cell.pilot)).or_default().extend(spent);
+                    drop(all);
                     spare.lock().unwrap_or_else(PoisonError::into_inner).push(network);
                     done(&flown.flight);
                     Ok(flown)
                 })
                 .collect::<Result<_, CampaignError>>()
         })?;
-        let timing = Timing::of(begun.elapsed(), &flown, pool.current_num_threads());
+        let compute = Compute::of(&spending.into_inner().unwrap_or_else(PoisonError::into_inner));
+        let timing = Timing::of(begun.elapsed(), &flown, pool.current_num_threads(), compute);
         Ok(self.report(vehicle, &cells, flown, timing))
     }
 
@@ -267,7 +276,7 @@ impl Campaign {
         pick: Pick,
         vehicle: &Vehicle,
         network: Option<&mut (dyn Network + Send + 'static)>,
-    ) -> Result<Flown, CampaignError> {
+    ) -> Result<(Flown, Vec<Spent>), CampaignError> {
         let trial = pick.trial;
         let config = TrialConfig {
             pilot: cell.pilot,
@@ -303,13 +312,15 @@ impl Campaign {
             Some(log) => log,
             None => &mut Unwatched,
         };
+        let mut clerk = Clerk::new(witness);
         let (flight, trace) = if self.traced {
-            let mut tracer = Tracer::new(Mount::of(vehicle), witness);
+            let mut tracer = Tracer::new(Mount::of(vehicle), &mut clerk);
             let flight = fly_trial(&config, vehicle, network, &mut tracer);
             (flight, Some(tracer.finish()))
         } else {
-            (fly_trial(&config, vehicle, network, witness), None)
+            (fly_trial(&config, vehicle, network, &mut clerk), None)
         };
+        let spent = clerk.finish();
         let failed = |why| CampaignError::Trial { task, speed_mps, world, trial, source: Box::new(why) };
         let (flight, path) = flight
             .and_then(|flight| {
@@ -320,6 +331,6 @@ impl Campaign {
         if let Some(log) = log {
             log.finish()?;
         }
-        Ok(Flown { pick, config, flight, path })
+        Ok((Flown { pick, config, flight, path }, spent))
     }
 }

@@ -11,6 +11,7 @@ pub mod onboard;
 pub mod rule;
 mod runner;
 pub mod scene;
+pub mod spent;
 
 use goshawk_core::{
     AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, FrameRecord, Imu, Mode, Odometry, Plan, StepInput,
@@ -32,6 +33,7 @@ pub use fault::Fault;
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
 pub use scene::{Scene, SceneConfig, WorldSource};
+pub use spent::Spent;
 
 /// Why a flight cannot be flown at all. A flight that ends badly is no error.
 #[derive(Debug, Error)]
@@ -112,6 +114,9 @@ pub trait Pilot {
     fn obstacle_map(&self, _seq: u64, _now: Time) -> Option<v1::ObstacleMap> {
         None
     }
+
+    /// What the last [`Pilot::plan`] and the last [`Pilot::control`] cost.
+    fn spent(&self) -> Spent;
 
     /// The newest state estimate.
     fn odometry(&self) -> Option<&Odometry>;
@@ -266,6 +271,10 @@ pub trait Witness {
     /// A plan became available at `ready`.
     fn plan(&mut self, ready: Time, plan: &Plan, record: Option<&FrameRecord>) {
         let _ = (ready, plan, record);
+    }
+    /// A plan was made, and cost this much.
+    fn spent(&mut self, spent: &Spent) {
+        let _ = spent;
     }
     /// The truth, 20 times a second.
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {

@@ -16,6 +16,7 @@ use crate::render::CameraPose;
 use crate::sense::rgbd::RgbdImage;
 use crate::trial::airframe::Mount;
 use crate::trial::onboard::{Network, POLICY_S, PolicyPlanner, Seen};
+use crate::trial::spent::{Spent, Stopwatch};
 use crate::trial::{FRAME_AT_PLANNER_S, Pilot, TrialError};
 
 /// From a frame's being there to the trajectory's being there, s; for detecting the target the policy's time is added.
@@ -77,6 +78,7 @@ pub struct Classical<'a> {
     frames: u64,
     /// Frames since the last trajectory was planned.
     since_planned: u32,
+    spent: Spent,
 }
 
 impl<'a> Classical<'a> {
@@ -102,6 +104,7 @@ impl<'a> Classical<'a> {
             flying: false,
             frames: 0,
             since_planned: 0,
+            spent: Spent::default(),
         })
     }
 
@@ -231,7 +234,9 @@ impl Pilot for Classical<'_> {
         let (Some(demand), Some(odometry)) = (self.demand, self.history.odometry_at(stamp)) else { return Ok(None) };
         let acc_world = self.history.acceleration_at(stamp);
         let seen = Seen { flight: 0, seq: self.frames, odometry: &odometry, acc_world, demand: &demand };
+        let mut watch = Stopwatch::start();
         let mut plan = self.seen(&seen, image)?;
+        self.spent.perception_s = watch.lap();
         let pose = CameraPose {
             pos_world: odometry.pos_world + odometry.world_from_body * self.mount.pos_cam_body,
             world_from_cam: plan.world_from_cam,
@@ -242,6 +247,7 @@ impl Pilot for Classical<'_> {
             half_height_m: TARGET_HALF_HEIGHT_M,
         });
         self.planner.see(&self.mount.camera, &pose, &image.depth_mm, ignored.as_ref());
+        self.spent.mapping_s = watch.lap();
         let begins = stamp.plus(FRAME_AT_PLANNER_S + self.compute_s());
         let start = self.start(&seen, begins);
         self.coming = None;
@@ -254,6 +260,7 @@ impl Pilot for Classical<'_> {
             plan.chosen = Some(MIDDLE);
             self.coming = Some(trajectory);
         }
+        self.spent.planning_s = watch.lap();
         Ok(Some(plan))
     }
 
@@ -264,11 +271,16 @@ impl Pilot for Classical<'_> {
         }
     }
 
+    fn spent(&self) -> Spent {
+        self.spent
+    }
+
     fn odometry(&self) -> Option<&Odometry> {
         self.odometry.as_ref()
     }
 
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
+        let mut watch = Stopwatch::start();
         let plan_seq = self.plan.as_ref().map(|plan| plan.seq);
         let input = StepInput { odometry: self.odometry, imu: self.imu, plan_seq, autopilot, command, ready: true };
         let mut output = self.controller.step(now, &input, self.plan.as_ref());
@@ -277,6 +289,7 @@ impl Pilot for Classical<'_> {
         self.tracker.command(now, reference.as_ref(), &mut output);
         self.history.push_acceleration(now, output.acc_des_world);
         self.demand = output.planning;
+        self.spent.control_s = watch.lap();
         output
     }
 }

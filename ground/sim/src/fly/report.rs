@@ -6,6 +6,7 @@ use std::time::Duration;
 use goshawk_core::Task;
 use serde::Serialize;
 
+use super::compute::Compute;
 pub use super::names::{contact_name, evader_name, outcome_name, pilot_name, task_name};
 use super::stats::{quantile, quantiles, wilson};
 use super::{Flown, Pick};
@@ -93,6 +94,10 @@ pub struct Cell {
     pub jerk_integral: f64,
     /// Of the flights' ∫ jerk² dt.
     pub jerk_integral_quantiles: Option<Quantiles>,
+    /// Navigate: from the take-off's end to the goal, in the flights that reached it.
+    pub time_to_goal_s: Option<Quantiles>,
+    /// Track: where the target was, in all frames that show it.
+    pub target_plane: Option<Plane>,
     /// Mean over all flown time, and the highest.
     pub flown_speed_mps: Speed,
     /// Simulated time of all flights, s.
@@ -174,6 +179,34 @@ pub struct Speed {
     pub max: f64,
 }
 
+/// How often something was in each square of the ground about the vehicle, by its heading.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Plane {
+    /// A row for each half metre forward, the nearest first; in it a count for each half metre from left to right. What
+    /// is farther off counts as at the border.
+    pub rows: Vec<String>,
+}
+
+impl Plane {
+    /// Edge of a square, m; this many squares forward, and to both sides together.
+    const SQUARE_M: f64 = 0.5;
+    const FORWARD: usize = 24;
+    const ACROSS: usize = 24;
+
+    /// Of places forward and left of the vehicle, m.
+    #[must_use]
+    pub fn of(places: impl Iterator<Item = [f64; 2]>) -> Self {
+        let mut counts = [[0u32; Self::ACROSS]; Self::FORWARD];
+        let index = |m: f64, most: usize| ((m / Self::SQUARE_M).floor().max(0.0) as usize).min(most - 1);
+        for [forward, left] in places {
+            let across = 0.5 * Self::ACROSS as f64 * Self::SQUARE_M - left;
+            counts[index(forward, Self::FORWARD)][index(across, Self::ACROSS)] += 1;
+        }
+        let row = |row: &[u32; Self::ACROSS]| row.map(|count| count.to_string()).join(" ");
+        Self { rows: counts.iter().map(row).collect() }
+    }
+}
+
 /// One flight in short.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
@@ -193,6 +226,8 @@ pub struct FlightRow {
     /// Least distance to the target, centre to centre.
     pub min_distance_to_target_m: Option<f64>,
     pub jerk_integral: f64,
+    /// How long the task was flown.
+    pub task_s: f64,
     pub flown_speed_mps: Speed,
     pub cruise_speed_mps: Option<f64>,
     /// The longest stretch too far from the target, s; none in navigation.
@@ -201,7 +236,7 @@ pub struct FlightRow {
     pub modes: Vec<String>,
 }
 
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
 pub struct Timing {
     pub wall_s: f64,
@@ -209,12 +244,14 @@ pub struct Timing {
     /// Simulated over wall time, all threads together.
     pub realtime_factor: f64,
     pub threads: usize,
+    /// What the pilots' modules cost, one for each pilot.
+    pub compute: Vec<Compute>,
 }
 
 impl Timing {
-    pub(super) fn of(wall: Duration, flown: &[Flown], threads: usize) -> Self {
+    pub(super) fn of(wall: Duration, flown: &[Flown], threads: usize, compute: Vec<Compute>) -> Self {
         let (wall_s, simulated_s) = (wall.as_secs_f64(), flown.iter().map(|f| f.flight.flown_s).sum::<f64>());
-        Self { wall_s, simulated_s, realtime_factor: simulated_s / wall_s.max(1e-9), threads }
+        Self { wall_s, simulated_s, realtime_factor: simulated_s / wall_s.max(1e-9), threads, compute }
     }
 }
 
@@ -333,6 +370,12 @@ impl Cell {
                 p50,
                 p95,
             }),
+            time_to_goal_s: {
+                let reached = flights().filter(|f| !tracks && f.reached);
+                let times: Vec<f64> = reached.map(|f| f.metrics.task_s).collect();
+                quantiles(&times, [0.05, 0.5, 0.95]).map(|[p5, p50, p95]| Quantiles { p5, p50, p95 })
+            },
+            target_plane: tracks.then(|| Plane::of(flights().flat_map(|f| f.metrics.target_plane_m.iter().copied()))),
             flown_speed_mps: Speed {
                 mean: sum(&|m| m.way_m) / sum(&|m| m.task_s).max(1e-9),
                 max: flights().map(|f| f.metrics.speed_max_mps).fold(0.0, f64::max),
@@ -366,6 +409,7 @@ impl FlightRow {
             target_distance_m: frames.map(|frames| Distance { mean: m.distance_sum_m / frames, max: m.distance_max_m }),
             min_distance_to_target_m: m.target_distance_min_m,
             jerk_integral: m.jerk_integral,
+            task_s: m.task_s,
             flown_speed_mps: Speed { mean: m.way_m / m.task_s.max(1e-9), max: m.speed_max_mps },
             cruise_speed_mps: m.cruise_mps(),
             far_s: tracks.then_some(m.far_s),

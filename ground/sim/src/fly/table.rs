@@ -13,7 +13,7 @@ fn two(value: f64) -> String {
 /// A heading, and what a cell says below it; none: nothing.
 type Column = (&'static str, fn(&Cell) -> Option<String>);
 
-const COLUMNS: [Column; 23] = [
+const COLUMNS: [Column; 24] = [
     ("cell", |c| Some(c.cell.to_string())),
     ("task", |c| Some(c.task.to_owned())),
     ("pilot", |c| Some(c.pilot.to_owned())),
@@ -42,6 +42,7 @@ const COLUMNS: [Column; 23] = [
         let spread = |r: Range| format!("{}..{}", two(r.p5), two(r.p95));
         c.target_error_m.map(|e| format!("{}, {}", spread(e.lateral), spread(e.longitudinal)))
     }),
+    ("to goal 50/95", |c| c.time_to_goal_s.map(|q| format!("{:.1}/{:.1} s", q.p50, q.p95))),
     ("jerk² mean/95", |c| {
         let most = c.jerk_integral_quantiles.map_or("-".to_owned(), |q| format!("{:.0}", q.p95));
         Some(format!("{:.0}/{most}", c.jerk_integral))
@@ -79,6 +80,16 @@ pub fn table(report: &Report) -> String {
     let _ = writeln!(text, "{}", report.rule);
     text += &target(report);
     let t = &report.timing;
+    for c in &t.compute {
+        let [perception, mapping, planning, control] =
+            [c.perception_ms, c.mapping_ms, c.planning_ms, c.control_ms].map(|cost| cost.mean);
+        let _ = writeln!(
+            text,
+            "{}: {:.2} ms a plan (p99 {:.2}): perception {perception:.2}, mapping {mapping:.2}, planning {planning:.2}, \
+             control {control:.3}",
+            c.pilot, c.total_ms.mean, c.total_ms.p99
+        );
+    }
     let _ = write!(
         text,
         "{:.0} s of flight in {:.1} s: {:.1} x real time ({} threads, {:.1} x each)",

@@ -4,7 +4,7 @@ use goshawk_core::{ControllerOutput, FrameRecord, Mode, Plan, Time, Vec3};
 
 use crate::sense::rgbd::RgbdImage;
 use crate::trial::airframe::Mount;
-use crate::trial::{Contact, Outcome, Pilot, Truth, Witness};
+use crate::trial::{Contact, Outcome, Pilot, Spent, Truth, Witness};
 use crate::world::World;
 
 /// A trace holds no more samples than this (two minutes, 120 kB); a longer flight is sampled less often.
@@ -107,6 +107,10 @@ impl Witness for Tracer<'_> {
 
     fn plan(&mut self, ready: Time, plan: &Plan, record: Option<&FrameRecord>) {
         self.inner.plan(ready, plan, record);
+    }
+
+    fn spent(&mut self, spent: &Spent) {
+        self.inner.spent(spent);
     }
 
     fn truth(&mut self, now: Time, truth: &Truth<'_>) {

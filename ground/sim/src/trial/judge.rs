@@ -67,6 +67,8 @@ pub struct Metrics {
     pub lateral_m: Vec<f64>,
     /// Along the line of sight, m.
     pub longitudinal_m: Vec<f64>,
+    /// Where the target was while it was in view, one a frame: forward and left of the vehicle, by its heading, m.
+    pub target_plane_m: Vec<[f64; 2]>,
     /// ∫ jerk² dt, m²/s⁵, of the true motion's 20 ms means.
     pub jerk_integral: f64,
     /// Way flown, m.
@@ -108,6 +110,7 @@ pub(super) struct Judge {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exposure {
     pub(super) vehicle_world: Vec3,
+    pub(super) heading_rad: f64,
     pub(super) target_world: Option<Vec3>,
 }
 
@@ -246,8 +249,13 @@ impl Judge {
         let m = &mut self.metrics;
         m.frames += 1;
         if let Some(target) = exposure.target_world {
-            m.frames_in_view += u64::from(in_view(frame));
-            let distance = (target - exposure.vehicle_world).norm();
+            let line = target - exposure.vehicle_world;
+            if in_view(frame) {
+                m.frames_in_view += 1;
+                let (sin, cos) = exposure.heading_rad.sin_cos();
+                m.target_plane_m.push([cos * line.x + sin * line.y, cos * line.y - sin * line.x]);
+            }
+            let distance = line.norm();
             m.distance_sum_m += distance;
             m.distance_max_m = m.distance_max_m.max(distance);
         }

@@ -12,6 +12,7 @@ use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::{convert, sensors};
 
 use super::airframe::Mount;
+use super::spent::{Spent, Stopwatch};
 use super::{Pilot, TrialError};
 use crate::sense::rgbd::RgbdImage;
 
@@ -60,6 +61,7 @@ pub struct PolicyPlanner<'a> {
     planner: Planner,
     preprocessor: Preprocessor,
     network: &'a mut dyn Network,
+    spent: Spent,
 }
 
 impl<'a> PolicyPlanner<'a> {
@@ -79,7 +81,14 @@ impl<'a> PolicyPlanner<'a> {
             planner: Planner::new(vehicle.planner_config(network.contract().model()))?,
             preprocessor: Preprocessor::new(network.contract(), source)?,
             network,
+            spent: Spent::default(),
         })
+    }
+
+    /// What the last plan cost; no control.
+    #[must_use]
+    pub fn spent(&self) -> Spent {
+        self.spent
     }
 
     /// A target unseen for longer than this is not pursued any more, s.
@@ -94,13 +103,20 @@ impl<'a> PolicyPlanner<'a> {
     /// If the network fails.
     pub fn plan(&mut self, seen: &Seen<'_>, image: &RgbdImage) -> Result<(Plan, FrameRecord), TrialError> {
         let Seen { flight, seq, odometry, acc_world, demand } = *seen;
+        let (mut watch, mut spent) = (Stopwatch::start(), Spent::default());
         let nearest = self.preprocessor.nearest(&image.depth_mm)?;
         let frame = FrameInput::new(flight, seq, odometry, acc_world, demand, nearest);
+        spent.mapping_s += watch.lap();
         let rgbd = self.preprocessor.run(&image.rgb, &image.depth_mm)?;
+        spent.perception_s += watch.lap();
         let asked = self.planner.see(&frame);
         let state = *asked.state();
+        spent.mapping_s += watch.lap();
         let network = self.network.infer(rgbd, &state)?;
+        spent.perception_s += watch.lap();
         let plan = asked.answer(&network);
+        spent.planning_s += watch.lap();
+        self.spent = spent;
         Ok((plan, FrameRecord { frame, state, network }))
     }
 }
@@ -123,6 +139,7 @@ pub struct Onboard<'a> {
     /// The plan that a dead network made: it is not flown.
     withheld: Option<u64>,
     odometry_fault: Option<OdometryFault>,
+    control_s: f64,
 }
 
 impl<'a> Onboard<'a> {
@@ -148,6 +165,7 @@ impl<'a> Onboard<'a> {
             mode: Mode::Idle,
             withheld: None,
             odometry_fault: None,
+            control_s: 0.0,
         })
     }
 }
@@ -195,14 +213,20 @@ impl Pilot for Onboard<'_> {
         convert::obstacle_map(seq, now, &self.planner.planner, self.odometry?.pos_world)
     }
 
+    fn spent(&self) -> Spent {
+        Spent { control_s: self.control_s, ..self.planner.spent() }
+    }
+
     fn odometry(&self) -> Option<&Odometry> {
         self.odometry.as_ref()
     }
 
     fn control(&mut self, now: Time, autopilot: AutopilotStatus, command: Option<Command>) -> ControllerOutput {
+        let mut watch = Stopwatch::start();
         let plan_seq = self.plan.as_ref().map(|plan| plan.seq);
         let input = StepInput { odometry: self.odometry, imu: self.imu, plan_seq, autopilot, command, ready: true };
         let output = self.controller.step(now, &input, self.plan.as_ref());
+        self.control_s = watch.lap();
         self.step_input = Some(input);
         self.history.push_acceleration(now, output.acc_des_world);
         self.demand = output.planning;

@@ -115,7 +115,8 @@ class Trainer:
         a chase with a navigation's. Inputs of the head that the other did not have begin without weight. Raises
         `TrainingError` if the networks have other widths.
         """
-        own, theirs = self.network.state_dict(), dict(other.weights)
+        own = {name: value.cpu() for name, value in self.network.state_dict().items()}
+        theirs = dict(other.weights)
         try:
             missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
             if missing > 0:

@@ -45,6 +45,9 @@ impl Lockstep<'_> {
             if !frame.planned && now >= frame.arrival.stamp.plus(FRAME_AT_PLANNER_S) {
                 frame.planned = true;
                 frame.plan = self.onboard.plan(&frame.arrival, &frame.image)?;
+                if frame.plan.is_some() {
+                    witness.spent(&self.onboard.spent());
+                }
             }
         }
         let there = FRAME_AT_PLANNER_S + self.onboard.compute_s();
@@ -68,6 +71,7 @@ impl Lockstep<'_> {
     fn exposure(&self) -> Exposure {
         Exposure {
             vehicle_world: self.quad.state().pos_world,
+            heading_rad: self.quad.state().world_from_body.euler_angles().2,
             target_world: self.evader.map(|evader| evader.centre_world()),
         }
     }
