@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -46,6 +48,24 @@ def test_a_lines_vehicle_has_its_switches_and_else_its_bases_tuning(
         tuning = tomllib.loads(vehicle.with_name("tuning.toml").read_text())
         shipped = tomllib.loads((ROOT / "air/vehicles/tuning.toml").read_text())
         assert {name: table for name, table in tuning.items() if name != "extensions"} == shipped
+
+
+@pytest.mark.parametrize(("task", "options"), [("track", ["--speed", "5"]), ("navigate", ["--speed", "8"])])
+def test_a_part_of_the_other_task_changes_no_flight(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, task: str, options: list[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    whole = next(variant for variant in extensions.load(PLAN).variants if variant.name == "All")
+    foreign = [p for p in tomllib.loads(PLAN.read_text())["part"] if task not in p.get("tasks", extensions.TASKS)]
+    off = dict.fromkeys((name for part in foreign for name in part["switches"]), False)
+    flown: list[str] = []
+    for name, variant in (("with", whole), ("without", replace(whole, switches=whole.switches | off))):
+        vehicle, report = variant.write(tmp_path / name), tmp_path / f"{name}.json"
+        command = [str(ROOT / "target/release/goshawk-sim"), "fly", "--task", task, *options, "--trials", "2"]
+        files = ["--policy", f"air/models/{task}.onnx", "--vehicle-file", str(vehicle), "--json", str(report)]
+        subprocess.run([*command, *files], check=False, capture_output=True)
+        flown.append(json.dumps(json.loads(report.read_text())["cells"]))
+    assert len(off) >= 2 and flown[0] == flown[1]
 
 
 def test_lines_are_flown_once_and_told_against_their_base(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """What each part beyond the paper is worth: the paper's method, with each part alone, all, and all but each.
 
 `configs/extensions.toml` lists the parts and the campaigns. All fly the same seeds, so that lines compare. A line that
-was flown with the same switches, policy and flight code is not flown again.
+was flown with the same switches, policy and flight code is not flown again. A part of one task alone leaves the other's
+flights as they are: those are its base's.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from goshawk_train.campaigns.flights import FlightsError, Row, fly, present
 
+TASKS = ["track", "navigate"]
 MARKS = ("<!-- extensions: begin -->", "<!-- extensions: end -->")
 
 
@@ -36,6 +38,16 @@ class Base:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Part:
+    """Something beyond the paper."""
+
+    name: str
+    switches: list[str]
+    tasks: list[str] = field(default_factory=lambda: TASKS)
+    """Whose flights it changes."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Variant:
     """One line of the table."""
 
@@ -43,6 +55,8 @@ class Variant:
     part: str | None
     """What differs from the base; None: nothing."""
     switches: dict[str, bool]
+    tasks: list[str]
+    """What it changes."""
 
     @property
     def name(self) -> str:
@@ -103,7 +117,7 @@ def load(path: Path) -> Plan:
             )
             for base in table["base"]
         ]
-        parts = {part["name"]: list[str](part["switches"]) for part in table["part"]}
+        parts = [Part(**part) for part in table["part"]]
         return Plan(
             trials=int(table["trials"]),
             seed=int(table["seed"]),
@@ -114,13 +128,18 @@ def load(path: Path) -> Plan:
         raise FlightsError(f"{path} lists no extensions: {error}") from error
 
 
-def _variants(base: Base, parts: dict[str, list[str]]) -> list[Variant]:
-    switches = dict.fromkeys((name for names in parts.values() for name in names), base.on)
+def _variants(base: Base, parts: list[Part]) -> list[Variant]:
+    switches = dict.fromkeys((name for part in parts for name in part.switches), base.on)
     changed = [
-        Variant(base=base, part=part, switches=switches | dict.fromkeys(names, not base.on))
-        for part, names in parts.items()
+        Variant(
+            base=base,
+            part=part.name,
+            switches=switches | dict.fromkeys(part.switches, not base.on),
+            tasks=part.tasks,
+        )
+        for part in parts
     ]
-    return [Variant(base=base, part=None, switches=switches), *changed]
+    return [Variant(base=base, part=None, switches=switches, tasks=TASKS), *changed]
 
 
 def identity(plan: Plan, variant: Variant, simulator: Path, models: Path) -> dict[str, Any]:
@@ -131,20 +150,25 @@ def identity(plan: Plan, variant: Variant, simulator: Path, models: Path) -> dic
         "switches": variant.switches,
         "policies": {task: found["policy_sha256"] for task, found in hashes.items()},
         **{name: hashes["track"][name] for name in ("vehicle_sha256", "flight_code_sha256")},
-        "campaigns": [row.arguments(plan.trials, plan.seed) for row in plan.campaigns],
+        "campaigns": [row.arguments(plan.trials, plan.seed) for row in _flown(plan, variant)],
     }
+
+
+def _flown(plan: Plan, variant: Variant) -> list[Row]:
+    return [row for row in plan.campaigns if row.task in variant.tasks]
 
 
 def carry_out(
     plan: Plan, variant: Variant, folder: Path, runs: Path, simulator: Path, models: Path
 ) -> list[dict[str, Any]]:
-    """Each campaign's only cell; flown unless it is in `folder` already, each campaign's report kept in `runs`."""
+    """The only cell of each campaign that the line changes; flown unless it is in `folder` already, each campaign's
+    report kept in `runs`."""
     now, summary = identity(plan, variant, simulator, models), folder / f"{variant.slug}.json"
     if summary.exists() and (known := json.loads(summary.read_text()))["identity"] == now:
         return known["cells"]
     vehicle = variant.write(runs)
     cells: list[dict[str, Any]] = []
-    for campaign in plan.campaigns:
+    for campaign in _flown(plan, variant):
         model = variant.base.policy(campaign.task)
         row = replace(campaign, model=model, options=[*campaign.options, "--vehicle-file", str(vehicle)])
         also = {name: now[name] for name in ("switches", "vehicle_sha256", "flight_code_sha256")}
@@ -161,14 +185,24 @@ def markdown(plan: Plan, results: list[tuple[Variant, list[dict[str, Any]]]]) ->
         return "None is flown yet."
     head = ["what flies", *(campaign.name for campaign in plan.campaigns), "all", "against its base"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    sums = {variant.slug: sum(cell["successes"] for cell in cells) for variant, cells in results}
-    for variant, cells in results:
-        flown = [_share(cell) for cell in cells]
-        trials = sum(cell["trials"] for cell in cells)
-        base = sums.get(replace(variant, part=None).slug)
-        against = "" if variant.part is None or base is None else f"{sums[variant.slug] - base:+d}"
-        lines.append(f"| {' | '.join([variant.name, *flown, f'{sums[variant.slug]} of {trials}', against])} |")
+    cells = {variant.slug: _cells(plan, variant, flown) for variant, flown in results}
+    for variant, _ in results:
+        base = cells.get(replace(variant, part=None).slug, {})
+        own = cells[variant.slug]
+        told = [_share(own[row.name]) if row.name in own else "the same" for row in plan.campaigns]
+        whole = base | own
+        sums = [sum(cell[name] for cell in whole.values()) for name in ("successes", "trials")]
+        complete = len(whole) == len(plan.campaigns)
+        total = f"{sums[0]} of {sums[1]}" if complete else ""
+        against = sums[0] - sum(cell["successes"] for cell in base.values())
+        shown = f"{against:+d}" if variant.part and complete and len(base) == len(whole) else ""
+        lines.append(f"| {' | '.join([variant.name, *told, total, shown])} |")
     return "\n".join(lines)
+
+
+def _cells(plan: Plan, variant: Variant, flown: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """By the campaigns' names."""
+    return dict(zip((row.name for row in _flown(plan, variant)), flown, strict=True))
 
 
 def _share(cell: dict[str, Any]) -> str:
