@@ -11,6 +11,7 @@ use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::fly::failures::failures;
 use goshawk_sim::fly::report::Report;
+use goshawk_sim::fly::stats::quantile;
 use goshawk_sim::fly::{Campaign, CampaignError, Pick, table};
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, WorldSource};
@@ -183,6 +184,43 @@ fn a_cell_says_what_was_asked_what_was_flown_and_what_was_reached() {
         let reached = flights.iter().filter(|flight| flight["reached"] == true).count() as u64;
         assert_eq!(cell["reached"].as_u64(), Some(reached));
         assert!(cell["successes"].as_u64().unwrap() <= reached);
+    }
+}
+
+#[test]
+fn a_navigation_says_how_long_it_took_and_what_each_pilots_modules_cost() {
+    let pilots = vec![PilotKind::Policy, PilotKind::Classical];
+    let report = fly(&Campaign { pilots, traced: false, ..campaign(Task::Navigate) }).unwrap();
+    let json = read(&report);
+    for cell in json["cells"].as_array().unwrap() {
+        let reached = cell["flights"].as_array().unwrap().iter().filter(|flight| flight["reached"] == true);
+        let times: Vec<f64> = reached.map(|flight| flight["task_s"].as_f64().unwrap()).collect();
+        let median = quantile(&times, 0.5);
+        assert_eq!(cell["time_to_goal_s"]["p50"].as_f64(), median, "{times:?}");
+        assert!(cell["target_plane"].is_null());
+    }
+    let compute = json["timing"]["compute"].as_array().unwrap();
+    assert_eq!(compute.iter().map(|of| of["pilot"].as_str().unwrap()).collect::<Vec<_>>(), ["classical", "policy"]);
+    for of in compute {
+        let mean = |module: &str| of[module]["mean"].as_f64().unwrap();
+        let parts = ["perception_ms", "mapping_ms", "planning_ms", "control_ms"].map(mean);
+        assert!((parts.iter().sum::<f64>() - mean("total_ms")).abs() < 1e-9);
+        assert!(of["plans"].as_u64().unwrap() > 100 && parts[1..].iter().all(|ms| *ms > 0.0), "{of}");
+        assert!(of["total_ms"]["p50"].as_f64() <= of["total_ms"]["p99"].as_f64());
+    }
+    assert!(table(&report).contains("ms a plan"));
+}
+
+#[test]
+fn a_chase_says_where_about_the_vehicle_the_target_was_seen() {
+    let report = fly(&campaign(Task::Track)).unwrap();
+    for (cell, flown) in read(&report)["cells"].as_array().unwrap().iter().zip(&report.flown) {
+        let rows = cell["target_plane"]["rows"].as_array().unwrap();
+        let counts = |row: &Value| row.as_str().unwrap().split(' ').map(|n| n.parse().unwrap()).collect::<Vec<u64>>();
+        assert!(rows.len() == 24 && rows.iter().all(|row| counts(row).len() == 24));
+        let seen = flown.iter().map(|f| f.flight.metrics.frames_in_view).sum::<u64>();
+        assert_eq!(rows.iter().flat_map(counts).sum::<u64>(), seen);
+        assert!(cell["time_to_goal_s"].is_null());
     }
 }
 

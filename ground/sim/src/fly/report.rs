@@ -430,3 +430,17 @@ impl Report {
         format!("{summary},\n  \"paths\": [\n{}\n  ]\n}}\n", lines.join(",\n")).into_bytes()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_counts_forward_from_the_vehicle_and_from_left_to_right_and_the_far_at_its_border() {
+        let plane = Plane::of([[0.2, 0.1], [0.2, 0.1], [4.6, -1.2], [99.0, 99.0], [-3.0, -99.0]].into_iter());
+        let at = |row: usize, column: usize| plane.rows[row].split(' ').nth(column).unwrap().parse::<u32>().unwrap();
+        assert_eq!([at(0, 11), at(9, 14), at(23, 0), at(0, 23)], [2, 1, 1, 1]);
+        let all: u32 = plane.rows.iter().flat_map(|row| row.split(' ')).map(|n| n.parse::<u32>().unwrap()).sum();
+        assert_eq!(all, 5);
+    }
+}
