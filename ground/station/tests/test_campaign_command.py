@@ -1,4 +1,4 @@
-"""`goshawk campaign report` as an operator meets it, with results that the trainer kept."""
+"""`goshawk campaign report` and `compare` as an operator meets them, with results that the trainer kept."""
 
 from __future__ import annotations
 
@@ -18,6 +18,21 @@ KEPT = ROOT / "ground/train/results/tracking-along-an-eight.json"
 
 def report(*arguments: object) -> Result:
     return CliRunner().invoke(app, ["campaign", "report", *map(str, arguments)])
+
+
+def compare(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["campaign", "compare", *map(str, arguments)])
+
+
+def flown_by_both(folder: Path) -> Path:
+    """A campaign in which the classical pilot flew just as the learned one did, but 1 m clearer."""
+    parts = json.loads(KEPT.read_text()) | {"rule": "success: it flew"}
+    for cell in list(parts["cells"]):
+        clear = {name: value + 1.0 for name, value in cell["clearance_m"].items()}
+        parts["cells"].append(cell | {"pilot": "classical", "clearance_m": clear})
+    out = folder / "both.json"
+    out.write_text(json.dumps(parts))
+    return out
 
 
 def one_line(text: str) -> str:
@@ -81,7 +96,62 @@ def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
     assert one_line(done.stderr).startswith("goshawk: cannot write ")
 
 
-def test_a_page_is_drawn_without_the_trainer(tmp_path: Path) -> None:
+def test_a_comparison_is_a_page_and_words_between_the_marks(tmp_path: Path) -> None:
+    page, results, readme = (tmp_path / name for name in ("pages/p.html", "results.md", "readme.md"))
+    done = compare(flown_by_both(tmp_path), "--out", page, "--markdown", results, "--readme", readme)
+    assert done.exit_code == 0, done.stderr
+    first, second = done.stdout.splitlines()
+    assert first.startswith("The classical pilot wins. It is better by clearance, the other by nothing.")
+    assert second == f"{page}: open it in any browser"
+    assert "<h1>The classical pilot wins</h1>" in page.read_text(encoding="utf-8")
+    assert "| both | 7 |" in results.read_text(encoding="utf-8")
+    words = readme.read_text(encoding="utf-8")
+    assert "[The whole comparison](pages/p.html)" in words and "|" not in words
+
+
+def test_files_of_ones_own_leave_the_projects_documents_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = compare(flown_by_both(tmp_path), "--json", "--figures", "figures")
+    assert done.exit_code == 0
+    facts = json.loads(done.stdout)
+    assert facts["verdict"] == "The classical pilot wins" and facts["learned"]["clearance"]["loses"] == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["both.json", "docs", "figures"]
+
+
+def test_without_files_the_flight_tables_own_are_compared_and_others_skipped_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    kept = tmp_path / "ground/train/results"
+    kept.mkdir(parents=True)
+    nothing = compare()
+    assert nothing.exit_code == 2 and "nothing to compare" in one_line(nothing.stderr)
+    flown_by_both(kept)
+    shutil.copy(KEPT, kept)
+    (kept / "bad.json").write_text("{}")
+    done = compare()
+    assert done.exit_code == 0
+    assert (
+        one_line(done.stderr) == "goshawk: skipped bad.json (unreadable), tracking-along-an-eight.json (an older rule)"
+    )
+    assert (tmp_path / "README.md").exists() and (tmp_path / "ground/train/RESULTS.md").exists()
+
+
+def test_what_cannot_be_compared_or_written_is_one_clear_line_and_status_2(tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text("hello")
+    (tmp_path / "plain.md").write_text("no marks")
+    out = ("--out", tmp_path / "p.html")
+    for why, done in (
+        ("bad.json is no campaign", compare(tmp_path / "bad.json", *out)),
+        ("nothing to compare: fly with --pilot policy,classical; skipped tracking", compare(KEPT, *out)),
+        ("lacks the marks", compare(flown_by_both(tmp_path), *out, "--readme", tmp_path / "plain.md")),
+        ("cannot write", compare(flown_by_both(tmp_path), "--out", tmp_path)),
+    ):
+        assert done.exit_code == 2 and why in one_line(done.stderr)
+
+
+@pytest.mark.parametrize("command", ["report", "compare"])
+def test_a_page_is_drawn_without_the_trainer(command: str, tmp_path: Path) -> None:
     code = (
         "import sys\n"
         "for name in ('torch', 'goshawk_train', 'scipy', 'onnx'): sys.modules[name] = None\n"
@@ -90,9 +160,9 @@ def test_a_page_is_drawn_without_the_trainer(tmp_path: Path) -> None:
         "from goshawk_ground.cli import main\n"
         "main()\n"
     )
-    file = Path(shutil.copy(KEPT, tmp_path))
+    words = ["campaign", command, str(flown_by_both(tmp_path)), "--out", "out"]
     done = subprocess.run(
-        [sys.executable, "-c", code, "campaign", "report", str(file)], capture_output=True, text=True, check=False
+        [sys.executable, "-c", code, *words], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert file.with_suffix(".html").exists()
+    assert (tmp_path / "out").exists()

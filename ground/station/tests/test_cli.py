@@ -114,7 +114,8 @@ def test_an_unknown_option_is_wrong_usage() -> None:
 @pytest.mark.parametrize(
     "command",
     ["train run", "train validate", "train score", "train preview", "train export", "train bench", "dataset check",
-     "dataset import", "campaign report", "campaign flights", "campaign robustness", "campaign ablations"],
+     "dataset import", "campaign report", "campaign compare", "campaign flights", "campaign robustness",
+     "campaign ablations"],
 )  # fmt: skip
 def test_the_trainers_commands_have_help_with_examples(command: str) -> None:
     group, name = command.split()

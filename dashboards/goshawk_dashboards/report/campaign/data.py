@@ -58,6 +58,14 @@ class TargetError:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Plane:
+    """How often the target was in each square of half a metre about the vehicle: 24 rows forward, the nearest first.
+    A row's 24 counts go from left to right, straight ahead is the middle. What is farther off counts at the border."""
+
+    rows: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class FlightRow:
     """One flight in short."""
 
@@ -73,6 +81,8 @@ class FlightRow:
     target_distance_m: MeanMax | None
     min_distance_to_target_m: float | None = None
     jerk_integral: float
+    task_s: float | None = None
+    """How long the task was flown."""
     flown_speed_mps: MeanMax
     modes: tuple[str, ...]
 
@@ -116,6 +126,9 @@ class Cell:
     target_error_m: TargetError | None
     jerk_integral: float
     jerk_integral_quantiles: Quantiles | None
+    time_to_goal_s: Quantiles | None = None
+    """Navigation, of the flights that reached the goal."""
+    target_plane: Plane | None = None
     flown_speed_mps: MeanMax
     simulated_s: float
     flights: tuple[FlightRow, ...]
@@ -201,12 +214,43 @@ class FlightPath:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Cost:
+    """Processor time of one thread for a plan, ms."""
+
+    mean: float
+    p50: float
+    p99: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compute:
+    """What a pilot's modules cost in all flights of a file."""
+
+    pilot: str
+    plans: int
+    perception_ms: Cost
+    mapping_ms: Cost
+    planning_ms: Cost
+    control_ms: Cost
+    total_ms: Cost
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """How long the campaign took."""
+
+    compute: tuple[Compute, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class File:
     """The file."""
 
     seed: int
     vehicle: str
     policy_sha256: str | None
+    vehicle_sha256: str = ""
+    flight_code_sha256: str = ""
     rule: str = ""
     """What a success is."""
     command: str = ""
@@ -215,6 +259,7 @@ class File:
     speed_margin_mps: float
     height_m: float
     cells: tuple[Cell, ...]
+    timing: Timing = field(default_factory=Timing)
     paths: tuple[FlightPath, ...] = field(default=())
 
 

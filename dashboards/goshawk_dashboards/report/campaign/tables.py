@@ -14,7 +14,7 @@ from goshawk_dashboards.report.campaign.data import OUTCOMES, Campaign, Cell, Me
 from goshawk_dashboards.report.canvas import Table
 
 NONE = "–"
-_LISTS = ("flights", "modes")
+_LISTS = ("flights", "modes", "target_plane")
 """What a line of CSV has no room for."""
 _ENDS = {"success_interval": ("low", "high"), "end_pos_m": ("x", "y", "z")}
 
@@ -126,9 +126,11 @@ def _flat(before: str, of: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Nested values by joined names: "clearance_m_p5"."""
     for key, value in of.items():
         name = f"{before}_{key}" if before else key
+        if key in _LISTS:
+            continue
         if isinstance(value, Mapping):
             yield from _flat(name, cast("Mapping[str, Any]", value))
         elif key in _ENDS:
             yield from ((f"{name}_{end}", part) for end, part in zip(_ENDS[key], value, strict=True))
-        elif key not in _LISTS:
+        else:
             yield name, value

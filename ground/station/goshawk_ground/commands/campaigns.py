@@ -1,4 +1,4 @@
-"""`goshawk campaign report`: a campaign of the simulator as a page. It needs no trainer."""
+"""`goshawk campaign report` and `compare`: campaigns of the simulator as pages. They need no trainer."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import typer
 from rich.console import Console
 
 from goshawk_ground.commands.options import NO_REPLY, Json, fail, print_json
+
+KEPT = Path("ground/train/results")
+README, RESULTS = Path("README.md"), KEPT.parent / "RESULTS.md"
 
 
 def report(
@@ -54,9 +57,67 @@ def report(
         print_json({"campaigns": facts})
 
 
+def compare(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="FILE…", help="Campaigns that both pilots flew; default: the flight table's."),
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="PAGE", help="The page.")] = Path("docs/learned-against-classical.html"),
+    markdown: Annotated[
+        Path | None,
+        typer.Option(help=f"File whose marks get verdict and table; default, without FILE: {RESULTS}."),
+    ] = None,
+    readme: Annotated[
+        Path | None, typer.Option(help=f"File whose marks get the verdict; default, without FILE: {README}.")
+    ] = None,
+    figures: Annotated[Path | None, typer.Option(metavar="DIR", help="The figures too, as PNG and CSV.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Say who flies better, the learned or the classical pilot, cell by cell on the same seeds."""
+    from goshawk_dashboards.report.campaign.data import CampaignError
+    from goshawk_dashboards.report.canvas import write
+    from goshawk_dashboards.report.comparison import verdict as words
+    from goshawk_dashboards.report.comparison.data import compare
+    from goshawk_dashboards.report.comparison.figures import comparison_figures
+    from goshawk_dashboards.report.comparison.page import page
+
+    given = bool(files)
+    if not files:
+        files, markdown, readme = (
+            sorted(KEPT.glob("*.json"), key=lambda f: f.stem),
+            markdown or RESULTS,
+            readme or README,
+        )
+    try:
+        with Console(stderr=True).status("comparing"):
+            made = compare(files, strict=given)
+            drawn = comparison_figures(made)
+            out.parent.mkdir(parents=True, exist_ok=True)
+            out.write_text(page(made, drawn), encoding="utf-8")
+            written = [] if figures is None else write(drawn, figures)
+            for file, table in ((markdown, f"\n\n{words.markdown_table(made)}"), (readme, "")):
+                if file is not None:
+                    words.put(file, words.markdown(made, out, file) + table)
+    except CampaignError as error:
+        fail(str(error), NO_REPLY)
+    except OSError as error:
+        fail(f"cannot write {error.filename or out}: {error.strerror}", NO_REPLY)
+    if made.skipped:
+        typer.echo(f"goshawk: skipped {', '.join(made.skipped)}", err=True)
+    head, rest = words.verdict(made)
+    if as_json:
+        scores = {s.metric.name: {"wins": s.learned, "loses": s.classical, "ties": s.tied} for s in made.scores}
+        print_json({"verdict": head, "learned": scores, "page": out, "figures": written, "skipped": made.skipped})
+    else:
+        typer.echo(f"{head}. {rest}\n{out}: open it in any browser")
+
+
 def register(app: typer.Typer) -> None:
-    """Adds the command to `goshawk campaign`."""
+    """Adds the commands to `goshawk campaign`."""
     app.command(
         epilog="Examples: goshawk campaign report out.json | goshawk campaign report a.json b.json --out pages | "
         "goshawk campaign report out.json --figures figures"
     )(report)
+    app.command(
+        epilog="Examples: goshawk campaign compare | goshawk campaign compare out.json --out page.html --figures out"
+    )(compare)

@@ -21,7 +21,7 @@ PACKAGES = (
     "viser", "matplotlib", "foxglove-schemas-protobuf", "rosbags", "typer", "rich",
 )  # fmt: skip
 OPTIONAL = {
-    "goshawk-train": "`goshawk train`, `dataset` and all of `campaign` but `report` need it: make setup-train",
+    "goshawk-train": "`goshawk train`, `dataset`, `campaign` (not `report`, `compare`) need it: make setup-train",
     "rerun-sdk": "`goshawk export --format rerun` needs it: make setup-rerun",
 }
 PORTS = (
