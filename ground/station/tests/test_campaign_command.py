@@ -13,7 +13,7 @@ from goshawk_ground.cli import app
 from typer.testing import CliRunner, Result
 
 ROOT = Path(__file__).resolve().parents[3]
-KEPT = ROOT / "ground/train/results/tracking-along-an-eight.json"
+KEPT = ROOT / "ground/train/results/navigation-dense.json"
 
 
 def report(*arguments: object) -> Result:
@@ -104,7 +104,7 @@ def test_a_comparison_is_a_page_and_words_between_the_marks(tmp_path: Path) -> N
     assert first.startswith("The classical pilot wins. It is better by clearance, the other by nothing.")
     assert second == f"{page}: open it in any browser"
     assert "<h1>The classical pilot wins</h1>" in page.read_text(encoding="utf-8")
-    assert "| both | 7 |" in results.read_text(encoding="utf-8")
+    assert "| both | 8 |" in results.read_text(encoding="utf-8")
     words = readme.read_text(encoding="utf-8")
     assert "[The whole comparison](pages/p.html)" in words and "|" not in words
 
@@ -131,9 +131,7 @@ def test_without_files_the_flight_tables_own_are_compared_and_others_skipped_in_
     (kept / "bad.json").write_text("{}")
     done = compare()
     assert done.exit_code == 0
-    assert (
-        one_line(done.stderr) == "goshawk: skipped bad.json (unreadable), tracking-along-an-eight.json (an older rule)"
-    )
+    assert one_line(done.stderr) == "goshawk: skipped bad.json (unreadable), navigation-dense.json (an older rule)"
     assert (tmp_path / "README.md").exists() and (tmp_path / "ground/train/RESULTS.md").exists()
 
 
@@ -143,7 +141,7 @@ def test_what_cannot_be_compared_or_written_is_one_clear_line_and_status_2(tmp_p
     out = ("--out", tmp_path / "p.html")
     for why, done in (
         ("bad.json is no campaign", compare(tmp_path / "bad.json", *out)),
-        ("nothing to compare: fly with --pilot policy,classical; skipped tracking", compare(KEPT, *out)),
+        ("nothing to compare: fly with --pilot policy,classical; skipped navigation", compare(KEPT, *out)),
         ("lacks the marks", compare(flown_by_both(tmp_path), *out, "--readme", tmp_path / "plain.md")),
         ("cannot write", compare(flown_by_both(tmp_path), "--out", tmp_path)),
     ):
