@@ -41,6 +41,7 @@ def page(comparison: Comparison, figures: Sequence[Figure]) -> str:
         _cells(comparison),
         *(panel(figure, measurements if figure.name == "latency" else "") for figure in figures),
         _flown(comparison),
+        f"<p class='lead'><b>{head}.</b> {rest}</p>",
     ]
     return document(f"{head}: learned against classical", parts)
 
