@@ -6,6 +6,7 @@ use goshawk_sim::dataset::{
     DatasetConfig, DatasetError, DatasetJson, VOXEL_M, generate, obstacle_voxels, read_npy, scene_seed, scene_world,
 };
 use goshawk_sim::render::Camera;
+use goshawk_sim::world::Kind;
 use goshawk_sim::world::forest::{ForestConfig, forest};
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
@@ -153,4 +154,21 @@ fn voxels_are_the_grid_centres_in_or_near_an_obstacle() {
         }
     }
     assert!(inside > 500);
+}
+
+#[test]
+fn half_of_the_scenes_hold_decoys_of_a_persons_size_that_the_map_knows() {
+    let worlds: Vec<_> = (0..16).map(|scene| scene_world(scene_seed(77, scene)).unwrap()).collect();
+    let banded = |kind: Kind| kind == Kind::Moving;
+    let with_decoys: Vec<_> = worlds.iter().filter(|world| world.parts().iter().any(|p| banded(p.kind))).collect();
+    assert!((4..=12).contains(&with_decoys.len()), "{} of 16", with_decoys.len());
+    let map = obstacle_voxels(with_decoys[0]);
+    for part in with_decoys[0].parts().iter().filter(|part| banded(part.kind)) {
+        let (low, high) = part.shape.aabb();
+        let height_m = high.z - with_decoys[0].ground_height(low.x, low.y);
+        assert!((1.0..3.5).contains(&height_m), "{height_m} m");
+        let middle = 0.5 * (low + high);
+        let near = |voxel: &[f32; 3]| (Vec3::from(voxel.map(f64::from)) - middle).norm() < 1.0;
+        assert!(map.iter().any(near), "not in the map: {middle}");
+    }
 }
