@@ -98,10 +98,11 @@ impl Promise {
             let end = rest.iter().position(|byte| *byte == b'\n')?;
             let line = String::from_utf8_lossy(&rest[..end]).into_owned();
             rest = &rest[end + 1..];
-            let mut words = line.split_ascii_whitespace();
-            let key = words.next();
+            // As the library reads it: without comments, keys in any case.
+            let mut words = line.split('#').next().unwrap_or_default().split_ascii_whitespace();
+            let key = words.next().map(str::to_uppercase);
             let mut numbers = words.clone().map(|word| word.parse::<u64>().map_or(0, u128::from));
-            match key {
+            match key.as_deref() {
                 Some("SIZE") => promise.sizes = numbers.collect(),
                 Some("COUNT") => promise.counts = numbers.collect(),
                 Some("POINTS") => promise.points = numbers.next().unwrap_or(0),
@@ -130,6 +131,9 @@ impl Promise {
 /// The header of a `.pcd` promises no more than the file holds: the library believes it, and would panic.
 fn holds_what_it_promises(file: &[u8]) -> Result<(), String> {
     let (promise, data) = Promise::read(file).ok_or("its header has no end")?;
+    if promise.sizes.is_empty() {
+        return Err("its header says no SIZE".to_owned());
+    }
     let word = |at: usize| data.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into());
     let held = data.len() as u128;
     let (promised, held) = match promise.kind.as_str() {
@@ -250,8 +254,11 @@ mod tests {
             (header(1, u64::MAX, "binary"), &[0; 64][..]),
             (header(u64::MAX, 1, "ascii"), b"1 2 3 4\n"),
         ] {
-            let message = read("a.pcd", &[header.as_bytes(), data].concat()).unwrap_err().to_string();
-            assert!(message.contains("promises") && message.lines().count() == 1, "{message}");
+            for header in [header.replace("SIZE", "Size").replace("POINTS", "points"), header] {
+                let commented = header.replace("POINTS 3", "POINTS 3#");
+                let message = read("a.pcd", &[commented.as_bytes(), data].concat()).unwrap_err().to_string();
+                assert!(message.contains("promises") && message.lines().count() == 1, "{message}");
+            }
         }
     }
 
