@@ -244,7 +244,7 @@ spacings = [6]
 
 [[change]]
 name = "none"
-set = {{ "training.validate_frames" = 8 }}
+set = {{ "training.batch" = 32, "training.validate_frames" = 8 }}
 
 [[change]]
 name = "Half as wide, one scene"
