@@ -103,7 +103,7 @@ bench: setup setup-train build ## speed, each figure against its yardstick
 chaos: setup ## flights with seeded schedules of faults, every step judged (SEED=n, N=how many)
 	target/release/goshawk-sim chaos --seed $(SEED) --schedules $(N)
 
-train: $(VENV)/.train build ## data set, training and export of both policies (three hours, less with a GPU; goes on where it stopped)
+train: $(VENV)/.train build ## data set, training and export of both policies (some hours, far less with a GPU; goes on where it stopped)
 	target/release/goshawk-sim dataset --out data/train --scenes 480 --frames 128 --seed 900000
 	target/release/goshawk-sim dataset --out data/val --scenes 12 --frames 128 --seed 900001
 	$(VENV)/bin/goshawk dataset check data/train --against data/val
