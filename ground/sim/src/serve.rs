@@ -1,38 +1,35 @@
-//! The real-time front door: one world on the wall clock, with the camera over Zenoh and the autopilot stand-in over
-//! MAVLink, for an onboard process that cannot tell it from the field.
+//! The real-time front door: one world on the wall clock, with the camera over Zenoh and an autopilot over MAVLink, the
+//! stand-in or real firmware, for an onboard process that cannot tell it from the field.
 //!
 //! Two threads: physics and autopilot here, on a 1 kHz grid of the host's monotonic clock; the camera in [`camera`].
 
+mod autopilot;
 mod camera;
+mod local;
 mod mishap;
 mod session;
 mod watch;
 
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, bail, ensure};
-use goshawk_autopilot::{Address, Firmware};
-use goshawk_core::{NormalisedThrust, Rot, Time, Vec3};
+use goshawk_core::{Time, Vec3};
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
 use crate::sense::file::{SensorArgs, Sensors};
-use crate::sense::odometry::Estimator;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::airframe;
 use crate::trial::fault::CameraFault;
 use crate::trial::{Fault, Scene, SceneConfig, WorldSource};
-use crate::vehicle::imu::Imu;
-use crate::vehicle::px4::{Px4Config, Px4Udp, VehicleState};
 use crate::vehicle::quadrotor::{Quadrotor, STEP_S, Wind};
+use autopilot::{Autopilot, AutopilotArgs, Instant};
 use camera::{Camera, Exposure};
-use mishap::{AutopilotArgs, Mishaps};
 use session::Session;
 use watch::{Surroundings, Watch};
 
@@ -40,10 +37,7 @@ use watch::{Surroundings, Watch};
 const STEP_NS: u64 = 1_000_000;
 /// Steps between wake-ups: one sleep for each costs a tenth of a core.
 const BATCH_STEPS: u64 = 2;
-const ESTIMATE_STEPS: u64 = 10;
 const WIND_STEPS: u64 = 10;
-/// The IMU averages over this long, as it is streamed, s.
-const IMU_PERIOD_S: f64 = 0.008;
 const WATCH_STEPS: u64 = 5;
 const TRUTH_STEPS: u64 = 50;
 /// Behind the wall clock by more than this, the simulation lets time go instead of racing after it.
@@ -52,12 +46,14 @@ const HOPELESS_NS: u64 = 200 * STEP_NS;
 const AIRBORNE_M: f64 = 0.8;
 const AIRBORNE_S: f64 = 2.0;
 
-/// A world in real time: camera over Zenoh, autopilot over MAVLink.
+/// A world in real time: camera over Zenoh, autopilot over MAVLink or real firmware at its simulator interface.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim serve --seed 3 --spacing 5 --speed 3\n  \
                   goshawk-sim serve --world buildings --moving 8\n  \
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
-                  goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20")]
+                  goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20\n  \
+                  goshawk-sim serve --autopilot px4\n  \
+                  goshawk-sim serve --autopilot ardupilot --vehicle-file air/vehicles/ardupilot-sitl.toml")]
 pub struct ServeArgs {
     /// Seed of the world, the evader and the noise.
     #[arg(long, default_value_t = 1)]
@@ -144,18 +140,19 @@ impl ServeArgs {
             evader: Some((Course::parse(&self.course)?, self.speed)),
             moving: self.moving.moving,
         })?);
-        let mut session = Session::dial(&vehicle.name, &self.connect, &scene)?;
+        let start = scene.vehicle_start(&airframe(&vehicle));
+        let mut session = Session::dial(&vehicle.name, &self.connect, &scene, self.autopilot.local(&start))?;
         let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, fault, Arc::clone(&stop))?;
         let mut simulation = Simulation::new(&self, &vehicle, &sensors, &scene)?;
         println!(
-            "seed {}, {} ({} obstacles): the target runs {} m at up to {} m/s; vehicle at {}, autopilot to UDP {}",
+            "seed {}, {} ({} obstacles): the target runs {} m at up to {} m/s; vehicle at {}, {}",
             self.seed,
             self.world,
             scene.world.parts().len(),
             self.distance,
             self.speed,
             self.connect,
-            simulation.mavlink
+            simulation.autopilot_at
         );
         let end = self.exit_after.map(|s| clock::now().plus(s));
         while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
@@ -169,27 +166,13 @@ impl ServeArgs {
     }
 }
 
-/// How the state estimate errs.
-#[derive(Clone, Copy, Debug, Default)]
-struct Misbelief {
-    pos_world: Vec3,
-    vel_world: Vec3,
-    turn_world: Rot,
-    jumps: u8,
-}
-
 struct Simulation<'a> {
     scene: &'a Scene,
     quad: Quadrotor,
-    px4: Px4Udp,
-    mavlink: SocketAddr,
+    autopilot: Autopilot,
+    autopilot_at: String,
     wind: Wind,
     wind_world: Vec3,
-    mishaps: Mishaps,
-    estimator: Estimator,
-    imu: Imu,
-    /// The newest estimate less the truth of its time.
-    error: Misbelief,
     watch: Watch,
     /// The simulated instant; follows the monotonic clock.
     now: Time,
@@ -204,41 +187,19 @@ struct Simulation<'a> {
 impl<'a> Simulation<'a> {
     fn new(args: &ServeArgs, vehicle: &Vehicle, sensors: &Sensors, scene: &'a Scene) -> Result<Self> {
         let mut parameters = airframe(vehicle);
-        if let Some(loops) = args.autopilot.loops()? {
+        if let Some(loops) = args.autopilot.mishaps().loops()? {
             parameters.loops = loops;
         }
         let start = scene.vehicle_start(&parameters);
-        let Address::UdpIn(mut mavlink) = vehicle.autopilot.link else {
-            bail!(
-                "the simulated PX4 speaks UDP: set autopilot.link to udpin:ADDRESS:PORT, not {}",
-                vehicle.autopilot.link
-            );
-        };
-        ensure!(
-            vehicle.autopilot.firmware() == Firmware::Px4 && vehicle.autopilot.signing_key_file.is_none(),
-            "the simulated autopilot is a PX4 without a signing key: change [autopilot] firmware or signing_key_file"
-        );
-        if let Some(port) = args.mavlink_port {
-            mavlink.set_port(port);
-        }
-        let config = Px4Config {
-            hover_thrust: NormalisedThrust(vehicle.airframe.hover_thrust),
-            sticks: args.autopilot.sticks(),
-            ..Px4Config::default()
-        };
-        let here = SocketAddr::new(mavlink.ip(), 0);
+        let (autopilot, autopilot_at) = args.autopilot.open(vehicle, args.mavlink_port, sensors, args.seed)?;
         let now = clock::now();
         Ok(Self {
             scene,
             quad: Quadrotor::new(parameters, start, scene.world.start_heading_rad()),
-            px4: Px4Udp::open(config, here, Some(mavlink))?,
-            mavlink,
+            autopilot,
+            autopilot_at,
             wind: Wind::new(args.wind, mix(args.seed, 12)),
             wind_world: Vec3::zeros(),
-            mishaps: Mishaps::new(&args.autopilot),
-            estimator: Estimator::new(sensors.odometry, mix(args.seed, 11)),
-            imu: Imu::new(sensors.imu, mix(args.seed, 15)),
-            error: Misbelief::default(),
             watch: Watch::default(),
             now,
             step: 0,
@@ -270,20 +231,14 @@ impl<'a> Simulation<'a> {
         if self.step.is_multiple_of(WIND_STEPS) {
             self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
-        if self.step.is_multiple_of(ESTIMATE_STEPS) {
-            let truth = self.quad.state();
-            let estimate = self.estimator.estimate(self.now, truth);
-            self.error = Misbelief {
-                pos_world: estimate.pos_world - truth.pos_world,
-                vel_world: estimate.vel_world - truth.vel_world,
-                turn_world: estimate.world_from_body * truth.world_from_body.inverse(),
-                jumps: estimate.reset_counter as u8, // MAVLink counts modulo 256
-            };
-        }
-        self.mishaps.strike(self.now, self.airborne_since, &mut self.px4);
-        let sensed = self.sensed();
-        let output = self.px4.poll(self.now, &sensed);
-        self.quad.step(STEP_S, output.demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
+        let at = Instant {
+            now: self.now,
+            step: self.step,
+            airborne_since: self.airborne_since,
+            wind_world: self.wind_world,
+            world,
+        };
+        self.autopilot.fly(&mut self.quad, &at);
         self.release_the_evader();
         let since = self.running_for();
         if self.now >= self.next_frame {
@@ -295,22 +250,8 @@ impl<'a> Simulation<'a> {
             let surroundings = Surroundings { world, moving: self.scene.moving_at(since), evader };
             self.watch.look(self.now, surroundings, self.quad.state(), self.runs.is_some(), camera.sees_target());
             if self.step.is_multiple_of(TRUTH_STEPS) {
-                session.truth(&self.watch.truth(self.now, self.quad.state()));
+                session.truth(self.watch.truth(self.now, self.quad.state()));
             }
-        }
-    }
-
-    fn sensed(&mut self) -> VehicleState {
-        let truth = self.quad.state();
-        VehicleState {
-            pos_world: truth.pos_world + self.error.pos_world,
-            vel_world: truth.vel_world + self.error.vel_world,
-            world_from_body: self.error.turn_world * truth.world_from_body,
-            ang_vel_body: truth.ang_vel_body,
-            imu: self.imu.measure(truth, IMU_PERIOD_S),
-            on_ground: truth.on_ground,
-            battery_fraction: self.quad.battery_fraction(),
-            reset_counter: self.error.jumps,
         }
     }
 

@@ -18,9 +18,9 @@ const UNKNOWN_AFTER: u64 = 140;
 /// The lags that the attitude loop can be given, s.
 const LAGS_S: std::ops::RangeInclusive<f64> = 0.07..=0.4;
 
-/// The autopilot's settings and mishaps.
+/// The stand-in's settings and mishaps.
 #[derive(Debug, Args)]
-pub(super) struct AutopilotArgs {
+pub(super) struct MishapArgs {
     /// What goes wrong with the autopilot, and how long after lift-off, s; without @S from the start. Repeatable:
     /// unarmable (it refuses to arm and says why), no-position (no GPS), position-back,
     /// two-motions (ODOMETRY is 3 m/s faster than LOCAL_POSITION_NED), one-motion (no more), restart, late-arming (it arms
@@ -32,11 +32,15 @@ pub(super) struct AutopilotArgs {
     #[arg(long, value_name = "S")]
     attitude_lag: Option<f64>,
     /// MAN_OVERRIDE_SPD: how fast a stick must move to take over, travels a second; below 0: none does.
-    #[arg(long, value_name = "SPEED", default_value_t = 1.0, allow_negative_numbers = true)]
-    man_override_spd: f64,
+    /// Absent: 1, PX4's own.
+    #[arg(long, value_name = "SPEED", allow_negative_numbers = true)]
+    man_override_spd: Option<f64>,
 }
 
-impl AutopilotArgs {
+/// MAN_OVERRIDE_SPD's default.
+const MAN_OVERRIDE_SPD: f64 = 1.0;
+
+impl MishapArgs {
     /// The inner loops that the command line asks for; none: the airframe's.
     pub(super) fn loops(&self) -> Result<Option<LoopParameters>> {
         let Some(lag) = self.attitude_lag else { return Ok(None) };
@@ -46,7 +50,12 @@ impl AutopilotArgs {
     }
 
     pub(super) fn sticks(&self) -> StickOverride {
-        StickOverride::Speed(self.man_override_spd)
+        StickOverride::Speed(self.man_override_spd.unwrap_or(MAN_OVERRIDE_SPD))
+    }
+
+    /// Something of it was asked for.
+    pub(super) fn any(&self) -> bool {
+        !self.mishaps.is_empty() || self.attitude_lag.is_some() || self.man_override_spd.is_some()
     }
 }
 
@@ -103,7 +112,7 @@ pub(super) struct Mishaps {
 }
 
 impl Mishaps {
-    pub(super) fn new(args: &AutopilotArgs) -> Self {
+    pub(super) fn new(args: &MishapArgs) -> Self {
         Self { waiting: args.mishaps.clone() }
     }
 

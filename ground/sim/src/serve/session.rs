@@ -1,7 +1,5 @@
 //! The simulator's end of the network: it dials the vehicle and keeps dialling.
 
-use std::sync::Arc;
-
 use color_eyre::eyre::{Result, WrapErr};
 use goshawk_bus::{Bus, Publisher};
 use goshawk_proto::keys::Key;
@@ -9,6 +7,7 @@ use goshawk_proto::v1;
 use prost::Message;
 use zenoh::Wait;
 
+use super::local::Local;
 use crate::trial::Scene;
 use crate::world::page;
 
@@ -16,14 +15,16 @@ use crate::world::page;
 pub(super) struct Session {
     bus: Bus,
     truth: Publisher,
+    /// The frame in which people are told of the truth.
+    local: Local,
 }
 
 impl Session {
     /// Dials `endpoint`; answers queries for the world.
-    pub(super) fn dial(vehicle: &str, endpoint: &str, scene: &Arc<Scene>) -> Result<Self> {
+    pub(super) fn dial(vehicle: &str, endpoint: &str, scene: &Scene, local: Local) -> Result<Self> {
         let bus = Bus::dial(vehicle.parse()?, endpoint)?;
         let truth = bus.publisher(Key::SimTruth)?;
-        let world = scene.world.to_proto();
+        let world = local.of_world(scene.world.to_proto());
         bus.queryable(Key::SimWorld, move |query| {
             let asked = query.payload().map(|payload| payload.to_bytes().into_owned()).unwrap_or_default();
             let Ok(asked) = v1::SimWorldRequest::decode(asked.as_slice()) else { return };
@@ -32,14 +33,14 @@ impl Session {
                 tracing::warn!("the world could not be sent: {e}");
             }
         })?;
-        Ok(Self { bus, truth })
+        Ok(Self { bus, truth, local })
     }
 
     pub(super) fn publisher(&self, key: Key) -> Result<Publisher> {
         self.bus.publisher(key).wrap_err("cannot publish images")
     }
 
-    pub(super) fn truth(&mut self, truth: &v1::SimTruth) {
-        self.truth.put(truth);
+    pub(super) fn truth(&mut self, truth: v1::SimTruth) {
+        self.truth.put(&self.local.of_truth(truth));
     }
 }

@@ -20,6 +20,22 @@ pub const STEP_S: f64 = 1e-3;
 /// Thrust fraction of an idling rotor: an armed rotor never stops.
 const IDLE_FRACTION: f64 = 0.005;
 
+/// Commands to the four rotors, each 0..=1, in the order of PX4's and ArduPilot's quadrotor X: front right, rear left,
+/// front left, rear right. The first two turn counterclockwise seen from above, the others clockwise.
+pub type Throttles = [f64; 4];
+
+/// Where among [`Throttles`] the rotors of the body are, which go around: front left, front right, rear right, rear left.
+const THROTTLE_OF: [usize; 4] = [2, 0, 3, 1];
+
+/// Which way the rotors turn.
+#[derive(Clone, Copy)]
+enum Turning {
+    /// As the mixer's own.
+    Own,
+    /// As [`Throttles`] says, the other way round.
+    Standard,
+}
+
 /// The true motion at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuadrotorState {
@@ -110,7 +126,24 @@ impl Quadrotor {
         ground_m: impl Fn(f64, f64) -> f64,
     ) {
         self.spin_rotors(dt_s, demand);
-        let (thrust_n, torque_body) = self.mixer.wrench(&self.rotor_forces());
+        self.move_on(dt_s, Turning::Own, wind_world, ground_m);
+    }
+
+    /// As [`Quadrotor::step`], with somebody else's inner loops and mixer: each rotor follows its own command.
+    pub fn drive(&mut self, dt_s: f64, throttles: &Throttles, wind_world: Vec3, ground_m: impl Fn(f64, f64) -> f64) {
+        let voltage = self.drain(dt_s);
+        let exponent = 0.5 * self.parameters.thrust_exponent();
+        let speed_des = THROTTLE_OF.map(|i| throttles[i].clamp(0.0, 1.0).powf(exponent) * voltage);
+        self.follow(dt_s, speed_des);
+        self.move_on(dt_s, Turning::Standard, wind_world, ground_m);
+    }
+
+    /// Moves the body by what the rotors, the air and the ground do to it.
+    fn move_on(&mut self, dt_s: f64, turning: Turning, wind_world: Vec3, ground_m: impl Fn(f64, f64) -> f64) {
+        let (thrust_n, mut torque_body) = self.mixer.wrench(&self.rotor_forces());
+        if let Turning::Standard = turning {
+            torque_body.z = -torque_body.z;
+        }
         let p = &self.parameters;
         let s = &mut self.state;
 
@@ -137,16 +170,28 @@ impl Quadrotor {
         self.touch_ground(dt_s, &ground_m);
     }
 
-    /// Runs the inner loops and lets the rotors follow; drains the battery.
-    fn spin_rotors(&mut self, dt_s: f64, demand: Option<&AttitudeThrust>) {
+    /// Drains the battery, and gives the voltage over a full, unloaded pack's: a rotor's speed follows it.
+    fn drain(&mut self, dt_s: f64) -> f64 {
         let p = &self.parameters;
-        let rotor_max_n = 0.25 * p.max_thrust().0;
         let power: f64 = self.rotor_speed.iter().map(|w| w.powi(3)).sum::<f64>() * 0.25;
         let hover_power = (1.0 / p.thrust_to_weight).powf(1.5);
         self.charge = (self.charge - power / hover_power * dt_s / p.battery.hover_endurance_s).max(0.0);
-        // A rotor's speed follows the voltage.
-        let voltage = 1.0 - p.battery.discharge_drop * (1.0 - self.charge) - p.battery.load_drop * power;
+        1.0 - p.battery.discharge_drop * (1.0 - self.charge) - p.battery.load_drop * power
+    }
 
+    /// Lets the rotors follow their speeds.
+    fn follow(&mut self, dt_s: f64, speed_des: [f64; 4]) {
+        let follow = 1.0 - (-dt_s / self.parameters.rotor_lag_s).exp();
+        for (speed, des) in self.rotor_speed.iter_mut().zip(speed_des) {
+            *speed += (des - *speed) * follow;
+        }
+    }
+
+    /// Runs the inner loops and lets the rotors follow; drains the battery.
+    fn spin_rotors(&mut self, dt_s: f64, demand: Option<&AttitudeThrust>) {
+        let voltage = self.drain(dt_s);
+        let p = &self.parameters;
+        let rotor_max_n = 0.25 * p.max_thrust().0;
         let mut speed_des = [0.0; 4];
         if let Some(demand) = demand {
             let collective_n = p.force(demand.thrust).0;
@@ -166,10 +211,7 @@ impl Quadrotor {
         } else {
             self.rate_loop.reset();
         }
-        let follow = 1.0 - (-dt_s / p.rotor_lag_s).exp();
-        for (speed, des) in self.rotor_speed.iter_mut().zip(speed_des) {
-            *speed += (des - *speed) * follow;
-        }
+        self.follow(dt_s, speed_des);
     }
 
     /// Thrust of each rotor, N.

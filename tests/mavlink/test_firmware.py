@@ -1,0 +1,196 @@
+"""The simulator's interfaces for real firmware, spoken to by two small firmwares that share nothing with it."""
+
+from __future__ import annotations
+
+import math
+import re
+import socket
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from firmware import HOME, ArduPilot, Px4, Wish, motors
+
+ROOT = Path(__file__).resolve().parents[2]
+SIM = ROOT / "target/release/goshawk-sim"
+EAST = math.pi / 2
+SAMPLE_US = 4000
+
+
+class World:
+    """`goshawk-sim serve` with firmware awaited on a port of its own."""
+
+    def __init__(self, autopilot: str, *arguments: str) -> None:
+        command = [SIM, "serve", "--autopilot", autopilot, "--firmware-at", "127.0.0.1:0", "--connect", free_endpoint()]
+        self.process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True, cwd=ROOT)
+        self.port = int(self.line(r"awaited at (?:TCP|UDP) 127\.0\.0\.1:(\d+)").group(1))
+
+    def line(self, pattern: str) -> re.Match[str]:
+        """The next line of its output that fits."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            if found := re.search(pattern, line):
+                return found
+        raise AssertionError(f"it ended without {pattern!r}")
+
+    def close(self) -> None:
+        self.process.terminate()
+        assert self.process.wait(timeout=20) == 0
+
+
+def free_endpoint() -> str:
+    """A Zenoh endpoint at which nobody listens: the simulator keeps dialling."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def world() -> Iterator[Callable[..., World]]:
+    """Starts a world, and ends it."""
+    started: list[World] = []
+
+    def start(*arguments: str) -> World:
+        started.append(World(*arguments))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+def test_at_rest_px4_measures_gravity_the_field_the_air_and_its_place(world: Callable[..., World]) -> None:
+    px4 = Px4(world("px4").port)
+    samples: list[dict[str, Any]] = [px4.sample() for _ in range(200)]
+    sensors = [found["HIL_SENSOR"] for found in samples]
+    stamps = np.diff([s.time_usec for s in sensors])
+    assert set(stamps) == {SAMPLE_US}
+    assert all(s.id == 0 and s.fields_updated & 0x3F == 0x3F for s in sensors)
+    updates = [sum(s.fields_updated & bit == bit for s in sensors) for bit in (0x1C0, 0x1A00)]
+    assert updates[0] in (66, 67) and updates[1] == 40, "80 Hz of field, 50 Hz of air"
+    standing = px4.motion(next(found for found in reversed(samples) if "HIL_STATE_QUATERNION" in found))
+    sensors = sensors[-40:]  # by then it has settled onto the slope of the ground
+    force = standing.in_ned(np.mean([(s.xacc, s.yacc, s.zacc) for s in sensors], axis=0))
+    assert np.linalg.norm(force - (0, 0, -9.81)) < 0.3, force
+    field = standing.in_ned(np.mean([(s.xmag, s.ymag, s.zmag) for s in sensors], axis=0))
+    assert np.linalg.norm(field) == pytest.approx(0.483, abs=0.005)
+    declination = math.degrees(math.atan2(field[1], field[0]))
+    dip = math.degrees(math.atan2(field[2], math.hypot(field[0], field[1])))
+    assert declination == pytest.approx(3.3, abs=0.5) and dip == pytest.approx(63.2, abs=0.5)
+    assert standing.euler[2] == pytest.approx(EAST, abs=0.1), "it stands facing east"
+    assert np.mean([s.abs_pressure for s in sensors]) == pytest.approx(956.0, abs=0.5)
+    fixes = [found["HIL_GPS"] for found in samples if "HIL_GPS" in found]
+    assert len(fixes) >= 6 and all(fix.fix_type == 3 for fix in fixes)
+    state = next(found for found in reversed(samples) if "HIL_STATE_QUATERNION" in found)["HIL_STATE_QUATERNION"]
+    for fix in fixes:
+        assert (fix.lat - state.lat) * 1e-7 == pytest.approx(0, abs=1e-5)
+        assert (fix.lon - state.lon) * 1e-7 == pytest.approx(0, abs=1e-5)
+        assert (fix.alt - state.alt) * 1e-3 == pytest.approx(0, abs=1.0)
+
+
+def test_physics_waits_for_px4_and_no_sample_is_left_out(world: Callable[..., World]) -> None:
+    px4 = Px4(world("px4").port)
+    before = px4.sample()["HIL_SENSOR"].time_usec
+    px4.control(before, [0.05] * 4)
+    while True:  # those that were on their way before physics heard of the commands
+        stamp = px4.sample()["HIL_SENSOR"].time_usec
+        assert stamp == before + SAMPLE_US
+        before = stamp
+        px4.socket.settimeout(0.3)
+        try:
+            px4.waiting.append(px4.receive())
+        except TimeoutError:
+            break
+    for _ in range(200):
+        px4.control(before, [0.05] * 4)
+        stamp = px4.sample()["HIL_SENSOR"].time_usec
+        assert stamp == before + SAMPLE_US
+        before = stamp
+
+
+def fly_px4(px4: Px4, wish: Wish, samples: int) -> dict[str, Any]:
+    """Flies for so many samples, and gives the last."""
+    found = px4.sample()
+    for _ in range(samples):
+        motion = px4.motion(found)
+        px4.control(found["HIL_SENSOR"].time_usec, motors(motion, wish))
+        found = px4.sample()
+    px4.control(found["HIL_SENSOR"].time_usec, motors(px4.motion(found), wish))
+    return found
+
+
+def test_px4s_rotors_lift_turn_and_tilt_the_vehicle_as_their_places_say(world: Callable[..., World]) -> None:
+    served = world("px4")
+    px4 = Px4(served.port)
+    px4.control(px4.sample()["HIL_SENSOR"].time_usec, None)
+    hovering = fly_px4(px4, Wish(height_m=2.0, yaw=EAST), 1000)
+    served.line("PX4 has armed")
+    assert -px4.motion(hovering).down_m == pytest.approx(2.0, abs=0.3)
+    turned = fly_px4(px4, Wish(height_m=2.0, yaw=EAST + 1.0), 750)
+    assert px4.motion(turned).euler[2] == pytest.approx(EAST + 1.0, abs=0.1), "clockwise, seen from above"
+    back = fly_px4(px4, Wish(height_m=2.0, yaw=EAST), 750)
+    start = px4.place(back)
+    # Facing east, ahead is east and to the right is south.
+    ahead = px4.place(fly_px4(px4, Wish(height_m=2.0, pitch=-0.15, yaw=EAST), 250)) - start
+    assert ahead[1] > 0.3 > abs(ahead[0]), ahead
+    right = px4.place(fly_px4(px4, Wish(height_m=2.0, roll=0.2, yaw=EAST), 300)) - start
+    assert right[0] < -0.3, right
+
+
+def test_px4_may_hang_up_talk_nonsense_and_come_again(world: Callable[..., World]) -> None:
+    served = world("px4")
+    px4 = Px4(served.port)
+    px4.sample()
+    px4.socket.close()
+    served.line("PX4 has gone")
+    again = Px4(served.port)
+    again.sample()
+    again.socket.sendall(b"\xfd\xff" * 5000)  # no frame is in it; it is passed over
+    hovering = fly_px4(again, Wish(height_m=1.0, yaw=EAST), 500)
+    served.line("PX4 has armed")
+    assert -again.motion(hovering).down_m > 0.5
+
+
+def test_ardupilots_motors_lift_and_turn_the_vehicle_in_lockstep(world: Callable[..., World]) -> None:
+    served = world("ardupilot", "--vehicle-file", "air/vehicles/ardupilot-sitl.toml")
+    copter = ArduPilot(served.port)
+    answer = copter.step([0.0] * 4)
+    assert np.linalg.norm(np.array(answer["imu"]["accel_body"]) - (0, 0, -9.81)) < 0.5
+    assert answer["attitude"] == pytest.approx(copter.motion(answer).euler, abs=1e-9)
+    copter.step([0.0] * 4, again=True)  # an answer that was lost is given again
+    wish = Wish(height_m=2.0, yaw=EAST)
+    stamps: list[float] = []
+    for k in range(3500):
+        if k == 2000:
+            wish = Wish(height_m=2.0, yaw=EAST + 1.0)
+            assert -copter.motion(answer).down_m == pytest.approx(2.0, abs=0.3)
+        answer = copter.step(motors(copter.motion(answer), wish))
+        stamps.append(answer["timestamp"])
+    assert np.diff(stamps) == pytest.approx(1 / copter.rate_hz, abs=1e-9)
+    assert copter.motion(answer).euler[2] == pytest.approx(EAST + 1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--autopilot", "ardupilot"], r"firmware is PX4: give --vehicle-file"),
+        (["--autopilot", "px4", "--mishap", "deaf"], "are for the stand-in"),
+        (["--firmware-at", "127.0.0.1:4560"], "is for --autopilot px4 or ardupilot"),
+        (["--autopilot", "px4", "--firmware-at", "here"], "invalid value 'here'"),
+    ],
+)
+def test_what_does_not_fit_the_firmware_is_one_clear_line(arguments: list[str], told: str) -> None:
+    ended = subprocess.run([SIM, "serve", *arguments], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    assert ended.returncode != 0
+    assert re.search(told, ended.stderr), ended.stderr
+
+
+def test_a_port_in_use_is_named_with_the_way_out() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        at = f"127.0.0.1:{taken.getsockname()[1]}"
+        command = [SIM, "serve", "--autopilot", "px4", "--firmware-at", at]
+        ended = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=60)
+    assert ended.returncode != 0 and f"{at} is in use" in ended.stderr
