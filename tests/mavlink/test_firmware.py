@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from firmware import HOME, ArduPilot, Px4, Wish, motors
+from firmware import ArduPilot, Px4, Wish, motors
 
 ROOT = Path(__file__).resolve().parents[2]
 SIM = ROOT / "target/release/goshawk-sim"
