@@ -7,6 +7,8 @@ import json
 import math
 import socket
 import struct
+import threading
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,3 +152,60 @@ class ArduPilot:
             quaternion=np.array(answer["quaternion"]),
             rates=np.array(answer["imu"]["gyro"]),
         )
+
+
+class SelfSimulated:
+    """A PX4 that simulates its own vehicle: it stands facing north for a second, then goes north at 1 m/s."""
+
+    def __init__(self, port: int) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect(("127.0.0.1", port))
+        self.socket.settimeout(0.005)
+        self.mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.begun = time.monotonic()
+        self.ended = threading.Event()
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+
+    def close(self) -> None:
+        self.ended.set()
+        self.thread.join()
+
+    def now(self) -> float:
+        """Since it began, s."""
+        return time.monotonic() - self.begun
+
+    def _send(self, message: Any) -> None:
+        try:
+            self.socket.send(message.pack(self.mav))
+        except ConnectionRefusedError:
+            pass  # nobody listens yet
+
+    def _run(self) -> None:
+        parser = mavlink.MAVLink(None)
+        ticks = 0
+        while not self.ended.is_set():
+            self._answer(parser)
+            now = self.now()
+            if now * 50 < ticks:
+                continue
+            if ticks % 50 == 0:
+                self._send(mavlink.MAVLink_heartbeat_message(2, 12, 0x81, 0, 3, 3))
+            north, speed = (now - 1.0, 1.0) if now > 1.0 else (0.0, 0.0)
+            self._send(
+                mavlink.MAVLink_odometry_message(
+                    int(now * 1e6), 1, 1, north, 0.0, -1.0, [1.0, 0.0, 0.0, 0.0], speed, 0.0, 0.0, 0.0, 0.0, 0.0,
+                    [0.01] * 21, [0.01] * 21, 0, 8, 100,
+                )
+            )  # fmt: skip
+            ticks += 1
+
+    def _answer(self, parser: Any) -> None:
+        """Its clock, to whoever asks."""
+        try:
+            messages = parser.parse_buffer(self.socket.recv(2048)) or []
+        except (TimeoutError, ConnectionRefusedError):
+            return
+        for message in messages:
+            if message.get_type() == "TIMESYNC" and message.tc1 == 0:
+                self._send(mavlink.MAVLink_timesync_message(int(self.now() * 1e9), message.ts1))

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import socket
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from firmware import ArduPilot, Px4, Wish, motors
+import zenoh
+from firmware import ArduPilot, Px4, SelfSimulated, Wish, motors
+from goshawk_proto import goshawk_pb2 as pb
+from goshawk_proto.keys import key_expression
 
 ROOT = Path(__file__).resolve().parents[2]
 SIM = ROOT / "target/release/goshawk-sim"
@@ -24,9 +29,13 @@ class World:
     """`goshawk-sim serve` with firmware awaited on a port of its own."""
 
     def __init__(self, autopilot: str, *arguments: str) -> None:
-        command = [SIM, "serve", "--autopilot", autopilot, "--firmware-at", "127.0.0.1:0", "--connect", free_endpoint()]
+        self.endpoint = free_endpoint()
+        command = [SIM, "serve", "--autopilot", autopilot, "--connect", self.endpoint]
+        if autopilot != "external":
+            command += ["--firmware-at", "127.0.0.1:0"]
         self.process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True, cwd=ROOT)
-        self.port = int(self.line(r"awaited at (?:TCP|UDP) 127\.0\.0\.1:(\d+)").group(1))
+        if autopilot != "external":
+            self.port = int(self.line(r"awaited at (?:TCP|UDP) 127\.0\.0\.1:(\d+)").group(1))
 
     def line(self, pattern: str) -> re.Match[str]:
         """The next line of its output that fits."""
@@ -173,6 +182,37 @@ def test_ardupilots_motors_lift_and_turn_the_vehicle_in_lockstep(world: Callable
     assert copter.motion(answer).euler[2] == pytest.approx(EAST + 1.0, abs=0.1)
 
 
+def test_the_world_and_its_truth_follow_firmware_that_simulates_itself(world: Callable[..., World]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    served = world("external", "--pose", f"udpin:127.0.0.1:{port}")
+    served.line("waiting for the firmware's pose")
+    seen: list[pb.SimTruth] = []
+    config = zenoh.Config()
+    config.insert_json5("listen/endpoints", json.dumps([served.endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    firmware = SelfSimulated(port)
+    try:
+        with zenoh.open(config) as session:
+            key = key_expression("sim_truth", "goshawk")
+            session.declare_subscriber(key, lambda sample: seen.append(pb.SimTruth.FromString(bytes(sample.payload))))
+            deadline = time.monotonic() + 60
+            while not (seen and seen[-1].pos_world.y > 2.0):
+                assert time.monotonic() < deadline, "the truth did not follow"
+                time.sleep(0.02)
+            lag = firmware.now() - 1.0 - seen[-1].pos_world.y
+    finally:
+        firmware.close()
+    # In the vehicle's own frame, east-north-up, its way is north and the target is ahead of it.
+    last = seen[-1]
+    assert abs(last.pos_world.x) < 0.1 and last.pos_world.z == pytest.approx(1.0, abs=0.1)
+    assert -0.3 < lag < 1.0, lag
+    assert last.vel_world.y == pytest.approx(1.0, abs=0.05)
+    assert last.target_pos_world.y > 3 * abs(last.target_pos_world.x)
+    served.line("pose has stopped: the vehicle stands")
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -180,6 +220,8 @@ def test_ardupilots_motors_lift_and_turn_the_vehicle_in_lockstep(world: Callable
         (["--autopilot", "px4", "--mishap", "deaf"], "are for the stand-in"),
         (["--firmware-at", "127.0.0.1:4560"], "is for --autopilot px4 or ardupilot"),
         (["--autopilot", "px4", "--firmware-at", "here"], "invalid value 'here'"),
+        (["--autopilot", "external"], "belong together"),
+        (["--autopilot", "external", "--pose", "14550"], "invalid value '14550'"),
     ],
 )
 def test_what_does_not_fit_the_firmware_is_one_clear_line(arguments: list[str], told: str) -> None:

@@ -5,6 +5,7 @@
 
 mod autopilot;
 mod camera;
+mod external;
 mod local;
 mod mishap;
 mod session;
@@ -22,13 +23,13 @@ use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
-use crate::sense::file::{SensorArgs, Sensors};
+use crate::sense::file::SensorArgs;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::airframe;
 use crate::trial::fault::CameraFault;
 use crate::trial::{Fault, Scene, SceneConfig, WorldSource};
 use crate::vehicle::quadrotor::{Quadrotor, STEP_S, Wind};
-use autopilot::{Autopilot, AutopilotArgs, Instant};
+use autopilot::{Autopilot, AutopilotArgs, Instant, Start};
 use camera::{Camera, Exposure};
 use session::Session;
 use watch::{Surroundings, Watch};
@@ -53,7 +54,8 @@ const AIRBORNE_S: f64 = 2.0;
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
                   goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20\n  \
                   goshawk-sim serve --autopilot px4\n  \
-                  goshawk-sim serve --autopilot ardupilot --vehicle-file air/vehicles/ardupilot-sitl.toml")]
+                  goshawk-sim serve --autopilot ardupilot --vehicle-file air/vehicles/ardupilot-sitl.toml\n  \
+                  goshawk-sim serve --autopilot external --pose udpin:127.0.0.1:14550")]
 pub struct ServeArgs {
     /// Seed of the world, the evader and the noise.
     #[arg(long, default_value_t = 1)]
@@ -140,10 +142,17 @@ impl ServeArgs {
             evader: Some((Course::parse(&self.course)?, self.speed)),
             moving: self.moving.moving,
         })?);
-        let start = scene.vehicle_start(&airframe(&vehicle));
-        let mut session = Session::dial(&vehicle.name, &self.connect, &scene, self.autopilot.local(&start))?;
+        let mut parameters = airframe(&vehicle);
+        if let Some(loops) = self.autopilot.mishaps().loops()? {
+            parameters.loops = loops;
+        }
+        let start = Start { pos_world: scene.vehicle_start(&parameters), heading_rad: scene.world.start_heading_rad() };
+        let (autopilot, met_at) =
+            self.autopilot.open(&vehicle, self.mavlink_port, &sensors, self.seed, start, &stop)?;
+        let quad = Quadrotor::new(parameters, start.pos_world, start.heading_rad);
+        let mut session = Session::dial(&vehicle.name, &self.connect, &scene, autopilot.local())?;
         let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, fault, Arc::clone(&stop))?;
-        let mut simulation = Simulation::new(&self, &vehicle, &sensors, &scene)?;
+        let mut simulation = Simulation::new(&self, quad, autopilot, &scene);
         println!(
             "seed {}, {} ({} obstacles): the target runs {} m at up to {} m/s; vehicle at {}, {}",
             self.seed,
@@ -152,7 +161,7 @@ impl ServeArgs {
             self.distance,
             self.speed,
             self.connect,
-            simulation.autopilot_at
+            met_at
         );
         let end = self.exit_after.map(|s| clock::now().plus(s));
         while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
@@ -170,7 +179,6 @@ struct Simulation<'a> {
     scene: &'a Scene,
     quad: Quadrotor,
     autopilot: Autopilot,
-    autopilot_at: String,
     wind: Wind,
     wind_world: Vec3,
     watch: Watch,
@@ -185,19 +193,12 @@ struct Simulation<'a> {
 }
 
 impl<'a> Simulation<'a> {
-    fn new(args: &ServeArgs, vehicle: &Vehicle, sensors: &Sensors, scene: &'a Scene) -> Result<Self> {
-        let mut parameters = airframe(vehicle);
-        if let Some(loops) = args.autopilot.mishaps().loops()? {
-            parameters.loops = loops;
-        }
-        let start = scene.vehicle_start(&parameters);
-        let (autopilot, autopilot_at) = args.autopilot.open(vehicle, args.mavlink_port, sensors, args.seed)?;
+    fn new(args: &ServeArgs, quad: Quadrotor, autopilot: Autopilot, scene: &'a Scene) -> Self {
         let now = clock::now();
-        Ok(Self {
+        Self {
             scene,
-            quad: Quadrotor::new(parameters, start, scene.world.start_heading_rad()),
+            quad,
             autopilot,
-            autopilot_at,
             wind: Wind::new(args.wind, mix(args.seed, 12)),
             wind_world: Vec3::zeros(),
             watch: Watch::default(),
@@ -208,7 +209,7 @@ impl<'a> Simulation<'a> {
             airborne_since: None,
             runs: None,
             skipped_s: 0.0,
-        })
+        }
     }
 
     /// Steps up to the wall clock.

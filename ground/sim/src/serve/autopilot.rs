@@ -1,6 +1,7 @@
 //! Who flies the simulated vehicle: the stand-in, or real firmware by the vehicle's rotors.
 
 use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
 use color_eyre::eyre::{Result, bail, ensure};
@@ -8,6 +9,7 @@ use goshawk_autopilot::{Address, Firmware as Kind};
 use goshawk_core::{NormalisedThrust, Rot, Time, Vec3};
 use goshawk_vehicle::config::Vehicle;
 
+use super::external::External;
 use super::local::Local;
 use super::mishap::{MishapArgs, Mishaps};
 use crate::sense::file::Sensors;
@@ -35,6 +37,8 @@ enum Which {
     /// An `ArduPilot` that you have built, over its JSON interface (UDP).
     #[value(name = "ardupilot")]
     ArduPilot,
+    /// Firmware that simulates its own vehicle (PX4's SIH): world, camera and truth follow its pose.
+    External,
 }
 
 /// The autopilot, and what goes wrong with the stand-in.
@@ -46,20 +50,37 @@ pub(super) struct AutopilotArgs {
     /// Where firmware finds the simulator; absent: 127.0.0.1 and the firmware's own port, 4560 (px4) or 9002 (ardupilot).
     #[arg(long, value_name = "ADDRESS:PORT")]
     firmware_at: Option<SocketAddr>,
+    /// With --autopilot external: where its MAVLink is met. Not the vehicle's own line: PX4 sends a ground station's to
+    /// udpin:127.0.0.1:14550.
+    #[arg(long, value_name = "LINK")]
+    pose: Option<Address>,
     #[command(flatten)]
     mishaps: MishapArgs,
 }
 
+/// Where a vehicle starts, and how it stands there.
+#[derive(Clone, Copy)]
+pub(super) struct Start {
+    pub(super) pos_world: Vec3,
+    pub(super) heading_rad: f64,
+}
+
 impl AutopilotArgs {
-    /// The autopilot of a vehicle, and where it is met, for a person. Changes the vehicle's inner loops where asked to.
+    /// The autopilot of a vehicle, and where it is met, for a person. Waits for an external one until `stop`.
     pub(super) fn open(
         &self,
         vehicle: &Vehicle,
         mavlink_port: Option<u16>,
         sensors: &Sensors,
         seed: u64,
+        start: Start,
+        stop: &AtomicBool,
     ) -> Result<(Autopilot, String)> {
         let imu = Imu::new(sensors.imu, mix(seed, 15));
+        ensure!(
+            self.pose.is_some() == (self.autopilot == Which::External),
+            "--autopilot external and --pose LINK belong together: it says where the firmware tells its pose"
+        );
         if self.autopilot == Which::StandIn {
             ensure!(self.firmware_at.is_none(), "--firmware-at is for --autopilot px4 or ardupilot");
             return self.stand_in(vehicle, mavlink_port, sensors, imu, seed);
@@ -69,6 +90,11 @@ impl AutopilotArgs {
             "--mishap, --attitude-lag, --man-override-spd and --mavlink-port are for the stand-in: real firmware is set by \
              its own parameters"
         );
+        if let Some(pose) = &self.pose {
+            ensure!(self.firmware_at.is_none(), "--firmware-at is for --autopilot px4 or ardupilot");
+            let external = External::meet(pose, vehicle, &start.pos_world, start.heading_rad, stop)?;
+            return Ok((Autopilot::External(Box::new(external)), format!("pose from {pose}")));
+        }
         let local = |port| self.firmware_at.unwrap_or((Ipv4Addr::LOCALHOST, port).into());
         let (firmware, at): (Box<dyn Firmware>, _) = match (self.autopilot, vehicle.autopilot.firmware()) {
             (Which::Px4, Kind::Px4) => {
@@ -85,7 +111,7 @@ impl AutopilotArgs {
                 "the vehicle file's [autopilot] firmware is {other}: give --vehicle-file the file of the firmware that flies"
             ),
         };
-        Ok((Autopilot::Firmware { firmware, imu }, at))
+        Ok((Autopilot::Firmware { firmware, imu, start_world: start.pos_world }, at))
     }
 
     fn stand_in(
@@ -124,14 +150,6 @@ impl AutopilotArgs {
         Ok((Autopilot::StandIn(Box::new(stand_in)), format!("autopilot to UDP {mavlink}")))
     }
 
-    /// The frame in which it reckons where it is, for a vehicle that starts at `start_world`.
-    pub(super) fn local(&self, start_world: &Vec3) -> Local {
-        match self.autopilot {
-            Which::StandIn => Local::world(),
-            Which::Px4 | Which::ArduPilot => Local::at(*start_world, 0.0),
-        }
-    }
-
     /// What the command line says of the stand-in's inner loops, and of what befalls it.
     pub(super) fn mishaps(&self) -> &MishapArgs {
         &self.mishaps
@@ -141,7 +159,8 @@ impl AutopilotArgs {
 /// Who flies.
 pub(super) enum Autopilot {
     StandIn(Box<StandIn>),
-    Firmware { firmware: Box<dyn Firmware>, imu: Imu },
+    Firmware { firmware: Box<dyn Firmware>, imu: Imu, start_world: Vec3 },
+    External(Box<External>),
 }
 
 /// One instant of the simulation.
@@ -156,6 +175,15 @@ pub(super) struct Instant<'a> {
 }
 
 impl Autopilot {
+    /// The frame in which it reckons where it is.
+    pub(super) fn local(&self) -> Local {
+        match self {
+            Self::StandIn(_) => Local::world(),
+            Self::Firmware { start_world, .. } => Local::at(*start_world, 0.0),
+            Self::External(external) => external.local(),
+        }
+    }
+
     /// Flies `quad` for one step of physics.
     pub(super) fn fly(&mut self, quad: &mut Quadrotor, at: &Instant<'_>) {
         let ground = |x, y| at.world.ground_height(x, y);
@@ -164,7 +192,8 @@ impl Autopilot {
                 let output = stand_in.step(quad, at);
                 quad.step(STEP_S, output.demand.as_ref(), at.wind_world, ground);
             }
-            Self::Firmware { firmware, imu } => {
+            Self::External(external) => external.place(quad, at.now, at.world),
+            Self::Firmware { firmware, imu, .. } => {
                 let truth = quad.state();
                 let sensed = Sensed { truth, imu: imu.measure(truth, SAMPLED_PERIOD_S) };
                 let throttles = firmware.step(at.step, &sensed);

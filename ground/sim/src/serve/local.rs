@@ -24,12 +24,18 @@ impl Local {
         Self { origin_world, yaw_rad }
     }
 
-    fn turn(&self) -> Rot {
-        Rot::from_axis_angle(&Vec3::z_axis(), -self.yaw_rad)
+    /// A direction of the vehicle's frame in the world's.
+    pub(super) fn world_from_local(&self) -> Rot {
+        Rot::from_axis_angle(&Vec3::z_axis(), self.yaw_rad)
+    }
+
+    /// A point of the vehicle's frame in the world's.
+    pub(super) fn to_world(&self, point: Vec3) -> Vec3 {
+        self.origin_world + self.world_from_local() * point
     }
 
     fn point(&self, world: Vec3) -> Vec3 {
-        self.turn() * (world - self.origin_world)
+        self.world_from_local().inverse() * (world - self.origin_world)
     }
 
     fn point_f(&self, point: &mut Option<v1::Vec3f>) {
@@ -58,7 +64,7 @@ impl Local {
 
     /// The truth as the vehicle would tell it.
     pub(super) fn of_truth(&self, mut truth: v1::SimTruth) -> v1::SimTruth {
-        let turn = self.turn();
+        let turn = self.world_from_local().inverse();
         let read = |v: &v1::Vec3| Vec3::new(v.x, v.y, v.z);
         for place in [&mut truth.pos_world, &mut truth.target_pos_world].into_iter().flatten() {
             *place = convert::vec3(self.point(read(place)));
@@ -104,6 +110,7 @@ mod tests {
         let moving = &truth.moving[0];
         assert!((moving.centre_world.unwrap().y - 1.0).abs() < 1e-6 && (moving.yaw_rad - 1.570_796_4).abs() < 1e-6);
         let tree = v1::SimTree { base_world: Some(v1::Vec3f { x: 6.0, y: 3.0, z: 1.0 }), ..Default::default() };
+        assert!((local.to_world(Vec3::new(-2.0, 10.0, 1.0)) - Vec3::new(16.0, 2.0, 2.0)).norm() < 1e-9);
         let world = local.of_world(v1::SimWorld { trees: vec![tree], ..Default::default() });
         let base = world.trees[0].base_world.unwrap();
         assert!((base.x + 3.0).abs() < 1e-6 && base.y.abs() < 1e-6, "{base:?}");

@@ -116,6 +116,11 @@ impl Quadrotor {
         self.state.vel_world = vel_world;
     }
 
+    /// Puts the vehicle into a motion that is simulated elsewhere.
+    pub fn put(&mut self, state: QuadrotorState) {
+        self.state = state;
+    }
+
     /// Advances by `dt_s` (at most a few ms). `demand`: none is disarmed, the rotors stop. `wind_world`: the air's
     /// velocity, m/s. `ground_m`: height of the ground at (x, y).
     pub fn step(
