@@ -3,6 +3,7 @@ those projects' documents, and from nothing of ours. Frames are theirs: north-ea
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import socket
@@ -176,10 +177,8 @@ class SelfSimulated:
         return time.monotonic() - self.begun
 
     def _send(self, message: Any) -> None:
-        try:
+        with contextlib.suppress(ConnectionRefusedError):  # nobody listens yet
             self.socket.send(message.pack(self.mav))
-        except ConnectionRefusedError:
-            pass  # nobody listens yet
 
     def _run(self) -> None:
         parser = mavlink.MAVLink(None)
@@ -203,7 +202,7 @@ class SelfSimulated:
     def _answer(self, parser: Any) -> None:
         """Its clock, to whoever asks."""
         try:
-            messages = parser.parse_buffer(self.socket.recv(2048)) or []
+            messages: list[Any] = parser.parse_buffer(self.socket.recv(2048)) or []
         except (TimeoutError, ConnectionRefusedError):
             return
         for message in messages:
