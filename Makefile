@@ -12,7 +12,7 @@ INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-b
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python lint docs pins deny fuzz bench chaos train
+.PHONY: help setup setup-train setup-rerun setup-test build demo sitl test test-rust test-python lint docs pins deny fuzz bench chaos train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -60,6 +60,9 @@ build:
 
 demo: setup ## simulator, vehicle and ground station: a chase through a forest (SEED=n, HEADLESS=1)
 	$(VENV)/bin/goshawk demo --seed $(SEED) $(if $(HEADLESS),--headless)
+
+sitl: setup ## the demo flown by firmware that you have built: PX4=DIR or ARDUPILOT=DIR (docs/how-to/firmware.md)
+	$(VENV)/bin/goshawk demo --seed $(SEED) $(if $(HEADLESS),--headless) $(if $(PX4),--px4 "$(PX4)") $(if $(ARDUPILOT),--ardupilot "$(ARDUPILOT)")
 
 lint: setup-test ## formatters and linters
 	cargo fmt --all --check

@@ -218,7 +218,7 @@ def test_the_world_and_its_truth_follow_firmware_that_simulates_itself(world: Ca
     [
         (["--autopilot", "ardupilot"], r"firmware is PX4: give --vehicle-file"),
         (["--autopilot", "px4", "--mishap", "deaf"], "are for the stand-in"),
-        (["--firmware-at", "127.0.0.1:4560"], "is for --autopilot px4 or ardupilot"),
+        (["--firmware-at", "127.0.0.1:4560"], "are for --autopilot px4 or ardupilot"),
         (["--autopilot", "px4", "--firmware-at", "here"], "invalid value 'here'"),
         (["--autopilot", "external"], "belong together"),
         (["--autopilot", "external", "--pose", "14550"], "invalid value '14550'"),

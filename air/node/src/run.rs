@@ -8,9 +8,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use color_eyre::eyre::{Result, WrapErr, bail};
-use goshawk_autopilot::{
-    Address, AutopilotError, AutopilotLink, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates,
-};
+use goshawk_autopilot::{Address, AutopilotLink};
 use goshawk_bus::Bus;
 use goshawk_core::{FlightController, Planner, PlanningDemand, Profile};
 use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
@@ -80,7 +78,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         .wrap_err_with(|| format!("the vehicle file and the policy {} do not make a planner", model.display()))?;
     let controller = FlightController::new(vehicle.controller_config())?;
     let idle_demand = idle_demand(&vehicle, &policy)?;
-    let line = link_config(&vehicle)?;
+    let line = vehicle.link()?;
     let exposure = line.exposure();
     let link = Arc::new(AutopilotLink::open(line, clock::now)?);
     let bus = access.listen()?;
@@ -181,32 +179,6 @@ fn wait(shared: &Shared, threads: [JoinHandle<()>; 6]) -> Result<()> {
         })
         .collect();
     if failed.is_empty() { Ok(()) } else { bail!("these threads failed: {}", failed.join(", ")) }
-}
-
-/// The link that the vehicle file asks for.
-///
-/// # Errors
-/// The signing key cannot be read.
-pub(crate) fn link_config(vehicle: &Vehicle) -> Result<LinkConfig, AutopilotError> {
-    let a = &vehicle.autopilot;
-    let signing = a.signing_key_file.as_ref().map(|file| {
-        let path = vehicle.resolve(file);
-        let mut stamps = path.clone().into_os_string();
-        stamps.push(".stamp");
-        SigningKey::load(&path).map(|key| SigningConfig { key, stamps: Some(stamps.into()) })
-    });
-    Ok(LinkConfig {
-        address: a.link.clone(),
-        peer: a.peer,
-        firmware: a.firmware(),
-        signing: signing.transpose()?,
-        system_id: a.system_id,
-        component_id: a.component_id,
-        target_system: a.target_system,
-        target_component: a.target_component,
-        heartbeat: HeartbeatKind::default(),
-        rates: StreamRates::default(),
-    })
 }
 
 /// What is planned for before the first start; refuses a policy of another task than the profiles.

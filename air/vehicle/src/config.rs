@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use goshawk_autopilot::{AutopilotError, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates};
 use goshawk_core::{
     Airframe, CameraModel, ConfigError, ControllerConfig, LimitsConfig, PlannerConfig, PolicyModel, Profile, Rot, Task,
     Tuning, Vec3, ViewConfig, within,
@@ -198,6 +199,32 @@ impl Vehicle {
     #[must_use]
     pub fn resolve(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
+    }
+
+    /// The line to the autopilot that the file asks for.
+    ///
+    /// # Errors
+    /// The signing key cannot be read.
+    pub fn link(&self) -> Result<LinkConfig, AutopilotError> {
+        let a = &self.autopilot;
+        let signing = a.signing_key_file.as_ref().map(|file| {
+            let path = self.resolve(file);
+            let mut stamps = path.clone().into_os_string();
+            stamps.push(".stamp");
+            SigningKey::load(&path).map(|key| SigningConfig { key, stamps: Some(stamps.into()) })
+        });
+        Ok(LinkConfig {
+            address: a.link.clone(),
+            peer: a.peer,
+            firmware: a.firmware(),
+            signing: signing.transpose()?,
+            system_id: a.system_id,
+            component_id: a.component_id,
+            target_system: a.target_system,
+            target_component: a.target_component,
+            heartbeat: HeartbeatKind::default(),
+            rates: StreamRates::default(),
+        })
     }
 
     /// The policy's file for a task.

@@ -62,6 +62,7 @@ fn main() -> color_eyre::Result<()> {
             airframe: Difference::default(),
             moving: 0,
             fault: None,
+            firmware: None,
             seed,
         };
         let begun = core_seconds();

@@ -87,6 +87,7 @@ fn fly(vehicle: &Vehicle, policy: &mut Policy) -> color_eyre::Result<Flight> {
         airframe: Difference::default(),
         moving: 0,
         fault: None,
+        firmware: None,
         seed: 3,
     };
     let camera = Mount::of(vehicle).camera;

@@ -153,6 +153,7 @@ impl FaultsArgs {
             airframe: Difference::default(),
             moving: 0,
             fault: None,
+            firmware: None,
             threads: self.threads,
             only: None,
             traced: false,

@@ -34,8 +34,8 @@ use crate::sense::file::Sensors;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::Mount;
 use crate::trial::{
-    Difference, EvaderKind, Fault, Flight, Network, PilotKind, Spent, TrialConfig, TrialError, Unwatched, Witness,
-    WorldSource, rule,
+    Difference, EvaderKind, Fault, Firmware, Flight, Network, PilotKind, Spent, TrialConfig, TrialError, Unwatched,
+    Witness, WorldSource, rule,
 };
 use compute::{Clerk, Compute};
 use files::Files;
@@ -81,6 +81,8 @@ pub struct Campaign {
     pub moving: usize,
     /// What goes wrong in each flight.
     pub fault: Option<Fault>,
+    /// Real firmware flies the rotors; none: the autopilot is a model that grants every request.
+    pub firmware: Option<Firmware>,
     /// Flights at once.
     pub threads: usize,
     /// Fly these only, each exactly as in the whole campaign.
@@ -293,6 +295,7 @@ impl Campaign {
             airframe: self.airframe,
             moving: cell.moving,
             fault: self.fault,
+            firmware: self.firmware.clone(),
             // The same forests at every speed and for every pilot, so that they can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
         };

@@ -6,6 +6,7 @@ use goshawk_vehicle::config::Vehicle;
 use crate::classical::Classical;
 use crate::trial::airframe::Mount;
 use crate::trial::fault::{FaultyNetwork, Injection};
+use crate::trial::firmware::InTheLoop;
 use crate::trial::lockstep::Lockstep;
 use crate::trial::{Fault, Flight, Network, Onboard, Pilot, PilotKind, Scene, TrialConfig, TrialError, Witness};
 
@@ -50,5 +51,6 @@ pub fn fly_in(
         (_, None) => return Err(TrialError::NoPolicy),
     };
     witness.world(&scene.world);
-    Lockstep::new(config, vehicle, scene, pilot, injection).fly(witness)
+    let firmware = config.firmware.as_ref().map(|which| InTheLoop::start(which, config, vehicle)).transpose()?;
+    Lockstep::new(config, vehicle, scene, pilot, injection, firmware).fly(witness)
 }

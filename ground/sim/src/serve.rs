@@ -53,7 +53,7 @@ const AIRBORNE_S: f64 = 2.0;
                   goshawk-sim serve --world buildings --moving 8\n  \
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
                   goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20\n  \
-                  goshawk-sim serve --autopilot px4\n  \
+                  goshawk-sim serve --autopilot px4 --firmware ~/PX4-Autopilot\n  \
                   goshawk-sim serve --autopilot ardupilot --vehicle-file air/vehicles/ardupilot-sitl.toml\n  \
                   goshawk-sim serve --autopilot external --pose udpin:127.0.0.1:14550")]
 pub struct ServeArgs {

@@ -5,6 +5,7 @@ pub mod airframe;
 mod autopilot;
 mod difference;
 pub mod fault;
+pub(crate) mod firmware;
 pub mod judge;
 pub(crate) mod lockstep;
 pub mod onboard;
@@ -30,6 +31,7 @@ use crate::vehicle::quadrotor::QuadrotorState;
 use crate::world::{Part, World, WorldError};
 pub use difference::{Difference, DifferenceError};
 pub use fault::Fault;
+pub use firmware::Firmware;
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
 pub use scene::{Scene, SceneConfig, WorldSource};
@@ -61,6 +63,9 @@ pub enum TrialError {
     /// The pilot cannot fly without a policy.
     #[error("this flight needs a policy: only the classical pilot's navigation does without")]
     NoPolicy,
+    /// Real firmware cannot be met.
+    #[error(transparent)]
+    Firmware(#[from] firmware::FirmwareTrouble),
     /// The camera does not fit the policy.
     #[error(transparent)]
     Preprocess(#[from] PreprocessError),
@@ -172,6 +177,8 @@ pub struct TrialConfig {
     /// What goes wrong on the way; none: nothing does. With a fault the flight goes on until it is down: see
     /// [`Outcome`].
     pub fault: Option<Fault>,
+    /// Real firmware flies the rotors; none: the autopilot is a model that grants every request at once.
+    pub firmware: Option<Firmware>,
     /// Everything random is drawn from it.
     pub seed: u64,
 }

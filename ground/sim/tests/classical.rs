@@ -28,6 +28,7 @@ fn fly(task: Task) -> Result<Flight, TrialError> {
         airframe: Difference::default(),
         moving: 0,
         fault: None,
+        firmware: None,
         seed: 2,
     };
     fly_trial(&config, &Vehicle::load(&file).unwrap(), None, &mut Unwatched)

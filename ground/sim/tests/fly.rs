@@ -172,6 +172,7 @@ fn a_campaign_is_the_same_for_any_number_of_threads() {
             airframe: Difference::default(),
             moving,
             fault: None,
+            firmware: None,
             threads,
             only: None,
             traced: false,

@@ -76,6 +76,7 @@ fn campaign(task: Task) -> Campaign {
         airframe: Difference::default(),
         moving: 0,
         fault: None,
+        firmware: None,
         trials: 2,
         seed: 5,
         wind_mps: 0.0,

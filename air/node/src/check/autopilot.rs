@@ -8,7 +8,6 @@ use goshawk_vehicle::config::{OdometrySource, Vehicle};
 
 use super::Findings;
 use crate::report::health;
-use crate::run::link_config;
 
 /// How long it may go on without us, s. Chosen by eye.
 const LOSS_TIME_S: std::ops::RangeInclusive<f32> = 0.1..=1.0;
@@ -66,7 +65,7 @@ pub(super) fn judge(link: &Result<AutopilotLink, String>, vehicle: &Vehicle, fin
 
 /// Others may pose as the autopilot. A key that cannot be read is told of as the link's failure.
 pub(super) fn exposure(vehicle: &Vehicle, findings: &mut Findings) {
-    if let Some(why) = link_config(vehicle).ok().and_then(|config| config.exposure()) {
+    if let Some(why) = vehicle.link().ok().and_then(|config| config.exposure()) {
         findings.warn("mavlink", why);
     }
 }

@@ -14,7 +14,6 @@ use goshawk_vehicle::sensors::{self, Frame};
 
 use super::{Findings, autopilot};
 use crate::network::access::{Access, Guard, INSECURE};
-use crate::run::link_config;
 
 /// Streams are looked at so often.
 const POLL: Duration = Duration::from_millis(5);
@@ -73,8 +72,7 @@ pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, fi
     let odometry: Arc<Mutex<Stream<Odometry>>> = Arc::default();
     let access = access(vehicle, findings);
     let bus = access.and_then(|access| network(vehicle, &access, &frames, &odometry, findings));
-    let link =
-        link_config(vehicle).and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
+    let link = vehicle.link().and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
     let parameters = vehicle.autopilot.firmware().parameters();
     let sticks = vehicle.autopilot.firmware().stick_parameters();
     let begun = clock::now();

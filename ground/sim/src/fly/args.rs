@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use color_eyre::eyre::{Result, WrapErr, ensure};
+use color_eyre::eyre::{Result, WrapErr, bail, ensure};
+use goshawk_autopilot::Firmware as Kind;
 use goshawk_core::Task;
 use goshawk_policy::Policy;
 use goshawk_vehicle::config::Vehicle;
@@ -19,7 +20,7 @@ use crate::actors::moving::MovingArgs;
 use crate::seeds::{Identity, Seeds};
 use crate::sense::file::SensorArgs;
 use crate::trial::scene::COURSE_M;
-use crate::trial::{Difference, EvaderKind, Fault, Network, PilotKind, WorldSource};
+use crate::trial::{Difference, EvaderKind, Fault, Firmware, Network, PilotKind, WorldSource};
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -46,6 +47,18 @@ pub enum EvaderName {
     Planned,
     /// It sees the vehicle, turns, doubles back, and hides behind what stands about.
     Reactive,
+}
+
+/// What flies the rotors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum AutopilotName {
+    /// Grants every request at once, and follows attitudes by inner loops of its own.
+    Model,
+    /// A PX4 that you have built.
+    Px4,
+    /// An `ArduPilot` Copter that you have built.
+    #[value(name = "ardupilot")]
+    ArduPilot,
 }
 
 /// Fly campaigns in lockstep and report successes.
@@ -119,6 +132,13 @@ pub struct FlyArgs {
     /// --list`). A flight then goes on until the vehicle is down, which is its success.
     #[arg(long, value_name = "NAME")]
     fault: Option<Fault>,
+    /// Who flies the rotors: a model that grants every request, or real firmware, to which the pilot speaks MAVLink. In
+    /// lockstep, one flight after the other.
+    #[arg(long, value_enum, default_value = "model")]
+    autopilot: AutopilotName,
+    /// The firmware: the folder of its source tree or of its build.
+    #[arg(long, value_name = "DIR")]
+    firmware: Option<PathBuf>,
     /// Write all that was found as JSON: cells, flights, and each flight's path and map. `goshawk campaign report FILE`
     /// makes a page of it.
     #[arg(long, value_name = "FILE")]
@@ -241,10 +261,28 @@ impl FlyArgs {
             airframe: Difference { spread: self.spread, ..Difference::parse(&self.airframe)? },
             moving: self.moving.moving,
             fault: self.fault,
-            threads: self.threads,
+            firmware: self.firmware(vehicle)?,
+            // Each would need ports of its own.
+            threads: if self.firmware.is_some() { 1 } else { self.threads },
             only: self.only.clone(),
             traced: self.json.is_some(),
             log: None,
+        })
+    }
+
+    /// The firmware that flies the rotors; none: the model does.
+    fn firmware(&self, vehicle: &Vehicle) -> Result<Option<Firmware>> {
+        let named = vehicle.autopilot.firmware();
+        Ok(match (self.autopilot, &self.firmware, named) {
+            (AutopilotName::Model, None, _) => None,
+            (AutopilotName::Px4, Some(folder), Kind::Px4) => Some(Firmware::Px4(folder.clone())),
+            (AutopilotName::ArduPilot, Some(folder), Kind::ArduPilot(_)) => Some(Firmware::ArduPilot(folder.clone())),
+            (AutopilotName::Model, Some(_), _) | (_, None, _) => {
+                bail!("--autopilot px4 or ardupilot and --firmware DIR belong together: the folder of its build")
+            }
+            _ => bail!(
+                "the vehicle file's [autopilot] firmware is {named}: give --vehicle-file the file of the firmware that flies"
+            ),
         })
     }
 

@@ -1,6 +1,7 @@
 //! Who flies the simulated vehicle: the stand-in, or real firmware by the vehicle's rotors.
 
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
@@ -15,7 +16,7 @@ use super::mishap::{MishapArgs, Mishaps};
 use crate::sense::file::Sensors;
 use crate::sense::odometry::Estimator;
 use crate::sense::rgbd::mix;
-use crate::vehicle::firmware::{ArduPilotJson, Firmware, Px4Hil, Sensed};
+use crate::vehicle::firmware::{ArduPilotJson, Firmware, Process, Px4Hil, Sensed};
 use crate::vehicle::imu::Imu;
 use crate::vehicle::px4::{Px4Config, Px4Udp, VehicleState};
 use crate::vehicle::quadrotor::{Quadrotor, STEP_S};
@@ -50,6 +51,9 @@ pub(super) struct AutopilotArgs {
     /// Where firmware finds the simulator; absent: 127.0.0.1 and the firmware's own port, 4560 (px4) or 9002 (ardupilot).
     #[arg(long, value_name = "ADDRESS:PORT")]
     firmware_at: Option<SocketAddr>,
+    /// Start the firmware too: the folder of its source tree or of its build.
+    #[arg(long, value_name = "DIR")]
+    firmware: Option<PathBuf>,
     /// With --autopilot external: where its MAVLink is met. Not the vehicle's own line: PX4 sends a ground station's to
     /// udpin:127.0.0.1:14550.
     #[arg(long, value_name = "LINK")]
@@ -82,7 +86,10 @@ impl AutopilotArgs {
             "--autopilot external and --pose LINK belong together: it says where the firmware tells its pose"
         );
         if self.autopilot == Which::StandIn {
-            ensure!(self.firmware_at.is_none(), "--firmware-at is for --autopilot px4 or ardupilot");
+            ensure!(
+                self.firmware_at.is_none() && self.firmware.is_none(),
+                "--firmware and --firmware-at are for --autopilot px4 or ardupilot"
+            );
             return self.stand_in(vehicle, mavlink_port, sensors, imu, seed);
         }
         ensure!(
@@ -91,10 +98,17 @@ impl AutopilotArgs {
              its own parameters"
         );
         if let Some(pose) = &self.pose {
-            ensure!(self.firmware_at.is_none(), "--firmware-at is for --autopilot px4 or ardupilot");
+            ensure!(
+                self.firmware_at.is_none() && self.firmware.is_none(),
+                "--firmware and --firmware-at are for --autopilot px4 or ardupilot"
+            );
             let external = External::meet(pose, vehicle, &start.pos_world, start.heading_rad, stop)?;
             return Ok((Autopilot::External(Box::new(external)), format!("pose from {pose}")));
         }
+        ensure!(
+            self.firmware.is_none() || self.firmware_at.is_none(),
+            "--firmware starts it at its own port: leave out --firmware-at"
+        );
         let local = |port| self.firmware_at.unwrap_or((Ipv4Addr::LOCALHOST, port).into());
         let (firmware, at): (Box<dyn Firmware>, _) = match (self.autopilot, vehicle.autopilot.firmware()) {
             (Which::Px4, Kind::Px4) => {
@@ -111,7 +125,12 @@ impl AutopilotArgs {
                 "the vehicle file's [autopilot] firmware is {other}: give --vehicle-file the file of the firmware that flies"
             ),
         };
-        Ok((Autopilot::Firmware { firmware, imu, start_world: start.pos_world }, at))
+        let process = match (&self.firmware, self.autopilot) {
+            (None, _) => None,
+            (Some(tree), Which::Px4) => Some(Process::px4(tree, 0)?),
+            (Some(tree), _) => Some(Process::ardupilot(tree, 0)?),
+        };
+        Ok((Autopilot::Firmware { firmware, process, imu, start_world: start.pos_world }, at))
     }
 
     fn stand_in(
@@ -159,7 +178,7 @@ impl AutopilotArgs {
 /// Who flies.
 pub(super) enum Autopilot {
     StandIn(Box<StandIn>),
-    Firmware { firmware: Box<dyn Firmware>, imu: Imu, start_world: Vec3 },
+    Firmware { firmware: Box<dyn Firmware>, process: Option<Process>, imu: Imu, start_world: Vec3 },
     External(Box<External>),
 }
 
@@ -193,12 +212,16 @@ impl Autopilot {
                 quad.step(STEP_S, output.demand.as_ref(), at.wind_world, ground);
             }
             Self::External(external) => external.place(quad, at.now, at.world),
-            Self::Firmware { firmware, imu, .. } => {
+            Self::Firmware { firmware, process, imu, .. } => {
                 let truth = quad.state();
                 let sensed = Sensed { truth, imu: imu.measure(truth, SAMPLED_PERIOD_S) };
                 let throttles = firmware.step(at.step, &sensed);
                 for news in firmware.take_news() {
                     println!("{news}");
+                }
+                if let Some(status) = process.as_mut().and_then(Process::ended) {
+                    let words = process.take().map(|process| process.last_words()).unwrap_or_default();
+                    println!("the firmware has ended ({status}): {words}");
                 }
                 quad.drive(STEP_S, &throttles, at.wind_world, ground);
             }

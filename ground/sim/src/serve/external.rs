@@ -38,14 +38,7 @@ impl External {
         heading_rad: f64,
         stop: &AtomicBool,
     ) -> Result<Self> {
-        let config = LinkConfig {
-            address: address.clone(),
-            firmware: vehicle.autopilot.firmware(),
-            component_id: COMPONENT_ID,
-            target_system: vehicle.autopilot.target_system,
-            target_component: vehicle.autopilot.target_component,
-            ..LinkConfig::customary((std::net::Ipv4Addr::LOCALHOST, 0).into())
-        };
+        let config = LinkConfig { address: address.clone(), peer: None, component_id: COMPONENT_ID, ..vehicle.link()? };
         let link = AutopilotLink::open(config, clock::now)?;
         println!("waiting for the firmware's pose at {address}; Ctrl-C ends");
         let first = loop {

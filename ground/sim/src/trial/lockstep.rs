@@ -12,6 +12,7 @@ use goshawk_vehicle::config::Vehicle;
 use super::airframe::{Mount, airframe};
 use super::autopilot::Obliging;
 use super::fault::{Falsified, Injection, Tampered, followed};
+use super::firmware::InTheLoop;
 use super::judge::{Contact, Follower, Judge, clearance, in_view};
 use super::rule::cruise_between;
 use super::runner::Runner;
@@ -53,6 +54,10 @@ pub(crate) struct Lockstep<'a> {
     estimator: Estimator,
     imu: Imu,
     autopilot: Obliging,
+    /// In its place, where real firmware flies.
+    firmware: Option<InTheLoop>,
+    /// When the firmware was ready to be flown.
+    ready_at: Time,
     onboard: Box<dyn Pilot + 'a>,
     renderer: Renderer,
     sensor: Sensor,
@@ -94,6 +99,7 @@ impl<'a> Lockstep<'a> {
         scene: &'a Scene,
         onboard: Box<dyn Pilot + 'a>,
         injection: Injection,
+        firmware: Option<InTheLoop>,
     ) -> Self {
         let mount = Mount::of(vehicle);
         let parameters = config.airframe.apply(&airframe(vehicle), mix(config.seed, 16));
@@ -112,6 +118,8 @@ impl<'a> Lockstep<'a> {
             estimator: Estimator::new(config.sensors.odometry, mix(config.seed, 11)),
             imu: Imu::new(config.sensors.imu, mix(config.seed, 15)),
             autopilot: Obliging::default(),
+            firmware,
+            ready_at: Time::from_secs(1.0),
             onboard,
             renderer: Renderer::new(mount.camera),
             sensor: config.sensors.sensor(&mount.camera, mix(config.seed, 14)),
@@ -142,6 +150,7 @@ impl<'a> Lockstep<'a> {
 
     /// Flies to the end.
     pub(crate) fn fly(mut self, witness: &mut dyn Witness) -> Result<Flight, TrialError> {
+        self.meet_firmware()?;
         loop {
             let now = self.now();
             self.moving = self.scene.moving_at(self.task_for(now));
@@ -164,6 +173,16 @@ impl<'a> Lockstep<'a> {
             }
             self.step += 1;
         }
+    }
+
+    /// Lets real firmware boot and find itself, until it may be flown.
+    fn meet_firmware(&mut self) -> Result<(), TrialError> {
+        let world = &self.scene.world;
+        if let Some(firmware) = &mut self.firmware {
+            self.step = firmware.get_ready(&mut self.quad, |x, y| world.ground_height(x, y))?;
+            self.ready_at = self.now();
+        }
+        Ok(())
     }
 
     fn now(&self) -> Time {
@@ -192,6 +211,17 @@ impl<'a> Lockstep<'a> {
     }
 
     fn sense(&mut self, now: Time) {
+        if let Some(firmware) = &mut self.firmware {
+            let (odometry, imu) = firmware.news();
+            if let Some(imu) = imu {
+                self.onboard.take_imu(&imu);
+            }
+            if let Some(odometry) = odometry {
+                let odometry = self.falsified.apply(self.injection.odometry(), &odometry);
+                self.onboard.take_odometry(&odometry);
+            }
+            return;
+        }
         if self.step.is_multiple_of(ODOMETRY_STEPS) {
             self.estimator.observe(now, self.quad.state());
             let sample = self.imu.measure(self.quad.state(), ODOMETRY_STEPS as f64 / STEPS_PER_S as f64);
@@ -205,9 +235,15 @@ impl<'a> Lockstep<'a> {
 
     fn control(&mut self, now: Time, witness: &mut dyn Witness) {
         let command = (self.mode == Mode::Ready).then(|| Command::Start(self.profile()));
-        let status = self.autopilot.status(self.quad.state().on_ground, self.quad.battery_fraction());
+        let status = match &self.firmware {
+            Some(firmware) => firmware.status(now),
+            None => self.autopilot.status(self.quad.state().on_ground, self.quad.battery_fraction()),
+        };
         let output = self.onboard.control(now, status, command);
-        self.autopilot.take(now, &output);
+        match &self.firmware {
+            Some(firmware) => firmware.take(&output),
+            None => self.autopilot.take(now, &output),
+        }
         self.mode = output.mode;
         if output.reply == Some(Ok(())) {
             self.started = Some(now);
@@ -259,7 +295,11 @@ impl<'a> Lockstep<'a> {
         let error = self.injection.odometry().map(|(error, _)| error);
         let demand = self.autopilot.demand(now).map(|demand| followed(error, demand));
         let world = &self.scene.world;
-        self.quad.step(STEP_S, demand.as_ref(), self.wind_world, |x, y| world.ground_height(x, y));
+        let ground = |x, y| world.ground_height(x, y);
+        match &mut self.firmware {
+            Some(firmware) => firmware.drive(self.step, &mut self.quad, self.wind_world, ground),
+            None => self.quad.step(STEP_S, demand.as_ref(), self.wind_world, ground),
+        }
         if self.in_task(now) {
             self.judge.physics(STEP_S, self.quad.state());
             self.judge.cruise(STEP_S, self.quad.state().vel_world.norm(), self.along_m(), self.cruise_m);

@@ -7,6 +7,7 @@
 
 mod ardupilot;
 mod earth;
+mod process;
 mod px4;
 
 use std::io;
@@ -19,6 +20,7 @@ use crate::vehicle::imu::ImuSample;
 use crate::vehicle::quadrotor::{QuadrotorState, Throttles};
 
 pub use ardupilot::ArduPilotJson;
+pub use process::{Process, ProcessError};
 pub use px4::Px4Hil;
 
 /// How long physics waits for an answer while the rotors turn: longer than a busy machine keeps a process waiting.

@@ -63,6 +63,7 @@ pub fn config(task: Task, speed_mps: f64, spacing_m: f64, seed: u64) -> TrialCon
         airframe: Difference::default(),
         moving: 0,
         fault: None,
+        firmware: None,
         seed,
     }
 }

@@ -45,7 +45,7 @@ pub(super) struct Arrived {
 impl Lockstep<'_> {
     /// None: it goes on.
     pub(super) fn verdict(&mut self, now: Time) -> Option<Ending> {
-        let since_start = now.since(self.started.unwrap_or(Time::from_secs(1.0)));
+        let since_start = now.since(self.started.unwrap_or(self.ready_at));
         if self.up.is_none() {
             let failed = matches!(self.mode, Mode::Fault | Mode::Stopping) || since_start > TAKEOFF_S;
             return failed.then(|| Ending::failed(Outcome::Timeout));
