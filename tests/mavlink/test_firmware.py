@@ -7,6 +7,7 @@ import math
 import re
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -180,6 +181,19 @@ def test_ardupilots_motors_lift_and_turn_the_vehicle_in_lockstep(world: Callable
         stamps.append(answer["timestamp"])
     assert np.diff(stamps) == pytest.approx(1 / copter.rate_hz, abs=1e-9)
     assert copter.motion(answer).euler[2] == pytest.approx(EAST + 1.0, abs=0.1)
+
+
+def test_a_small_campaign_is_flown_by_firmware_that_is_started_from_its_build(tmp_path: Path) -> None:
+    program = tmp_path / "build/bin/px4"
+    program.parent.mkdir(parents=True)
+    here = Path(__file__).parent
+    program.write_text(f'#!/bin/sh\nPYTHONPATH={here} exec {sys.executable} -m small_px4 "$@"\n')
+    program.chmod(0o755)
+    command = [SIM, "fly", "--task", "navigate", "--speed", "3", "--trials", "1", "--spacing", "8", "--length", "20"]
+    command += ["--autopilot", "px4", "--firmware", tmp_path / "build", "--json", tmp_path / "flown.json"]
+    subprocess.run(command, check=True, cwd=ROOT, timeout=300)
+    (cell,) = json.loads((tmp_path / "flown.json").read_text())["cells"]
+    assert cell["success"] == 1, cell
 
 
 def test_the_world_and_its_truth_follow_firmware_that_simulates_itself(world: Callable[..., World]) -> None:

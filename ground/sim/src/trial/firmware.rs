@@ -1,7 +1,8 @@
 //! Real firmware in a lockstep flight: it flies the rotors, and the pilot speaks MAVLink with it as on the vehicle.
 //!
 //! Physics and firmware are in lockstep by the firmware's simulator interface. Its MAVLink is not: the threads on both
-//! sides need wall time, so simulated time runs at most [`PACE`] times as fast. Two such flights are alike, not equal.
+//! sides need wall time. So simulated time runs at most [`PACE`] times as fast, and waits for a state estimate that is
+//! overdue. Two such flights are alike, not equal.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,6 +28,10 @@ const READY_WITHIN: Duration = Duration::from_secs(120);
 const READY_FOR_S: f64 = 2.0;
 /// An estimate this old is none, s.
 const FRESH_S: f64 = 0.2;
+/// An estimate this old is overdue: it comes every 10 ms, or every 33 from a firmware that does as it likes, s.
+const OVERDUE_S: f64 = 0.04;
+/// Simulated time waits so long for it: then the firmware is silent, and the pilot is to see that.
+const AWAITED_FOR: Duration = Duration::from_millis(500);
 /// The firmware's IMU averages over this long, s.
 const IMU_PERIOD_S: f64 = 0.004;
 
@@ -70,6 +75,8 @@ pub(crate) struct InTheLoop {
     vehicle: Vehicle,
     heard: (Option<Time>, Option<Time>),
     begun: Instant,
+    /// The last estimate was waited for in vain.
+    silent: bool,
 }
 
 impl InTheLoop {
@@ -86,7 +93,7 @@ impl InTheLoop {
         let link = AutopilotLink::open(vehicle.link()?, move || Time(of_link.load(Ordering::Relaxed)))?;
         let imu = Imu::new(config.sensors.imu, mix(config.seed, 15));
         let (vehicle, begun) = (vehicle.clone(), Instant::now());
-        Ok(Self { firmware, process, link, clock, imu, vehicle, heard: (None, None), begun })
+        Ok(Self { firmware, process, link, clock, imu, vehicle, heard: (None, None), begun, silent: false })
     }
 
     /// Lets it boot and find itself; how many steps that took.
@@ -132,6 +139,17 @@ impl InTheLoop {
         if let Some(early) = due.checked_sub(self.begun.elapsed()) {
             std::thread::sleep(early);
         }
+        let asked = Instant::now();
+        while self.overdue() && !self.silent && asked.elapsed() < AWAITED_FOR {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        self.silent = self.overdue();
+    }
+
+    /// Estimates came, and the newest is older than one can be.
+    fn overdue(&self) -> bool {
+        let now = Time(self.clock.load(Ordering::Relaxed));
+        self.heard.0.is_some() && self.link.odometry().is_some_and(|o| now.since(o.stamp) > OVERDUE_S)
     }
 
     /// State estimate and inertial sample, where they are new.

@@ -180,6 +180,7 @@ impl<'a> Lockstep<'a> {
         let world = &self.scene.world;
         if let Some(firmware) = &mut self.firmware {
             self.step = firmware.get_ready(&mut self.quad, |x, y| world.ground_height(x, y))?;
+            self.frames = self.step * FRAMES_PER_S / STEPS_PER_S + 1;
             self.ready_at = self.now();
         }
         Ok(())
