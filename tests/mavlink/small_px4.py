@@ -1,5 +1,5 @@
-"""A whole small PX4, run as `bin/px4`: its motors over the simulator interface, its offboard mode over MAVLink. It takes
-the truth for its estimate. Made with pymavlink; it shares nothing with the project."""
+"""A whole small PX4, run as `bin/px4`: its motors over the simulator interface, its offboard mode over MAVLink. It
+takes the truth for its estimate. Made with pymavlink; it shares nothing with the project."""
 
 from __future__ import annotations
 
@@ -62,8 +62,9 @@ class Offboard:
         if tick % 3 == 0:
             self.send(
                 mavlink.MAVLink_odometry_message(
-                    now_us, 1, 1, *place, list(motion.quaternion), *motion.vel_ned, *motion.rates,
-                    [0.01] * 21, [0.01] * 21, 0, 8, 100,
+                    now_us, 1, 1, place[0], place[1], place[2], list(motion.quaternion),
+                    motion.vel_ned[0], motion.vel_ned[1], motion.vel_ned[2],
+                    motion.rates[0], motion.rates[1], motion.rates[2], [0.01] * 21, [0.01] * 21, 0, 8, 100,
                 )
             )  # fmt: skip
         if tick % 25 == 0:
