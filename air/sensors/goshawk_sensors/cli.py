@@ -84,14 +84,14 @@ def run(
     with told(), interrupted() as ending:
         chosen, fed = profile.load(profile_name), vehicle.load(config)
         images, opening = Images(fed.wanted, chosen), _opening(chosen, serial, play, record)
+        first = keeping.begun(opening, ending, say, wait=wait)
         with publisher(fed.name, connect or fed.endpoint, ending, say) as sending:
-            if sending is None:
-                return
             told_s = begun_s = time.monotonic()
             known, sent, total = None, tally.Tally(), 0
-            for source, frame in keeping.frames(opening, ending, say, loop=loop, wait=wait):
+            for source, frame in keeping.frames(first, opening, ending, say, loop=loop):
                 message, depth_mm = images.message(source, frame)
-                sending.put(message.SerializeToString())
+                if sending is not None:  # else Ctrl-C came first, and so this ends
+                    sending.put(message.SerializeToString())
                 sent.take(frame, depth_mm)
                 total += 1
                 if known != (source.name, frame.stamp.source):
@@ -124,7 +124,8 @@ def check(
         chosen, fed = profile.load(profile_name), vehicle.load(config)
         images, seen = Images(fed.wanted, chosen), tally.Tally()
         begun_s: float | None = None
-        for source, frame in keeping.frames(_opening(chosen, serial, play, None), ending, say):
+        opening = _opening(chosen, serial, play, None)
+        for source, frame in keeping.frames(opening(), opening, ending, say):
             if begun_s is None:
                 typer.echo(f"{'camera':14}{source.name}")
                 typer.echo(f"{'view':14}{tally.view(images.of(source))}")

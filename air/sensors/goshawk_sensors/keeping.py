@@ -16,14 +16,18 @@ Opening = Callable[[], Source]
 Say = Callable[[str], None]
 
 
+def begun(opening: Opening, ending: threading.Event, say: Say, *, wait: bool) -> Source | None:
+    """The open camera; None: ended before it was there. Raises CameraError, with ``wait`` never."""
+    return _waited(opening, ending, say) if wait else opening()
+
+
 def frames(
-    opening: Opening, ending: threading.Event, say: Say, *, loop: bool = False, wait: bool = False
+    source: Source | None, opening: Opening, ending: threading.Event, say: Say, *, loop: bool = False
 ) -> Iterator[tuple[Source, Frame]]:
     """Each pair, and the source that it is of, until ``ending`` is set or a recording has been played once.
 
-    Raises CameraError if the first opening fails; with ``wait`` a camera that is not there is waited for then too.
+    A source that is gone is opened again; what is open at the end is closed.
     """
-    source = _waited(opening, ending, say) if wait else opening()
     try:
         while source is not None and not ending.is_set():
             try:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from conftest import SHOTS, VEHICLE, camera, colour_of, running
+from camera_process import SHOTS, VEHICLE, camera, colour_of, running
 from goshawk_proto import goshawk_pb2, key_expression
 from goshawk_sensors import profile
 from software_camera import Shot, SoftwareCamera, d435
@@ -115,7 +115,7 @@ def test_a_loop_goes_on_and_ctrl_c_ends_it_in_order(recording: Path, vehicle: He
 
 def test_a_vehicle_that_starts_later_is_dialled_until_it_answers(recording: Path) -> None:
     endpoint = free_endpoint()
-    with running("run", "--config", VEHICLE, "--play", recording, "--connect", endpoint) as process:
+    with running("run", "--config", VEHICLE, "--play", recording, "--loop", "--connect", endpoint) as process:
         assert process.stderr is not None
         assert f"nothing answers at {endpoint}" in process.stderr.readline()
         with listening(endpoint) as heard:
