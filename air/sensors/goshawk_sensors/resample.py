@@ -14,6 +14,7 @@ Shape suffixes: h w our image's rows and columns, H W the source's, N our pixels
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Protocol
 
 import numpy as np
@@ -26,8 +27,8 @@ from goshawk_sensors.vehicle import Wanted
 
 TOLERANCE = 0.02
 """Of the field of view: goshawk-air takes a policy's image that is off by no more."""
-MOST_ACROSS = 6
-"""Colour samples across one of our pixels: all of them up to 6 times our size, and evenly spread beyond."""
+MOST_ACROSS = 4
+"""Colour samples across one of our pixels: all of them up to 4 times our size, and evenly spread beyond."""
 POINTS_ACROSS = 1.5
 """Depth points across one of our pixels, at least: with fewer, pixels are left out by chance."""
 FAR_M = 20.0
@@ -141,7 +142,7 @@ class _ColourAhead:
         self._index_KN = _indices(lens, _under(lens, view, _across(lens, view)))
 
     def __call__(self, colour_HW3: Colour, mm_N: Millimetres) -> Colour:
-        return _mean(colour_HW3, list(self._index_KN))
+        return _mean(colour_HW3, self._index_KN, len(self._index_KN))
 
 
 class _ColourSeenAside:
@@ -152,17 +153,17 @@ class _ColourSeenAside:
         self._lens, self._move_3 = lens, rig.translation_3
         self._rays_N3 = _rays(view) @ rig.rotation_33.T
         across = _across(lens, view)
-        size = max(1.0, lens.fx / view.fx), max(1.0, lens.fy / view.fy)
-        steps = [(np.arange(across) + 0.5) / across * each - each / 2.0 for each in size]
-        self._offsets = [(float(du), float(dv)) for dv in steps[1] for du in steps[0]]
+        reach = max(1.0, lens.fx / view.fx), max(1.0, lens.fy / view.fy)
+        du, dv = (np.rint((np.arange(across) + 0.5) / across * each - 0.5).astype(np.int64) for each in reach)
+        self._steps = (dv[:, None] * lens.width + du).reshape(-1)
+        self._half = np.array([0.5 * each - 1.0 for each in reach], dtype=np.float32)
+        self._last = lens.width - 1 - int(du[-1]), lens.height - 1 - int(dv[-1])
 
     def __call__(self, colour_HW3: Colour, mm_N: Millimetres) -> Colour:
         z_m = np.where(mm_N == 0, np.float32(FAR_M), mm_N * np.float32(0.001))
-        uv_N2 = self._lens.project(self._rays_N3 * z_m[:, None] + self._move_3)
-        width, height = self._lens.width, self._lens.height
-        columns = {du: (uv_N2[:, 0] + (du + 0.5)).astype(np.int64).clip(0, width - 1) for du, _ in self._offsets}
-        rows = {dv: (uv_N2[:, 1] + (dv + 0.5)).astype(np.int64).clip(0, height - 1) * width for _, dv in self._offsets}
-        return _mean(colour_HW3, [rows[dv] + columns[du] for du, dv in self._offsets])
+        first_N2 = (self._lens.project(self._rays_N3 * z_m[:, None] + self._move_3) - self._half).astype(np.int64)
+        corner_N = first_N2[:, 1].clip(0, self._last[1]) * self._lens.width + first_N2[:, 0].clip(0, self._last[0])
+        return _mean(colour_HW3, (corner_N + step for step in self._steps), len(self._steps))
 
 
 def _field(half: float, wanted_rad: float, way: str, align: Align) -> float:
@@ -215,9 +216,9 @@ def _clipped(steps: Millimetres, nearest: int, farthest: int) -> Millimetres:
     return steps
 
 
-def _mean(colour_HW3: Colour, indices: list[Index]) -> Colour:
+def _mean(colour_HW3: Colour, indices_KN: Iterable[Index], count: int) -> Colour:
     flat = colour_HW3.reshape(-1, 3)
-    total_N3 = np.full((len(indices[0]), 3), len(indices) // 2, dtype=np.uint16)
-    for index_N in indices:
-        total_N3 += flat.take(index_N, axis=0)
-    return (total_N3 // np.uint16(len(indices))).astype(np.uint8)
+    total_N3 = np.uint16(count // 2)
+    for index_N in indices_KN:
+        total_N3 = np.add(total_N3, flat.take(index_N, axis=0), dtype=np.uint16)
+    return (total_N3 // np.uint16(count)).astype(np.uint8)

@@ -113,9 +113,7 @@ class SoftwareCamera:
         return path
 
 
-def _stream(
-    kind: rs.stream, uid: int, pixels: rs.format, bpp: int, lens: Lens, rate_hz: int
-) -> rs.video_stream:
+def _stream(kind: rs.stream, uid: int, pixels: rs.format, bpp: int, lens: Lens, rate_hz: int) -> rs.video_stream:
     stream, found = rs.video_stream(), rs.intrinsics()
     found.width, found.height, found.fx, found.fy, found.ppx, found.ppy = (
         lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,

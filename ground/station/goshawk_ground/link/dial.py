@@ -12,6 +12,7 @@ from goshawk_ground.keys.chosen import default_identity
 from goshawk_ground.keys.names import KeysError
 from goshawk_ground.link.tunnel import IdentityError, Tunnel
 
+
 class Way:
     """How to reach a vehicle: straight, or by TLS through a tunnel of our own. Close it when done."""
 
