@@ -1,12 +1,12 @@
 """What `goshawk-camera` costs: its share of a core, and how much later an image is for it.
 
-    python camera.py [--seconds 8]
+    PYTHONPATH=air/sensors/tests:ground/station/benches python air/sensors/benches/camera.py [--seconds 8]
 
-librealsense's software device writes a recording of a D455 (depth 848 x 480, colour 1280 x 800, 30 a second, noisy). It
-is played twice, each time in a process of its own. The yardstick takes the pairs out of librealsense's pipeline and does
-nothing with them; its cost is reading and unpacking the file, which a live camera does not have. `goshawk-camera run`
+librealsense's software device writes a recording of a D455: depth 848 x 480, colour 1280 x 800, 30 a second, noisy. It
+is played twice, each time in a process of its own. The yardstick takes the pairs out of librealsense's pipeline and
+does nothing with them; its cost is to read and unpack the file, which a live camera does not have. `goshawk-camera run`
 does all that it does in flight, and a Zenoh session here takes what it sends. An image's age is counted from its stamp
-to its being here: out of the pipeline for the yardstick, out of Zenoh for the program. The difference is what
+until it is here: out of the pipeline for the yardstick, out of Zenoh for the program. The difference is what
 `goshawk-camera` adds. The keys: `camera_core_fraction` and `camera_added_ms`, with the yardstick's taken off.
 """
 
@@ -21,26 +21,40 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import zenoh
-
-ROOT = Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / "air/sensors/tests"), str(ROOT / "ground/station/benches")]
-
 from common import free_port, record, verdict, waited_seconds
 from goshawk_proto import goshawk_pb2, key_expression
-from goshawk_sensors import profile, realsense, vehicle
-from goshawk_sensors.errors import EndOfRecordingError
+from goshawk_sensors.cameras import realsense
+from goshawk_sensors.setup import profile, vehicle
+from goshawk_sensors.setup.errors import EndOfRecordingError
 from software_camera import Shot, SoftwareCamera, lens, rig
 
 TARGET_CORE, TARGET_MS = 0.15, 3.0
+ROOT = Path(__file__).resolve().parents[3]
 RATE_HZ, WARM_S = 30, 1.0
 IDLE_MS = 0.5
 """A machine on which an image waits longer for a core says nothing of the latency: it is not recorded."""
 VEHICLE = ROOT / "air/vehicles/sim.toml"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """Of one process."""
+
+    core: float
+    ages: list[float]
+    """Of each image, ms."""
+    waited_ms: float = 0.0
+    """For each image, for a core."""
+
+    def late_ms(self) -> tuple[float, float]:
+        """Median and 99th percentile of the ages, the first second aside."""
+        p50, p99 = np.percentile(self.ages[round(WARM_S * RATE_HZ) :], [50, 99])
+        return float(p50), float(p99)
 
 
 def scene(seconds: float) -> Iterator[Shot]:
@@ -58,7 +72,7 @@ def scene(seconds: float) -> Iterator[Shot]:
 def plain(file: Path) -> None:
     """The yardstick's process: prints its share of a core and each pair's age, ms, as JSON."""
     source, ages = realsense.open_recording(file, profile.load("d455")), list[float]()
-    begun_s = cpu_s = 0.0
+    begun_s = cpu_s = core = 0.0
     try:
         while True:
             frame = source.read()
@@ -68,13 +82,12 @@ def plain(file: Path) -> None:
             if len(ages) == round(WARM_S * RATE_HZ):
                 begun_s, cpu_s = time.monotonic(), time.process_time()
             core = (time.process_time() - cpu_s) / max(1e-3, time.monotonic() - begun_s)
-            last = {"core": core, "ages": ages}
     except EndOfRecordingError:
-        print(json.dumps(last))
+        print(json.dumps({"core": core, "ages": ages}))
     source.close()
 
 
-def fed(file: Path, seconds: float) -> dict[str, object]:
+def fed(file: Path, seconds: float) -> Found:
     """The same of `goshawk-camera run`."""
     endpoint, ages, first = f"tcp/127.0.0.1:{free_port()}", list[float](), threading.Event()
     config = zenoh.Config()
@@ -98,7 +111,7 @@ def fed(file: Path, seconds: float) -> dict[str, object]:
             core, waited = (core_seconds(run.pid) - cpu_s) / span_s, (waited_seconds(run.pid) - waited_s) / span_s
             run.wait()
         subscriber.undeclare()
-    return {"core": core, "ages": ages, "waited_ms": 1000.0 * waited / RATE_HZ}
+    return Found(core=core, ages=ages, waited_ms=1000.0 * waited / RATE_HZ)
 
 
 def core_seconds(pid: int) -> float:
@@ -122,21 +135,17 @@ def main() -> None:
         SoftwareCamera(replace(both, translation_3=np.array([-0.059, 0, 0], np.float32))).record(
             file, scene(words.seconds)
         )
-        yardstick = json.loads(subprocess.check_output([sys.executable, __file__, "--plain", str(file)]))
+        yardstick = Found(**json.loads(subprocess.check_output([sys.executable, __file__, "--plain", str(file)])))
         ours = fed(file, words.seconds)
     print(f"{'':24}{'core':>8}{'age p50':>10}{'p99, ms':>10}{'images':>8}")
-    late = {}
     for name, found in (("plain librealsense", yardstick), ("goshawk-camera", ours)):
-        ages = np.array(found["ages"])[round(WARM_S * RATE_HZ) :]
-        late[name] = np.percentile(ages, [50, 99])
-        print(f"{name:24}{found['core']:8.1%}{late[name][0]:10.2f}{late[name][1]:10.2f}{len(found['ages']):8}")
-    core = ours["core"] - yardstick["core"]
-    added = float(late["goshawk-camera"][0] - late["plain librealsense"][0])
+        print(f"{name:24}{found.core:8.1%}{found.late_ms()[0]:10.2f}{found.late_ms()[1]:10.2f}{len(found.ages):8}")
+    core, added = ours.core - yardstick.core, ours.late_ms()[0] - yardstick.late_ms()[0]
     print(f"goshawk-camera adds {core:.1%} of a core (≤ {TARGET_CORE:.0%}: {verdict(core <= TARGET_CORE)}), ", end="")
     print(f"{added:.2f} ms (≤ {TARGET_MS:g}: {verdict(added <= TARGET_MS)})")
-    print(f"for each image its threads waited {ours['waited_ms']:.2f} ms for a core: a busy machine adds that")
+    print(f"for each image its threads waited {ours.waited_ms:.2f} ms for a core: a busy machine adds that")
     record("camera_core_fraction", core)
-    if ours["waited_ms"] <= IDLE_MS:
+    if ours.waited_ms <= IDLE_MS:
         record("camera_added_ms", added)
 
 

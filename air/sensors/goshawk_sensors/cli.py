@@ -1,4 +1,4 @@
-"""The `goshawk-camera` command line. Exit status: 0 done, 1 the camera or its set-up is not fit to fly, 2 wrong usage."""
+"""The `goshawk-camera` command line. Exit status: 0 done, 1 camera or set-up are not fit to fly, 2 wrong usage."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import functools
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -14,10 +14,11 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from goshawk_sensors import keeping, profile, tally, vehicle
-from goshawk_sensors.errors import CameraError
+from goshawk_sensors import keeping, tally
 from goshawk_sensors.feed import Images, publisher
 from goshawk_sensors.keeping import Opening
+from goshawk_sensors.setup import profile, vehicle
+from goshawk_sensors.setup.errors import CameraError
 
 TELL_S = 10.0
 """How often `run` says how it goes."""
@@ -49,7 +50,7 @@ def list_cameras() -> None:
 
     Example: goshawk-camera list
     """
-    from goshawk_sensors import realsense
+    from goshawk_sensors.cameras import realsense
 
     found = [realsense.describe(device) for device in realsense.cameras()]
     for name in found:
@@ -158,7 +159,7 @@ def fail(text: str) -> NoReturn:
 
 
 @contextmanager
-def told() -> Iterator[None]:
+def told() -> Generator[None]:
     """A CameraError becomes one line and status 1."""
     try:
         yield
@@ -167,11 +168,15 @@ def told() -> Iterator[None]:
 
 
 @contextmanager
-def interrupted() -> Iterator[threading.Event]:
+def interrupted() -> Generator[threading.Event]:
     """An event that Ctrl-C and SIGTERM set."""
     ending = threading.Event()
+
+    def end(*_: object) -> None:
+        ending.set()
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
+        signal.signal(number, end)
     yield ending
 
 
@@ -180,16 +185,16 @@ def _opening(chosen: profile.Profile, serial: str | None, play: Path | None, rec
     if play is not None:
         if record is not None:
             raise CameraError("a recording is not recorded again: leave out --play or --record")
-        from goshawk_sensors import realsense
+        from goshawk_sensors.cameras import realsense
 
         return functools.partial(realsense.open_recording, play, chosen)
     if chosen.driver == "oak":
-        from goshawk_sensors import oak
+        from goshawk_sensors.cameras import oak
 
         if record is not None:
             raise CameraError("an OAK-D is not recorded: leave out --record")
         return functools.partial(oak.open_live, chosen, serial)
-    from goshawk_sensors import realsense
+    from goshawk_sensors.cameras import realsense
 
     times = count(1)
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 import zenoh
 from goshawk_proto import KEYS, LinkError, client_config, goshawk_pb2, key_expression
 
-from goshawk_sensors.errors import CameraError
+from goshawk_sensors.cameras.source import Frame, Source
 from goshawk_sensors.keeping import Say
-from goshawk_sensors.profile import Profile
-from goshawk_sensors.resample import Millimetres, Resampler
-from goshawk_sensors.source import Frame, Source
-from goshawk_sensors.vehicle import Wanted
+from goshawk_sensors.setup.errors import CameraError
+from goshawk_sensors.setup.profile import Profile
+from goshawk_sensors.setup.vehicle import Wanted
+from goshawk_sensors.view.resample import Millimetres, Resampler
 
 DIAL_AGAIN_S = 0.5
 
@@ -51,7 +51,7 @@ class Images:
 
 
 @contextmanager
-def publisher(vehicle: str, endpoint: str, ending: threading.Event, say: Say) -> Iterator[zenoh.Publisher | None]:
+def publisher(vehicle: str, endpoint: str, ending: threading.Event, say: Say) -> Generator[zenoh.Publisher | None]:
     """Dials until the vehicle answers, and from then on whenever it was away; None: ended before it answered.
 
     Raises CameraError if endpoint or name cannot be one.

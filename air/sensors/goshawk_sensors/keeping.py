@@ -6,8 +6,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
-from goshawk_sensors.errors import CameraError, EndOfRecordingError, NoCameraError
-from goshawk_sensors.source import Frame, Source
+from goshawk_sensors.cameras.source import Frame, Source
+from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
 
 AGAIN_S, SAY_S = 1.0, 10.0
 """How often a camera that is gone is looked for, and how often a person is told that it still is."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from goshawk_sensors.resample import Millimetres, Resampler
-from goshawk_sensors.source import Frame
+from goshawk_sensors.cameras.source import Frame
+from goshawk_sensors.view.resample import Millimetres, Resampler
 
 
 @dataclass(kw_only=True)

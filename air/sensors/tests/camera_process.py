@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from goshawk_sensors.resample import Colour, Millimetres
+from goshawk_sensors.view.resample import Colour, Millimetres
 
 ROOT = Path(__file__).resolve().parents[3]
 VEHICLE = ROOT / "air/vehicles/sim.toml"
@@ -39,7 +39,7 @@ def camera(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 @contextmanager
-def running(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+def running(*arguments: str | Path) -> Generator[subprocess.Popen[str]]:
     """`goshawk-camera` in the background; it is ended with the block."""
     process = subprocess.Popen(
         [*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import pyrealsense2 as rs
-from goshawk_sensors.pinhole import Lens, Rig
-from goshawk_sensors.resample import Colour, Millimetres
+from goshawk_sensors.cameras.librealsense import Handle, rs
+from goshawk_sensors.view.pinhole import Lens, Rig
+from goshawk_sensors.view.resample import Colour, Millimetres
 
 NO_MOVE = np.zeros(3, dtype=np.float32)
 LEVEL = np.eye(3, dtype=np.float32)
@@ -41,13 +41,13 @@ class Shot:
     colour_HW3: Colour
     depth_HW: Millimetres
     wall_ms: float
-    metadata: dict[rs.frame_metadata_value, int] = field(default_factory=dict[rs.frame_metadata_value, int])
+    metadata: dict[Handle, int] = field(default_factory=dict[Handle, int])
 
 
 class SoftwareCamera:
     """Two sensors, their streams and whatever options the test gives it."""
 
-    def __init__(self, rig: Rig, serial: str = "0815", rate_hz: int = 30, options: Iterable[rs.option] = ()) -> None:
+    def __init__(self, rig: Rig, serial: str = "0815", rate_hz: int = 30, options: Iterable[Handle] = ()) -> None:
         self.device = rs.software_device()
         self.device.register_info(rs.camera_info.name, "Software D455")
         self.device.register_info(rs.camera_info.serial_number, serial)
@@ -70,7 +70,7 @@ class SoftwareCamera:
         self._rate_hz, self._count = rate_hz, 0
 
     @property
-    def depth_sensor(self) -> rs.software_sensor:
+    def depth_sensor(self) -> Handle:
         return self._depth
 
     def shoot(self, shot: Shot) -> None:
@@ -113,7 +113,7 @@ class SoftwareCamera:
         return path
 
 
-def _stream(kind: rs.stream, uid: int, pixels: rs.format, bpp: int, lens: Lens, rate_hz: int) -> rs.video_stream:
+def _stream(kind: Handle, uid: int, pixels: Handle, bpp: int, lens: Lens, rate_hz: int) -> Handle:
     stream, found = rs.video_stream(), rs.intrinsics()
     found.width, found.height, found.fx, found.fy, found.ppx, found.ppy = (
         lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy,
@@ -124,7 +124,7 @@ def _stream(kind: rs.stream, uid: int, pixels: rs.format, bpp: int, lens: Lens, 
     return stream
 
 
-def _join(one: rs.stream_profile, other: rs.stream_profile, rotation_33: np.ndarray, move_3: np.ndarray) -> None:
+def _join(one: Handle, other: Handle, rotation_33: np.ndarray, move_3: np.ndarray) -> None:
     moved = rs.extrinsics()
     moved.rotation = [float(each) for each in rotation_33.T.reshape(-1)]
     moved.translation = [float(each) for each in move_3]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from goshawk_sensors.clock import LONGEST_NS, Moment, Replayed, Told, stamp
+from goshawk_sensors.cameras.clock import LONGEST_NS, Moment, Replayed, Told, stamp
 
 ARRIVAL = Moment(wall_ns=1_800_000_000_000_000_000, monotonic_ns=5_000_000_000)
 MS = 1_000_000

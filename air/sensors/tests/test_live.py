@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 import numpy as np
-import pyrealsense2 as rs
 import pytest
-from goshawk_sensors import keeping, realsense
-from goshawk_sensors.errors import CameraError, EndOfRecordingError, NoCameraError
-from goshawk_sensors.profile import Depth, Image, Profile
-from goshawk_sensors.source import Frame
+from goshawk_sensors import keeping
+from goshawk_sensors.cameras import realsense
+from goshawk_sensors.cameras.librealsense import Handle, rs
+from goshawk_sensors.cameras.source import Frame
+from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
+from goshawk_sensors.setup.profile import Depth, Image, Profile
 from software_camera import Shot, SoftwareCamera, rig
 
 SIZE = (320, 192)
@@ -32,7 +33,7 @@ def with_depth(**changes: object) -> Profile:
 
 
 @contextmanager
-def filming(camera: SoftwareCamera, *, metadata: bool = True) -> Iterator[Callable[[], None]]:
+def filming(camera: SoftwareCamera, *, metadata: bool = True) -> Generator[Callable[[], None]]:
     """The camera delivers 30 pairs a second; what is yielded pulls its plug."""
     unplugged = threading.Event()
 
@@ -131,7 +132,7 @@ def test_a_camera_that_is_unplugged_is_looked_for_and_goes_on_when_it_is_back() 
     before, after = SoftwareCamera(rig(SIZE)), SoftwareCamera(rig(SIZE))
     plugged, looked, said, ending = [before.device], list[int](), list[str](), threading.Event()
 
-    def find() -> list[rs.device]:
+    def find() -> list[Handle]:
         looked.append(len(plugged))
         if len(looked) == 3:  # the second time that it is looked for in vain it is plugged in again
             plugged.append(after.device)

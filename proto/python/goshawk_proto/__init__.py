@@ -1,4 +1,4 @@
-"""What crosses between air and ground: messages (`goshawk_pb2`), the table of keys and QoS (`keys`), how one dials (`dial`)."""
+"""What crosses between air and ground: messages (`goshawk_pb2`), the table of keys and QoS (`keys`), how one dials."""
 
 from . import goshawk_pb2
 from .dial import LinkError, client_config

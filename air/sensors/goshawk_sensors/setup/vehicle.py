@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from goshawk_sensors.errors import CameraError
+from goshawk_sensors.setup.errors import CameraError
 
 CONTRACT = "goshawk_contract"
 """The key of an ONNX file's metadata that says what the policy was trained with."""
@@ -62,9 +62,8 @@ def _wanted(model: Path) -> Wanted:
     import onnxruntime as ort  # half a second that `list` need not wait
 
     try:
-        facts = ort.InferenceSession(str(model), providers=["CPUExecutionProvider"]).get_modelmeta()
-        image = json.loads(facts.custom_metadata_map[CONTRACT])["image"]
-        return Wanted(**image)
+        session: Any = ort.InferenceSession(str(model), providers=["CPUExecutionProvider"])
+        return Wanted(**json.loads(session.get_modelmeta().custom_metadata_map[CONTRACT])["image"])
     except KeyError as error:
         raise CameraError(f"policy {model} has no {CONTRACT}: export it with goshawk train export") from error
     except Exception as error:  # onnxruntime raises whatever it likes for a file that is missing or no model

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from goshawk_sensors.clock import Stamp
-from goshawk_sensors.errors import CameraError, NoCameraError
-from goshawk_sensors.pinhole import Lens, Rig
-from goshawk_sensors.profile import Image, Profile
-from goshawk_sensors.source import Frame
+from goshawk_sensors.cameras.clock import Stamp
+from goshawk_sensors.cameras.source import Frame
+from goshawk_sensors.setup.errors import CameraError, NoCameraError
+from goshawk_sensors.setup.profile import Image, Profile
+from goshawk_sensors.view.pinhole import Lens, Rig
 
 MOMENT = timedelta(milliseconds=100)
 SILENT_S = 5.0

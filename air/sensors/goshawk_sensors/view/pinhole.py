@@ -1,4 +1,4 @@
-"""Lenses: from a point before the camera to a pixel. The camera's own frame: x right, y down, z forward (as its makers).
+"""Lenses: from a point before the camera to a pixel. The frame is its makers': x right, y down, z forward.
 
 Shape suffixes: N points, 2 a pixel (u right, v down; whole numbers are centres), 3 a point.
 """

@@ -5,23 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyrealsense2 as rs
 
-from goshawk_sensors import clock
-from goshawk_sensors.errors import CameraError, EndOfRecordingError, NoCameraError
-from goshawk_sensors.pinhole import Distortion, Lens, Rig
-from goshawk_sensors.profile import Depth, Image, Profile
-from goshawk_sensors.source import Frame
+from goshawk_sensors.cameras import clock
+from goshawk_sensors.cameras.librealsense import Handle, rs
+from goshawk_sensors.cameras.source import Frame
+from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
+from goshawk_sensors.setup.profile import Depth, Image, Profile
+from goshawk_sensors.view.pinhole import Distortion, Lens, Rig
 
 MOMENT_MS = 100
 """How long a read waits: so soon Ctrl-C is heeded."""
 FIRST_S, SILENT_S = 5.0, 1.0
 """A camera that sends nothing for this long, at its start and later, is gone: it is opened again."""
 
-_DISTORTIONS: dict[rs.distortion, Distortion] = {
+_DISTORTIONS: dict[Handle, Distortion] = {
     rs.distortion.none: "none",
     rs.distortion.brown_conrady: "brown_conrady",
     rs.distortion.modified_brown_conrady: "modified_brown_conrady",
@@ -29,22 +28,22 @@ _DISTORTIONS: dict[rs.distortion, Distortion] = {
 }
 
 
-def cameras(context: rs.context | None = None) -> list[rs.device]:
+def cameras(context: Handle | None = None) -> list[Handle]:
     """Those that are plugged in."""
     return list((context or rs.context()).query_devices())
 
 
-def describe(device: rs.device) -> str:
+def describe(device: Handle) -> str:
     """Model and serial number."""
     return f"{_info(device, rs.camera_info.name)} {_info(device, rs.camera_info.serial_number)}".strip()
 
 
-def serial(device: rs.device) -> str:
+def serial(device: Handle) -> str:
     return _info(device, rs.camera_info.serial_number)
 
 
 def open_live(
-    profile: Profile, wanted_serial: str | None, record: Path | None, find: Callable[[], list[rs.device]] = cameras
+    profile: Profile, wanted_serial: str | None, record: Path | None, find: Callable[[], list[Handle]] = cameras
 ) -> RealSense:
     """The camera with this serial number, or the only one. ``record``: a file that gets all that it sends.
 
@@ -71,7 +70,7 @@ def open_recording(path: Path, profile: Profile) -> Recording:
 class RealSense:
     """A camera that streams. Frees it with `close`."""
 
-    def __init__(self, device: rs.device, profile: Profile, record: Path | None = None) -> None:
+    def __init__(self, device: Handle, profile: Profile, record: Path | None = None) -> None:
         self.name = describe(device)
         self._latency_ms = profile.latency_ms
         for sensor in device.query_sensors():
@@ -130,17 +129,18 @@ class Recording:
         self._stream.close()
 
 
-Pair = tuple[rs.video_frame, rs.depth_frame]
+Pair = tuple[Handle, Handle]
 
 
 class _Stream:
     """Pairs of colour and depth that belong together, from librealsense's own pipeline."""
 
-    def __init__(self, device: rs.device, config: rs.config, complaint: str) -> None:
-        self._pipeline: rs.pipeline | None = rs.pipeline()
-        self._pipeline.set_device(device)
+    def __init__(self, device: Handle, config: Handle, complaint: str) -> None:
+        pipeline = rs.pipeline()
+        self._pipeline: Handle | None = pipeline
+        pipeline.set_device(device)
         try:
-            started = self._pipeline.start(config)
+            started = pipeline.start(config)
             colour, depth = (started.get_stream(which) for which in (rs.stream.color, rs.stream.depth))
             self.rig = _rig(device, colour.as_video_stream_profile(), depth.as_video_stream_profile())
         except (RuntimeError, CameraError) as error:
@@ -175,8 +175,8 @@ def _frame(pair: Pair, stamp: clock.Stamp, arrival_ns: int) -> Frame:
     )
 
 
-def _told(frame: rs.frame) -> clock.Told:
-    def metadata(key: rs.frame_metadata_value) -> int | None:
+def _told(frame: Handle) -> clock.Told:
+    def metadata(key: Handle) -> int | None:
         return frame.get_frame_metadata(key) if frame.supports_frame_metadata(key) else None
 
     by_wall = frame.get_frame_timestamp_domain() == rs.timestamp_domain.global_time
@@ -188,7 +188,7 @@ def _told(frame: rs.frame) -> clock.Told:
     )
 
 
-def _rig(device: rs.device, colour: rs.video_stream_profile, depth: rs.video_stream_profile) -> Rig:
+def _rig(device: Handle, colour: Handle, depth: Handle) -> Rig:
     moved = depth.get_extrinsics_to(colour)
     # librealsense writes rotations column by column.
     return Rig(
@@ -200,7 +200,7 @@ def _rig(device: rs.device, colour: rs.video_stream_profile, depth: rs.video_str
     )
 
 
-def _lens(found: rs.intrinsics) -> Lens:
+def _lens(found: Handle) -> Lens:
     if found.model not in _DISTORTIONS:
         raise CameraError(f"its lens is {found.model}, which is not known here: choose another mode or camera")
     return Lens(
@@ -209,7 +209,7 @@ def _lens(found: rs.intrinsics) -> Lens:
     )  # fmt: skip
 
 
-def _set_up(sensor: rs.sensor, profile: Profile) -> None:
+def _set_up(sensor: Handle, profile: Profile) -> None:
     """What the profile says of this sensor. Raises CameraError for what it cannot do."""
     is_depth, is_colour = sensor.is_depth_sensor(), sensor.is_color_sensor()
     if not (is_depth or is_colour):
@@ -227,7 +227,7 @@ def _set_up(sensor: rs.sensor, profile: Profile) -> None:
         _set(sensor, "exposure_us", rs.option.exposure, image.exposure_us if is_depth else image.exposure_us / 100)
 
 
-def _set_up_depth(sensor: rs.sensor, depth: Depth) -> None:
+def _set_up_depth(sensor: Handle, depth: Depth) -> None:
     if depth.preset is not None:
         option = rs.option.visual_preset
         names = _names(sensor, option) if sensor.supports(option) else []
@@ -238,12 +238,12 @@ def _set_up_depth(sensor: rs.sensor, depth: Depth) -> None:
         _set(sensor, "emitter", rs.option.emitter_enabled, float(depth.emitter))
 
 
-def _names(sensor: rs.sensor, option: rs.option) -> list[str]:
+def _names(sensor: Handle, option: Handle) -> list[str]:
     most = int(sensor.get_option_range(option).max)
     return [sensor.get_option_value_description(option, float(value)) or "" for value in range(most + 1)]
 
 
-def _set(sensor: rs.sensor, key: str, option: rs.option, value: float) -> None:
+def _set(sensor: Handle, key: str, option: Handle, value: float) -> None:
     name = sensor.get_info(rs.camera_info.name)
     if not sensor.supports(option):
         raise CameraError(f"the camera's {name} has no {option.name}: leave {key} out of the profile")
@@ -253,5 +253,5 @@ def _set(sensor: rs.sensor, key: str, option: rs.option, value: float) -> None:
         raise CameraError(f"the camera's {name} refuses {key}: {' '.join(str(error).split())}") from error
 
 
-def _info(device: Any, what: rs.camera_info) -> str:
+def _info(device: Handle, what: Handle) -> str:
     return device.get_info(what) if device.supports(what) else ""

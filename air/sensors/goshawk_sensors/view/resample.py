@@ -6,7 +6,7 @@ first image is a table: which source pixels lie under which of ours.
 - Colour: the mean of the source pixels under ours, up to `MOST_ACROSS` by `MOST_ACROSS` of them, evenly spread.
 - Depth in its own view: the measurement nearest to our pixel's centre, of nine that lie under it. Nothing is averaged,
   so nothing lies between a branch and what is behind it.
-- Depth in the colour's view: its points are seen from there; where several fall on one pixel the nearest hides the rest.
+- Depth in the colour's view: its points are seen from there. Of several on one pixel the nearest hides the rest.
 
 Shape suffixes: h w our image's rows and columns, H W the source's, N our pixels, P points, K samples of one pixel.
 """
@@ -20,10 +20,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from goshawk_sensors.errors import CameraError
-from goshawk_sensors.pinhole import Floats, Lens, Rig
-from goshawk_sensors.profile import Align
-from goshawk_sensors.vehicle import Wanted
+from goshawk_sensors.setup.errors import CameraError
+from goshawk_sensors.setup.profile import Align
+from goshawk_sensors.setup.vehicle import Wanted
+from goshawk_sensors.view.pinhole import Floats, Lens, Rig
 
 TOLERANCE = 0.02
 """Of the field of view: goshawk-air takes a policy's image that is off by no more."""
@@ -64,7 +64,7 @@ class Resampler:
         """The share of our pixels that the depth lens sees."""
 
     def __call__(self, colour_HW3: Colour, depth_HW: Millimetres) -> tuple[Colour, Millimetres]:
-        """Colour (h, w, 3) and depth (h, w), mm along the axis, 0 where nothing was measured; depth in the rig's steps."""
+        """Colour (h, w, 3) and depth (h, w), mm along the axis; 0 where nothing was measured."""
         shape = self.view.height, self.view.width
         steps_N = self._depth(depth_HW, *self._clip)
         mm_N = steps_N if self._unit_mm == 1.0 else np.rint(steps_N * self._unit_mm).clip(0, 65535).astype(np.uint16)
@@ -93,12 +93,12 @@ class _DepthAhead:
 
     def __call__(self, depth_HW: Millimetres, nearest: int, farthest: int) -> Millimetres:
         flat = depth_HW.reshape(-1)
-        steps_N = _clipped(flat.take(self._index_KN[0]), nearest, farthest)
+        steps_N = _taken(flat, self._index_KN[0], nearest, farthest)
         for index_N in self._index_KN[1:]:
             missing = np.flatnonzero(steps_N == 0)
             if missing.size == 0:
                 break
-            steps_N[missing] = _clipped(flat.take(index_N[missing]), nearest, farthest)
+            steps_N[missing] = _taken(flat, index_N[missing], nearest, farthest)
         return steps_N
 
 
@@ -142,7 +142,7 @@ class _ColourAhead:
         self._index_KN = _indices(lens, _under(lens, view, _across(lens, view)))
 
     def __call__(self, colour_HW3: Colour, mm_N: Millimetres) -> Colour:
-        return _mean(colour_HW3, self._index_KN, len(self._index_KN))
+        return _mean(colour_HW3, self._index_KN, *self._index_KN.shape)
 
 
 class _ColourSeenAside:
@@ -163,7 +163,7 @@ class _ColourSeenAside:
         z_m = np.where(mm_N == 0, np.float32(FAR_M), mm_N * np.float32(0.001))
         first_N2 = (self._lens.project(self._rays_N3 * z_m[:, None] + self._move_3) - self._half).astype(np.int64)
         corner_N = first_N2[:, 1].clip(0, self._last[1]) * self._lens.width + first_N2[:, 0].clip(0, self._last[0])
-        return _mean(colour_HW3, (corner_N + step for step in self._steps), len(self._steps))
+        return _mean(colour_HW3, (corner_N + step for step in self._steps), len(self._steps), len(corner_N))
 
 
 def _field(half: float, wanted_rad: float, way: str, align: Align) -> float:
@@ -211,14 +211,15 @@ def _indices(lens: Lens, uv: Floats) -> Index:
     return v * lens.width + u
 
 
-def _clipped(steps: Millimetres, nearest: int, farthest: int) -> Millimetres:
+def _taken(flat: Millimetres, index_N: Index, nearest: int, farthest: int) -> Millimetres:
+    steps: Millimetres = flat.take(index_N)
     steps[(steps < nearest) | (steps > farthest)] = 0
     return steps
 
 
-def _mean(colour_HW3: Colour, indices_KN: Iterable[Index], count: int) -> Colour:
+def _mean(colour_HW3: Colour, indices_KN: Iterable[Index], count: int, size: int) -> Colour:
     flat = colour_HW3.reshape(-1, 3)
-    total_N3 = np.uint16(count // 2)
+    total_N3 = np.full((size, 3), count // 2, dtype=np.uint16)
     for index_N in indices_KN:
-        total_N3 = np.add(total_N3, flat.take(index_N, axis=0), dtype=np.uint16)
+        total_N3 += flat.take(index_N, axis=0)
     return (total_N3 // np.uint16(count)).astype(np.uint8)

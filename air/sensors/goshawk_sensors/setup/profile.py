@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from goshawk_sensors.errors import CameraError
+from goshawk_sensors.setup.errors import CameraError
 
 Side = Annotated[int, Meta(ge=16, le=4096)]
 Align = Literal["colour", "depth"]

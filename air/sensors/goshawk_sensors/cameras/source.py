@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from goshawk_sensors.clock import Stamp
-from goshawk_sensors.pinhole import Rig
-from goshawk_sensors.resample import Colour, Millimetres
+from goshawk_sensors.cameras.clock import Stamp
+from goshawk_sensors.view.pinhole import Rig
+from goshawk_sensors.view.resample import Colour, Millimetres
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
