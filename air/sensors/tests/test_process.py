@@ -130,6 +130,18 @@ def test_a_check_says_what_the_camera_is_worth(recording: Path) -> None:
     assert said["stamp"] == "the recording's, as if taken now"
 
 
+def test_a_bag_of_an_older_librealsense_plays_too(vehicle: Heard) -> None:
+    bag = ROOT / "tests/data/realsense-2.57.bag"
+    done = camera("run", "--config", VEHICLE, "--play", bag, "--connect", vehicle.endpoint)
+    assert done.returncode == 0, done.stderr
+    assert len(vehicle.images) >= 9
+    for _, message in vehicle.images:
+        colour, depth = pixels(message)
+        assert (colour == (10, 20, 30)).all()
+        assert set(np.unique(depth).tolist()) == {0, 2500}
+        assert (depth == 2500).mean() > 0.2
+
+
 def refused(*arguments: str | Path) -> str:
     """The one line with which the process ends."""
     done = camera(*arguments)
