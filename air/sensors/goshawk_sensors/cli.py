@@ -88,15 +88,15 @@ def run(
         first = keeping.begun(opening, ending, say, wait=wait)
         with publisher(fed.name, connect or fed.endpoint, ending, say) as sending:
             told_s = begun_s = time.monotonic()
-            known, sent, total = None, tally.Tally(), 0
+            said, sent, total = set[tuple[str, str]](), tally.Tally(), 0
             for source, frame in keeping.frames(first, opening, ending, say, loop=loop):
                 message, depth_mm = images.message(source, frame)
                 if sending is not None:  # else Ctrl-C came first, and so this ends
                     sending.put(message.SerializeToString())
                 sent.take(frame, depth_mm)
                 total += 1
-                if known != (source.name, frame.stamp.source):
-                    known = source.name, frame.stamp.source
+                if (source.name, frame.stamp.source) not in said:
+                    said.add((source.name, frame.stamp.source))
                     say(f"{source.name}: {tally.view(images.of(source))}; stamped by {frame.stamp.source}")
                 now_s = time.monotonic()
                 if now_s - told_s >= TELL_S:

@@ -35,7 +35,7 @@ def depth_of() -> Millimetres:
 
 def camera(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """`goshawk-camera` to its end."""
-    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=60)
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import socket
 import time
@@ -16,6 +17,7 @@ import pytest
 import zenoh
 from camera_process import ROOT, SHOTS, VEHICLE, camera, colour_of, running
 from goshawk_proto import goshawk_pb2, key_expression
+from goshawk_sensors.setup.vehicle import endpoint
 from software_camera import Shot, SoftwareCamera, d435
 
 POLICY = (160, 96)
@@ -140,6 +142,39 @@ def test_a_bag_of_an_older_librealsense_plays_too(vehicle: Heard) -> None:
         assert (colour == (10, 20, 30)).all()
         assert set(np.unique(depth).tolist()) == {0, 2500}
         assert (depth == 2500).mean() > 0.2
+
+
+def test_with_an_identity_the_vehicles_socket_is_found_in_its_file(recording: Path, tmp_path: Path) -> None:
+    socket_name, config = f"unixsock-stream/{tmp_path}/sensors.sock", tmp_path / "vehicle.toml"
+    text = VEHICLE.read_text().replace("../models", str(ROOT / "air/models"))
+    config.write_text(text.replace("listen = [", f'listen = ["tls/0.0.0.0:7447", "{socket_name}", '))
+    with listening(socket_name) as heard:
+        assert camera("run", "--config", config, "--play", recording).returncode == 0
+    assert len(heard.images) > SHOTS / 2
+
+
+@pytest.mark.parametrize(
+    ("listen", "dialled"),
+    [
+        (["tcp/127.0.0.1:7447"], "tcp/127.0.0.1:7447"),
+        (["tls/0.0.0.0:7448", "tcp/0.0.0.0:7447"], "tcp/127.0.0.1:7447"),
+        (["tcp/[::]:7447"], "tcp/[::1]:7447"),
+        (["tcp/127.0.0.1:7447", "unixsock-stream//run/s.sock"], "unixsock-stream//run/s.sock"),
+    ],
+)
+def test_a_sensor_dials_what_the_vehicle_listens_on_for_it(listen: list[str], dialled: str) -> None:
+    assert endpoint(listen) == dialled
+
+
+def test_every_command_and_option_that_the_page_shows_exists() -> None:
+    page = (ROOT / "docs/how-to/camera.md").read_text()
+    shown = {
+        (each[1], *re.findall(r"--[a-z]+", each[2])) for each in re.finditer(r"goshawk-camera (\w+)( [^`\n]*)", page)
+    }
+    assert len(shown) >= 3
+    for command, *options in shown:
+        text = camera(command, "--help").stdout
+        assert [option for option in options if option not in text] == [], command
 
 
 def refused(*arguments: str | Path) -> str:
