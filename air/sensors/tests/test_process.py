@@ -168,9 +168,8 @@ def test_a_sensor_dials_what_the_vehicle_listens_on_for_it(listen: list[str], di
 
 def test_every_command_and_option_that_the_page_shows_exists() -> None:
     page = (ROOT / "docs/how-to/camera.md").read_text()
-    shown = {
-        (each[1], *re.findall(r"--[a-z]+", each[2])) for each in re.finditer(r"goshawk-camera (\w+)( [^`\n]*)", page)
-    }
+    calls = re.findall(r"goshawk-camera (\w+)( [^`\n]*)", page)
+    shown = {(command, *re.findall(r"--[a-z]+", rest)) for command, rest in calls}
     assert len(shown) >= 3
     for command, *options in shown:
         text = camera(command, "--help").stdout
@@ -202,6 +201,15 @@ def test_a_damaged_and_a_missing_recording_are_one_line(recording: Path, tmp_pat
     assert "cannot be played" in refused("run", "--config", VEHICLE, "--play", cut, "--connect", "tcp/127.0.0.1:1")
     line = refused("check", "--config", VEHICLE, "--play", tmp_path / "none.db3")
     assert line == f"goshawk-camera: no recording {tmp_path / 'none.db3'}"
+
+
+def test_a_vehicle_file_or_a_policy_that_is_not_there_is_one_line(recording: Path, tmp_path: Path) -> None:
+    config = tmp_path / "vehicle.toml"
+    assert f"vehicle file {config}: " in refused("check", "--config", config, "--play", recording)
+    config.write_text('name = "goshawk"\n')
+    assert "has no 'policy'" in refused("check", "--config", config, "--play", recording)
+    config.write_text(VEHICLE.read_text())  # beside which there is no ../models
+    assert "track.onnx" in refused("check", "--config", config, "--play", recording)
 
 
 def test_no_camera_is_one_line_that_says_where_to_look() -> None:
