@@ -209,7 +209,7 @@ def test_a_vehicle_file_or_a_policy_that_is_not_there_is_one_line(recording: Pat
     config.write_text('name = "goshawk"\n')
     assert "has no 'policy'" in refused("check", "--config", config, "--play", recording)
     config.write_text(VEHICLE.read_text())  # beside which there is no ../models
-    assert "track.onnx" in refused("check", "--config", config, "--play", recording)
+    assert "track.onnx is not there" in refused("check", "--config", config, "--play", recording)
 
 
 def test_no_camera_is_one_line_that_says_where_to_look() -> None:

@@ -39,7 +39,9 @@ def load(path: Path) -> Vehicle:
     try:
         facts: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
         name, model, listen = facts["name"], path.parent / facts["policy"]["model"], facts["network"]["listen"]
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except OSError as error:
+        raise CameraError(f"vehicle file {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise CameraError(f"vehicle file {path}: {error}") from error
     except KeyError as error:
         raise CameraError(f"vehicle file {path} has no {error}: goshawk-air check says what it needs") from error
@@ -61,6 +63,8 @@ def endpoint(listen: list[str]) -> str:
 def _wanted(model: Path) -> Wanted:
     import onnxruntime as ort  # half a second that `list` need not wait
 
+    if not model.is_file():
+        raise CameraError(f"the vehicle file's policy {model} is not there")
     try:
         session: Any = ort.InferenceSession(str(model), providers=["CPUExecutionProvider"])
         return Wanted(**json.loads(session.get_modelmeta().custom_metadata_map[CONTRACT])["image"])

@@ -29,7 +29,7 @@ TOLERANCE = 0.02
 """Of the field of view: goshawk-air takes a policy's image that is off by no more."""
 MOST_ACROSS = 4
 """Colour samples across one of our pixels: all of them up to 4 times our size, and evenly spread beyond."""
-POINTS_ACROSS = 1.5
+POINTS_ACROSS = 1.25
 """Depth points across one of our pixels, at least: with fewer, pixels are left out by chance."""
 FAR_M = 20.0
 """Where a pixel without depth is thought to be when its colour is looked up."""
