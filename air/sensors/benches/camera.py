@@ -140,7 +140,7 @@ def fed(file: Path, seconds: float) -> Found:
 
 
 def added_ms(seconds: float) -> tuple[list[float], float]:
-    """From each pair in hand to its image in another session; and how long it waited meanwhile for a core, on average."""
+    """From each pair in hand to its image in another session; and how long it waited for a core, on average."""
     endpoint, came_ns, taken = f"tcp/127.0.0.1:{free_port()}", list[int](), list[float]()
     chosen, wanted = profile.load("d455"), vehicle.load(VEHICLE)
     images, source = Images(wanted.wanted, chosen), Still(rig=D455)
