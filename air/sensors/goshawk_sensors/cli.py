@@ -36,7 +36,10 @@ app = typer.Typer(
 
 Config = Annotated[Path, typer.Option("--config", help="The vehicle file: whom to feed, and with which policy.")]
 ProfileName = Annotated[
-    str, typer.Option("--profile", metavar="NAME", help=f"A file, or one of {', '.join(profile.shipped())}.")
+    str,
+    typer.Option(
+        "--profile", metavar="NAME", help=f"A file, or one of {', '.join(profile.shipped())} (oak-d: UNTRIED)."
+    ),
 ]
 Serial = Annotated[str | None, typer.Option(help="The camera's serial number; absent: the only one.")]
 Play = Annotated[
