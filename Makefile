@@ -12,7 +12,7 @@ INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-b
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes
 PACKAGES := -e proto -e dashboards -e ground/station
 
-.PHONY: help setup setup-train setup-rerun setup-test build demo sitl test test-rust test-python lint docs pins deny fuzz bench chaos train
+.PHONY: help setup setup-camera setup-train setup-rerun setup-test build demo sitl test test-rust test-python lint docs pins deny fuzz bench chaos train
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -40,7 +40,12 @@ $(VENV)/.rerun: ground/rerun/requirements.txt $(VENV)/.station
 	$(INSTALL) -r ground/rerun/requirements.txt
 	@touch $@
 
-$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun
+$(VENV)/.camera: air/sensors/requirements.txt air/sensors/pyproject.toml $(VENV)/.station
+	$(INSTALL) -r air/sensors/requirements.txt
+	$(INSTALL_OWN) -e air/sensors
+	@touch $@
+
+$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun $(VENV)/.camera
 	$(INSTALL) -r tests/requirements.txt
 	@command -v chromium >/dev/null && test -x /usr/sbin/sshd && command -v ip >/dev/null || { \
 	  echo "installing chromium, sshd and ip for the tests"; \
@@ -48,6 +53,8 @@ $(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun
 	@touch $@
 
 setup: $(VENV)/.station build ## everything that the demo needs
+
+setup-camera: $(VENV)/.camera ## everything that `goshawk-camera` needs, on the vehicle (x86-64)
 
 setup-train: $(VENV)/.train ## everything that `goshawk train`, `dataset` and `campaign` need
 
@@ -85,7 +92,7 @@ test-python: setup-test build
 
 pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt
-	for f in ground/bootstrap ground ground/rerun ground/train; do \
+	for f in ground/bootstrap ground ground/rerun ground/train air/sensors; do \
 	  $(PIN) $(if $(UPGRADE),--upgrade) $$f/requirements.in -c tests/requirements.txt -o $$f/requirements.txt || exit 1; done
 
 deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (which it installs)
@@ -96,12 +103,13 @@ deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (whic
 
 test: lint test-rust test-python ## exactly what CI runs
 
-bench: setup setup-train build ## speed, each figure against its yardstick
+bench: setup setup-train setup-camera build ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
 	$(VENV)/bin/goshawk train bench
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
 	$(VENV)/bin/python ground/station/benches/gate.py
+	PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py
 
 chaos: setup ## flights with seeded schedules of faults, every step judged (SEED=n, N=how many)
 	target/release/goshawk-sim chaos --seed $(SEED) --schedules $(N)

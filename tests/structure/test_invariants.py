@@ -111,10 +111,14 @@ def _imports(path: Path) -> set[str]:
 @pytest.mark.parametrize(
     ("folder", "forbidden"),
     [
+        ("air/sensors/goshawk_sensors", {"goshawk_ground", "goshawk_dashboards", "goshawk_train", "viser", "torch"}),
         ("dashboards/goshawk_dashboards", {"zenoh", "goshawk_ground", "goshawk_train", "torch"}),
         ("ground/station/goshawk_ground", {"torch", "goshawk_train"}),
         ("ground/train/goshawk_train", {"zenoh", "viser", "goshawk_ground"}),
-        ("proto/python/goshawk_proto", {"goshawk_ground", "goshawk_dashboards", "goshawk_train", "viser"}),
+        (
+            "proto/python/goshawk_proto",
+            {"goshawk_ground", "goshawk_dashboards", "goshawk_train", "goshawk_sensors", "viser"},
+        ),
     ],
 )
 def test_python_packages_do_not_import_what_they_must_not_know(folder: str, forbidden: set[str]) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
+    "air/sensors/goshawk_sensors",
     "dashboards/goshawk_dashboards",
     "ground/station/goshawk_ground",
     "ground/train/goshawk_train",

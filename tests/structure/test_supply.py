@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 DENY = tomllib.loads((ROOT / "deny.toml").read_text())
 CRATES: list[dict[str, Any]] = tomllib.loads((ROOT / "Cargo.lock").read_text())["package"]
-PINS = sorted(path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("[gt]*/**/requirements.in"))
+PINS = sorted(path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("[agt]*/**/requirements.in"))
 
 
 def _metadata() -> dict[str, Any]:

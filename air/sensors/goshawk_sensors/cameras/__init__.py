@@ -1,0 +1,1 @@
+"""What delivers images: each as a `source.Source`, with its stamps."""

@@ -1,0 +1,193 @@
+"""A live camera, by librealsense's software device: settings, stamps, serial numbers, unplugging, recording."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from goshawk_sensors import keeping
+from goshawk_sensors.cameras import realsense
+from goshawk_sensors.cameras.librealsense import Handle, rs
+from goshawk_sensors.cameras.source import Frame
+from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
+from goshawk_sensors.setup.profile import Depth, Image, Profile
+from software_camera import Shot, SoftwareCamera, rig
+
+SIZE = (320, 192)
+PROFILE = Profile(
+    driver="realsense", rate_hz=30, align="depth", latency_ms=30.0, colour=Image(size=SIZE),
+    depth=Depth(size=SIZE, clip_m=(0.2, 12.0)),
+)  # fmt: skip
+MIDDLE_BEFORE_MS, READ_OUT_MS = 6, 2
+"""Of the made-up exposure: how long before the read-out began its middle was, and how long before now that was."""
+
+
+def with_depth(**changes: object) -> Profile:
+    return msgspec.structs.replace(PROFILE, depth=msgspec.structs.replace(PROFILE.depth, **changes))
+
+
+@contextmanager
+def filming(camera: SoftwareCamera, *, metadata: bool = True) -> Generator[Callable[[], None]]:
+    """The camera delivers 30 pairs a second; what is yielded pulls its plug."""
+    unplugged = threading.Event()
+
+    def film() -> None:
+        colour, depth = np.full((192, 320, 3), 77, np.uint8), np.full((192, 320), 3000, np.uint16)
+        told = {
+            rs.frame_metadata_value.frame_timestamp: 1_000_000 + 1000 * MIDDLE_BEFORE_MS,
+            rs.frame_metadata_value.sensor_timestamp: 1_000_000,
+        }
+        while not unplugged.wait(1 / 30):
+            wall_ms = time.time() * 1000.0 - READ_OUT_MS
+            camera.shoot(Shot(colour_HW3=colour, depth_HW=depth, wall_ms=wall_ms, metadata=told if metadata else {}))
+
+    thread = threading.Thread(target=film)
+    thread.start()
+
+    def unplug() -> None:
+        unplugged.set()
+        thread.join()
+
+    try:
+        yield unplug
+    finally:
+        unplug()
+
+
+def opened(
+    *cameras: SoftwareCamera, profile: Profile = PROFILE, serial: str | None = None, record: Path | None = None
+) -> realsense.RealSense:
+    return realsense.open_live(profile, serial, record, lambda: [camera.device for camera in cameras])
+
+
+def next_frame(source: realsense.RealSense | realsense.Recording) -> Frame:
+    while True:
+        frame = source.read()
+        if frame is not None:
+            return frame
+
+
+def test_an_image_is_stamped_with_the_middle_of_its_exposure_on_the_monotonic_clock() -> None:
+    camera = SoftwareCamera(rig(SIZE))
+    source = opened(camera)
+    with filming(camera):
+        frame = next_frame(source)
+        source.close()
+    assert frame.stamp.source == "the sensor's timestamp"
+    age_ms = 1e-6 * (frame.arrival_ns - frame.stamp.monotonic_ns)
+    assert MIDDLE_BEFORE_MS + READ_OUT_MS <= age_ms < 250.0
+    assert np.all(frame.colour_HW3 == 77)
+    assert np.all(frame.depth_HW == 3000)
+
+
+def test_without_metadata_the_stamp_is_the_arrival_less_what_the_profile_says() -> None:
+    camera = SoftwareCamera(rig(SIZE))
+    source = opened(camera)
+    with filming(camera, metadata=False):
+        frame = next_frame(source)
+        source.close()
+    assert frame.stamp.source == "its arrival less 30 ms"
+    assert frame.arrival_ns - frame.stamp.monotonic_ns == 30_000_000
+
+
+def test_emitter_and_exposure_are_set_as_the_profile_says() -> None:
+    wanted = {rs.option.emitter_enabled: 1.0, rs.option.enable_auto_exposure: 0.0, rs.option.exposure: 8000.0}
+    camera = SoftwareCamera(rig(SIZE), options=wanted)
+    camera.depth_sensor.set_option(rs.option.enable_auto_exposure, 1.0)
+    opened(camera, profile=with_depth(emitter=True, exposure_us=8000)).close()
+    assert {option: camera.depth_sensor.get_option(option) for option in wanted} == wanted
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"emitter": True}, "has no emitter_enabled: leave emitter out of the profile"),
+        ({"preset": "High Density"}, "no preset 'High Density'"),
+        ({"size": (640, 480)}, "does not start as the profile says"),
+    ],
+)
+def test_what_the_camera_cannot_do_is_named(changes: dict[str, object], said: str) -> None:
+    with pytest.raises(CameraError, match=said):
+        opened(SoftwareCamera(rig(SIZE)), profile=with_depth(**changes))
+
+
+def test_the_serial_number_chooses_among_several_and_must_where_there_are() -> None:
+    one, two = SoftwareCamera(rig(SIZE), serial="1"), SoftwareCamera(rig(SIZE), serial="2")
+    source = opened(one, two, serial="2")
+    source.close()
+    assert source.name == "Software D455 2"
+    with pytest.raises(CameraError, match=r"name one with --serial \(Software D455 1, Software D455 2\)"):
+        opened(one, two)
+    with pytest.raises(NoCameraError, match="no RealSense 3 is plugged in, only Software D455 1"):
+        opened(one, two, serial="3")
+
+
+def test_a_camera_that_is_unplugged_is_looked_for_and_goes_on_when_it_is_back() -> None:
+    before, after = SoftwareCamera(rig(SIZE)), SoftwareCamera(rig(SIZE))
+    plugged, looked, said, ending = [before.device], list[int](), list[str](), threading.Event()
+
+    def find() -> list[Handle]:
+        looked.append(len(plugged))
+        if len(looked) == 3:  # the second time that it is looked for in vain it is plugged in again
+            plugged.append(after.device)
+        return list(plugged)
+
+    def opening() -> realsense.RealSense:
+        return realsense.open_live(PROFILE, None, None, find)
+
+    frames = keeping.frames(opening(), opening, ending, said.append)
+    with filming(before) as unplug:
+        source, _ = next(frames)
+        unplug()
+        plugged.clear()
+        with filming(after):
+            again, frame = next(frames)
+            assert again is not source
+            assert np.all(frame.depth_HW == 3000)
+            ending.set()
+            assert list(frames) == []
+    assert said == [
+        "Software D455 0815 is silent: looking for it",
+        "no RealSense is plugged in: see its cable and USB 3 port; still looking",
+        "Software D455 0815 is there",
+    ]
+    assert looked[0] == 1 and looked[1] == 0
+
+
+def test_waiting_for_a_camera_ends_when_it_is_told_to() -> None:
+    ending, said = threading.Event(), list[str]()
+
+    def opening() -> realsense.RealSense:
+        ending.set()
+        return opened()
+
+    assert keeping.begun(opening, ending, said.append, wait=True) is None
+    assert len(said) == 1
+
+
+def test_what_is_recorded_while_it_is_sent_can_be_played(tmp_path: Path) -> None:
+    camera, file = SoftwareCamera(rig(SIZE)), tmp_path / "kept.db3"
+    source = opened(camera, record=file)
+    with filming(camera):
+        for _ in range(10):
+            next_frame(source)
+        source.close()
+    played, count = realsense.open_recording(file, PROFILE), 0
+    with pytest.raises(EndOfRecordingError):
+        while True:
+            frame = next_frame(played)
+            assert np.all(frame.colour_HW3 == 77)
+            count += 1
+    played.close()
+    assert count >= 8
+
+
+def test_a_recording_in_another_format_is_refused_with_the_one_that_can_be_written(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match=r"must have \.db3 extension"):
+        opened(SoftwareCamera(rig(SIZE)), record=tmp_path / "kept.bag")

@@ -1,0 +1,242 @@
+"""A recording through the real process into a real Zenoh session: pixels, stamps, rate, and each error's one line."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import socket
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+from camera_process import ROOT, SHOTS, VEHICLE, camera, colour_of, running
+from goshawk_proto import goshawk_pb2, key_expression
+from goshawk_sensors.setup.vehicle import endpoint
+from software_camera import Shot, SoftwareCamera, d435
+
+POLICY = (160, 96)
+FIRST_S = 20.0
+
+
+@dataclass(kw_only=True)
+class Heard:
+    """A vehicle's ear: a session that listens, and what came."""
+
+    endpoint: str
+    images: list[tuple[int, goshawk_pb2.Rgbd]] = field(default_factory=list[tuple[int, goshawk_pb2.Rgbd]])
+    """When each came, CLOCK_MONOTONIC, ns."""
+
+    def wait_for(self, count: int) -> None:
+        ending_s = time.monotonic() + FIRST_S
+        while len(self.images) < count and time.monotonic() < ending_s:
+            time.sleep(0.02)
+        assert len(self.images) >= count
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def listening(endpoint: str) -> Generator[Heard]:
+    heard, config = Heard(endpoint=endpoint), zenoh.Config()
+    for key, value in {
+        "mode": "peer", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False,
+    }.items():  # fmt: skip
+        config.insert_json5(key, json.dumps(value))
+
+    def take(sample: zenoh.Sample) -> None:
+        heard.images.append((time.monotonic_ns(), goshawk_pb2.Rgbd.FromString(sample.payload.to_bytes())))
+
+    with zenoh.open(config) as session:
+        subscriber = session.declare_subscriber(key_expression("rgbd", "goshawk"), take)
+        yield heard
+        subscriber.undeclare()
+
+
+@pytest.fixture
+def vehicle() -> Iterator[Heard]:
+    with listening(free_endpoint()) as heard:
+        yield heard
+
+
+def pixels(message: goshawk_pb2.Rgbd) -> tuple[np.ndarray, np.ndarray]:
+    colour = np.frombuffer(message.rgb, np.uint8).reshape(message.height, message.width, 3)
+    return colour, np.frombuffer(message.depth_mm, "<u2").reshape(message.height, message.width)
+
+
+def test_a_recordings_images_arrive_as_the_policy_wants_them(recording: Path, vehicle: Heard) -> None:
+    done = camera("run", "--config", VEHICLE, "--play", recording, "--connect", vehicle.endpoint)
+    assert done.returncode == 0, done.stderr
+    assert f"{len(vehicle.images)} images sent" in done.stdout
+    assert SHOTS - 3 <= len(vehicle.images) <= SHOTS  # librealsense may begin a pair late
+    for _, message in vehicle.images:
+        assert (message.width, message.height) == POLICY
+        assert np.degrees([message.hfov_rad, message.vfov_rad]) == pytest.approx([90.0, 61.93], abs=0.01)
+        colour, depth = pixels(message)
+        k = int(colour[0, 0, 0])
+        assert np.array_equal(colour, colour_of(k)[::2, ::2])
+        assert set(np.unique(depth).tolist()) == {0, 2000, 6000}
+        assert (depth[10:30, 100:140] == 0).mean() > 0.95
+    counts = [int(pixels(message)[0][0, 0, 0]) for _, message in vehicle.images]
+    assert counts == sorted(set(counts))
+    assert [message.seq for _, message in vehicle.images] == list(range(1, len(counts) + 1))
+
+
+def test_the_stamps_are_of_this_hosts_monotonic_clock_and_as_far_apart_as_the_images_were_taken(
+    recording: Path, vehicle: Heard
+) -> None:
+    camera("run", "--config", VEHICLE, "--play", recording, "--connect", vehicle.endpoint)
+    came = np.array([ns for ns, _ in vehicle.images])
+    stamps = np.array([message.stamp_ns for _, message in vehicle.images])
+    assert len(stamps) > SHOTS / 2
+    assert (stamps < came).all()
+    assert (came - stamps < 500e6).all()
+    assert np.median(np.diff(stamps)) == pytest.approx(1e9 / 30, rel=0.02)
+
+
+def test_a_loop_goes_on_and_ctrl_c_ends_it_in_order(recording: Path, vehicle: Heard) -> None:
+    with running("run", "--config", VEHICLE, "--play", recording, "--loop", "--connect", vehicle.endpoint) as process:
+        vehicle.wait_for(2 * SHOTS)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert "images sent" in out
+    stamps = [message.stamp_ns for _, message in vehicle.images]
+    assert stamps == sorted(stamps)
+
+
+def test_a_vehicle_that_starts_later_is_dialled_until_it_answers(recording: Path) -> None:
+    endpoint = free_endpoint()
+    with running("run", "--config", VEHICLE, "--play", recording, "--loop", "--connect", endpoint) as process:
+        assert process.stderr is not None
+        assert f"nothing answers at {endpoint}" in process.stderr.readline()
+        with listening(endpoint) as heard:
+            heard.wait_for(SHOTS // 2)
+
+
+def test_a_check_says_what_the_camera_is_worth(recording: Path) -> None:
+    done = camera("check", "--config", VEHICLE, "--play", recording, "--seconds", "0.5")
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = {line[:14].strip(): line[14:] for line in done.stdout.splitlines()}
+    assert list(said) == ["camera", "view", "rate", "lost", "latency", "depth", "stamp"]
+    assert said["view"] == "160 x 96 pixels, 90.0 x 61.9 degrees"
+    assert said["stamp"] == "the recording's, as if taken now"
+
+
+def test_a_bag_of_an_older_librealsense_plays_too(vehicle: Heard) -> None:
+    bag = ROOT / "tests/data/realsense-2.57.bag"
+    done = camera("run", "--config", VEHICLE, "--play", bag, "--connect", vehicle.endpoint)
+    assert done.returncode == 0, done.stderr
+    assert len(vehicle.images) >= 9
+    for _, message in vehicle.images:
+        colour, depth = pixels(message)
+        assert (colour == (10, 20, 30)).all()
+        assert set(np.unique(depth).tolist()) == {0, 2500}
+        assert (depth == 2500).mean() > 0.2
+
+
+def test_with_an_identity_the_vehicles_socket_is_found_in_its_file(recording: Path, tmp_path: Path) -> None:
+    socket_name, config = f"unixsock-stream/{tmp_path}/sensors.sock", tmp_path / "vehicle.toml"
+    text = VEHICLE.read_text().replace("../models", str(ROOT / "air/models"))
+    config.write_text(text.replace("listen = [", f'listen = ["tls/0.0.0.0:7447", "{socket_name}", '))
+    with listening(socket_name) as heard:
+        assert camera("run", "--config", config, "--play", recording).returncode == 0
+    assert len(heard.images) > SHOTS / 2
+
+
+@pytest.mark.parametrize(
+    ("listen", "dialled"),
+    [
+        (["tcp/127.0.0.1:7447"], "tcp/127.0.0.1:7447"),
+        (["tls/0.0.0.0:7448", "tcp/0.0.0.0:7447"], "tcp/127.0.0.1:7447"),
+        (["tcp/[::]:7447"], "tcp/[::1]:7447"),
+        (["tcp/127.0.0.1:7447", "unixsock-stream//run/s.sock"], "unixsock-stream//run/s.sock"),
+    ],
+)
+def test_a_sensor_dials_what_the_vehicle_listens_on_for_it(listen: list[str], dialled: str) -> None:
+    assert endpoint(listen) == dialled
+
+
+def test_every_command_and_option_that_the_page_shows_exists() -> None:
+    page = (ROOT / "docs/how-to/camera.md").read_text()
+    calls = re.findall(r"goshawk-camera (\w+)( [^`\n]*)", page)
+    shown = {(command, *re.findall(r"--[a-z]+", rest)) for command, rest in calls}
+    assert len(shown) >= 3
+    for command, *options in shown:
+        text = camera(command, "--help").stdout
+        assert [option for option in options if option not in text] == [], command
+
+
+def refused(*arguments: str | Path) -> str:
+    """The one line with which the process ends."""
+    done = camera(*arguments)
+    assert done.returncode == 1, done.stdout + done.stderr
+    (line,) = done.stderr.strip().splitlines()
+    return line
+
+
+def test_a_camera_that_sees_too_little_is_refused_with_both_figures(tmp_path: Path) -> None:
+    shot = Shot(
+        colour_HW3=np.zeros((480, 848, 3), np.uint8), depth_HW=np.full((480, 848), 3000, np.uint16),
+        wall_ms=time.time() * 1000.0,
+    )  # fmt: skip
+    file = SoftwareCamera(d435()).record(tmp_path / "d435.db3", [shot] * 10)
+    line = refused("check", "--config", VEHICLE, "--play", file, "--profile", "d435")
+    assert "depth sees 87.0 degrees from left to right, the policy wants 90.0" in line
+    assert "train a policy" in line
+
+
+def test_a_damaged_and_a_missing_recording_are_one_line(recording: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.db3"
+    cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 3])
+    assert "cannot be played" in refused("run", "--config", VEHICLE, "--play", cut, "--connect", "tcp/127.0.0.1:1")
+    line = refused("check", "--config", VEHICLE, "--play", tmp_path / "none.db3")
+    assert line == f"goshawk-camera: no recording {tmp_path / 'none.db3'}"
+
+
+def test_a_vehicle_file_or_a_policy_that_is_not_there_is_one_line(recording: Path, tmp_path: Path) -> None:
+    config = tmp_path / "vehicle.toml"
+    assert f"vehicle file {config}: " in refused("check", "--config", config, "--play", recording)
+    config.write_text('name = "goshawk"\n')
+    assert "has no 'policy'" in refused("check", "--config", config, "--play", recording)
+    config.write_text(VEHICLE.read_text())  # beside which there is no ../models
+    assert "track.onnx is not there" in refused("check", "--config", config, "--play", recording)
+
+
+def test_no_camera_is_one_line_that_says_where_to_look() -> None:
+    assert "no RealSense is plugged in: see its cable" in refused("check", "--config", VEHICLE)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('align = "colour"', 'algin = "colour"', "algin"),
+        ("clip_m = [0.4, 20.0]", "clip_m = [20.0, 0.4]", "clip_m is nearest, farthest"),
+        ("emitter = true", "emitter = true\nlaser = 1", "laser"),
+        ("auto_exposure = true", "auto_exposure = true\nexposure_us = 8000", "not both"),
+        ("rate_hz = 30", "rate_hz = 1000", "rate_hz"),
+    ],
+)
+def test_a_profile_with_a_wrong_key_or_value_is_one_line_that_names_it(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    text = (ROOT / "air/sensors/goshawk_sensors/profiles/d455.toml").read_text()
+    file = tmp_path / "mine.toml"
+    file.write_text(text.replace(old, new, 1))
+    line = refused("check", "--config", VEHICLE, "--profile", file)
+    assert line.startswith(f"goshawk-camera: profile {file}: ")
+    assert said in line
+
+
+def test_help_shows_an_example_and_needs_no_camera() -> None:
+    done = camera("run", "--help")
+    assert "goshawk-camera run --config vehicle.toml --profile d455" in done.stdout
