@@ -39,9 +39,6 @@ class VehicleEnd:
     def tell(self, name: str, message: pb.Plan | pb.Control | pb.Target) -> None:
         self._told[name].put(message.SerializeToString())
 
-    def wanted(self) -> bool:
-        return all(publisher.matching_status.matching for publisher in self._told.values())
-
     def close(self) -> None:
         self.session.close()  # pyright: ignore[reportUnknownMemberType]
 

@@ -66,7 +66,8 @@ class Driver:
             with contextlib.suppress(TimeoutError, ConnectionError):
                 data, self._sim = self._from_sim.recvfrom(2048)
                 self._to_vehicle.send(data)
-                for message in reader.parse_buffer(data) or []:
+                messages: list[Any] = reader.parse_buffer(data) or []
+                for message in messages:
                     if message.get_type() == "ODOMETRY":
                         self._motion(message)
 
