@@ -10,6 +10,7 @@ import contextlib
 import socket
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,18 @@ ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 
 
+def odometry_reader() -> Callable[[bytes], list[Any]]:
+    """The messages ODOMETRY in a stream's next bytes."""
+    reader: Any = mavlink.MAVLink(None)
+    reader.robust_parsing = True
+
+    def read(data: bytes) -> list[Any]:
+        messages: list[Any] = reader.parse_buffer(data) or []
+        return [message for message in messages if message.get_type() == "ODOMETRY"]
+
+    return read
+
+
 class Driver:
     """Both, for one simulator. Close it when done."""
 
@@ -42,6 +55,10 @@ class Driver:
         self._from_sim.bind(("127.0.0.1", self.mavlink_port))
         self._to_vehicle.connect(("127.0.0.1", mavlink_port))
         self._sim: Any = None
+        self.estimates: list[Any] = []
+        """ODOMETRY of the simulated autopilot."""
+        self.sent_on: list[Any] = []
+        """ODOMETRY of the vehicle to it."""
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._there, self._back)]
         for end in (self._from_sim, self._to_vehicle):
             end.settimeout(0.1)
@@ -60,21 +77,21 @@ class Driver:
             self.ros.publish(topic, "sensor_msgs/msg/Image", image(stamp_ns, encoding, pixels))
 
     def _there(self) -> None:
-        reader: Any = mavlink.MAVLink(None)
-        reader.robust_parsing = True
+        read = odometry_reader()
         while not self._closing.is_set():
             with contextlib.suppress(TimeoutError, ConnectionError):
                 data, self._sim = self._from_sim.recvfrom(2048)
                 self._to_vehicle.send(data)
-                messages: list[Any] = reader.parse_buffer(data) or []
-                for message in messages:
-                    if message.get_type() == "ODOMETRY":
-                        self._motion(message)
+                for message in read(data):
+                    self.estimates.append(message)
+                    self._motion(message)
 
     def _back(self) -> None:
+        read = odometry_reader()
         while not self._closing.is_set():
             with contextlib.suppress(TimeoutError, ConnectionError):
                 data = self._to_vehicle.recv(2048)
+                self.sent_on += read(data)
                 if self._sim is not None:
                     self._from_sim.sendto(data, self._sim)
 

@@ -6,12 +6,15 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from bridge_rig import TOPICS, VEHICLE, BridgeRig
 from driver import Driver
 from goshawk_proto import goshawk_pb2 as pb
+from pymavlink.dialects.v20 import common as mavlink
 from rig import BIN, copied
 from ros_peer import Heard, until
+from scipy.spatial.transform import Rotation
 
 FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
 
@@ -29,12 +32,29 @@ def away_m(heard: Heard, first: Any) -> float:
     return math.hypot(pos.x - first.x, pos.y - first.y)
 
 
+def is_sent_on(driver: Driver) -> None:
+    """What went from the autopilot by ROS 2, bridge and vehicle came back to it as it was, its velocity in the body."""
+    sent = driver.sent_on[-1]
+    assert (sent.frame_id, sent.child_frame_id, sent.estimator_type) == (
+        mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD, mavlink.MAV_ESTIMATOR_TYPE_VIO,
+    )  # fmt: skip
+    assert sent.get_srcComponent() == 191
+    [was] = [e for e in driver.estimates if np.allclose([e.x, e.y, e.z], [sent.x, sent.y, sent.z], atol=1e-5)][-1:]
+    assert np.isclose(abs(np.dot(was.q, sent.q)), 1.0, atol=1e-6)
+    w, x, y, z = was.q
+    vel_body = Rotation.from_quat([x, y, z, w]).inv().apply([was.vx, was.vy, was.vz])
+    assert np.allclose(vel_body, [sent.vx, sent.vy, sent.vz], atol=1e-4)
+    rates = [[m.rollspeed, m.pitchspeed, m.yawspeed] for m in (was, sent)]
+    assert np.allclose(*rates, atol=1e-5)
+
+
 def test_ros2_odometry_and_images_fly_a_chase(bridge: BridgeRig, driver: Driver) -> None:
     rig = bridge.rig
     text = copied()
     assert 'odometry = "autopilot"' in text
     vehicle = rig.folder / "vehicle.toml"
-    vehicle.write_text(text.replace('odometry = "autopilot"', 'odometry = "zenoh"'))
+    text = text.replace('odometry = "autopilot"', 'odometry = "zenoh"')
+    vehicle.write_text(text.replace('firmware = "px4"', 'firmware = "px4"\nvision = "odometry"'))
     bridge.ros.listen("/goshawk/odometry", "nav_msgs/msg/Odometry")
     bridge.ros.listen("/goshawk/plan", "nav_msgs/msg/Path")
     rig.air(vehicle=vehicle)
@@ -54,5 +74,6 @@ def test_ros2_odometry_and_images_fly_a_chase(bridge: BridgeRig, driver: Driver)
         until(lambda: away_m(heard[-1], first) > 8.0, f"it does not fly: {heard[-1]}", 30.0)
         assert link.wait_for(lambda s: s.mode in FLYING, 5.0) is not None, rig.output("air")
     assert bridge.ros.heard["/goshawk/plan"]
+    is_sent_on(driver)
     refused = [line for line in bridge.said().splitlines() if "refused" in line]
     assert not [line for line in refused if "no camera_info came yet" not in line], refused

@@ -78,7 +78,7 @@ mod tests {
         bytes[44..48].copy_from_slice(&0x8000_0000_u32.to_be_bytes());
         assert!(matches!(decode::<Image<'_>>(&bytes), Err(CdrError::Field(_))));
         let mut info = encode(&CameraInfo::default());
-        info[24..28].copy_from_slice(&u32::MAX.to_le_bytes());
+        info[36..40].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(matches!(decode::<CameraInfo>(&info), Err(CdrError::Field(_))));
     }
 
