@@ -146,6 +146,14 @@ mod tests {
         assert!(humble.end_token(1, End::Publisher, &CHATTER).contains("/TypeHashNotSupported/"));
     }
 
+    // Of nothing XXH3 is 99aa06d3014798d8 6001c324468d497f, by its own specification; the lower half goes first.
+    #[test]
+    fn a_gid_is_the_tokens_xxh3_with_its_lower_half_first() {
+        let of_nothing = 0x99aa_06d3_0147_98d8_6001_c324_468d_497f_u128;
+        assert_eq!(gid(""), of_nothing.to_le_bytes());
+        assert_ne!(gid("a"), gid("b"));
+    }
+
     #[test]
     fn an_attachment_is_two_numbers_and_a_list_of_sixteen_bytes() {
         let sent = Clocks { monotonic: 0, system: 0x0102_0304_0506_0708 };
