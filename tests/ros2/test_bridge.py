@@ -18,7 +18,7 @@ from bridge_rig import SHIPPED, TOPICS, BridgeRig, VehicleEnd
 from goshawk_proto import goshawk_pb2 as pb
 from pictures import FOCAL_PX, HEIGHT, WIDTH, camera_info, compressed, image, odometry
 from PIL import Image
-from rig import BIN
+from rig import BIN, ROOT
 from ros_peer import HUMBLE, STORE, RosPeer, new, until
 
 COLOUR, DEPTH, INFO = (TOPICS["camera"][name] for name in ("colour", "depth", "info"))
@@ -324,3 +324,14 @@ def test_a_bad_file_is_one_line_that_says_what_to_do(bridge: BridgeRig) -> None:
     assert ran("--config", SHIPPED, "--check") == (0, f"{SHIPPED} is good\n")
     code, said = ran("--help")
     assert code == 0 and "goshawk-ros2 --config air/sensors/ros2/ros2.toml" in said
+
+
+def test_the_estimators_of_the_how_to_page_are_good_files(bridge: BridgeRig) -> None:
+    page = (ROOT / "docs/how-to/ros2.md").read_text()
+    sections: list[str] = re.findall(r"```toml\n(\[odometry\]\n.*?)```", page, re.DOTALL)
+    assert len(sections) == 3
+    config = bridge.rig.folder / "estimator.toml"
+    for section in sections:
+        text, changed = re.subn(r"\[odometry\].*?\n\n", section + "\n", SHIPPED.read_text(), flags=re.DOTALL)
+        config.write_text(text)
+        assert (changed, ran("--config", config, "--check")) == (1, (0, f"{config} is good\n"))
