@@ -8,7 +8,7 @@ use crate::cdr::decode;
 use crate::clock::Clocks;
 use crate::config;
 use crate::lens::{Map, View};
-use crate::messages::{CameraInfo, CompressedImage, Image};
+use crate::messages::{CameraInfo, CompressedImage, Header, Image};
 use crate::pairing::{Half, Pairs, Side};
 use crate::picture::{colour, depth, expand};
 use crate::tally::Refused;
@@ -52,7 +52,7 @@ impl Camera {
     /// # Errors
     /// It is none, or the camera cannot be used; then no image is, until a better one comes.
     pub fn info(&self, bytes: &[u8]) -> Result<(), Refused> {
-        let info = CameraInfo { header: Default::default(), ..decode::<CameraInfo>(bytes)? };
+        let info = CameraInfo { header: Header::default(), ..decode::<CameraInfo>(bytes)? };
         let mut lens = lock(&self.lens);
         if lens.as_ref().is_some_and(|(known, _)| *known == info) {
             return Ok(());

@@ -14,8 +14,10 @@ const LEAST_STEP_S: f64 = 0.001;
 const PAUSE_S: f64 = 1.0;
 /// A quaternion's length may be off by this.
 const NOT_UNIT: f64 = 0.01;
-/// Beyond belief, m; m/s and rad/s.
-const MOST: [f64; 2] = [1e5, 100.0];
+/// A position beyond belief, m.
+const MOST_AWAY_M: f64 = 1e5;
+/// A velocity and a rate of turn beyond belief, m/s and rad/s.
+const MOST_SPEED: f64 = 100.0;
 
 /// Why a sample is not passed on.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -28,6 +30,7 @@ pub enum MotionError {
     Order,
 }
 
+#[derive(Clone, Copy)]
 struct Last {
     stamp: u64,
     odom_from_child: Isometry3<f64>,
@@ -70,19 +73,17 @@ impl Motion {
         twist: &Twist,
     ) -> Result<Option<v1::Odometry>, MotionError> {
         let odom_from_child = pose_of(pose)?;
-        let last = self.last.take();
-        if let Some(last) = last.as_ref().filter(|last| stamp <= last.stamp) {
-            let (stamp, odom_from_child) = (last.stamp, last.odom_from_child);
-            self.last = Some(Last { stamp, odom_from_child });
+        let last = self.last;
+        if last.is_some_and(|last| stamp <= last.stamp) {
             return Err(MotionError::Order);
         }
-        let step = last.as_ref().map(|last| (stamp - last.stamp) as f64 * 1e-9);
+        let step = last.map(|last| (stamp - last.stamp) as f64 * 1e-9);
         if step.is_some_and(|step| step > PAUSE_S) {
             self.resets += 1;
         }
         let difference = last.zip(step.filter(|step| (LEAST_STEP_S..=MOST_STEP_S).contains(step)));
         self.last = Some(Last { stamp, odom_from_child });
-        let Some((vel_odom, rate_child)) = self.moving(&odom_from_child, twist, difference.as_ref()) else {
+        let Some((vel_odom, rate_child)) = self.moving(&odom_from_child, twist, difference) else {
             return Ok(None);
         };
         let odom_from_body = odom_from_child * self.child_from_body;
@@ -90,12 +91,8 @@ impl Motion {
         let arm = odom_from_child.rotation * self.child_from_body.translation.vector;
         let vel = vel_odom + (odom_from_child.rotation * rate_child).cross(&arm);
         let rate_body = self.child_from_body.rotation.inverse() * rate_child;
-        if !(vel.norm() < MOST[1]) {
-            return Err(MotionError::Implausible("velocity"));
-        }
-        if !(rate_body.norm() < MOST[1]) {
-            return Err(MotionError::Implausible("rate of turn"));
-        }
+        within(vel.norm(), MOST_SPEED, "velocity")?;
+        within(rate_body.norm(), MOST_SPEED, "rate of turn")?;
         self.seq += 1;
         let q = self.world_from_odom * odom_from_body.rotation;
         Ok(Some(v1::Odometry {
@@ -114,19 +111,19 @@ impl Motion {
         &self,
         now: &Isometry3<f64>,
         twist: &Twist,
-        difference: Option<&(Last, f64)>,
+        difference: Option<(Last, f64)>,
     ) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let (linear, angular) = (vector(&twist.linear), vector(&twist.angular));
         let vel = match self.velocity {
             Velocity::Child => now.rotation * linear,
             Velocity::Odom => linear,
             Velocity::Pose => difference
-                .map(|(last, step)| (now.translation.vector - last.odom_from_child.translation.vector) / *step)?,
+                .map(|(last, step)| (now.translation.vector - last.odom_from_child.translation.vector) / step)?,
         };
         let rate = match self.rates {
             Rates::Twist => angular,
             Rates::Pose => difference
-                .map(|(last, step)| (last.odom_from_child.rotation.inverse() * now.rotation).scaled_axis() / *step)?,
+                .map(|(last, step)| (last.odom_from_child.rotation.inverse() * now.rotation).scaled_axis() / step)?,
         };
         Some((vel, rate))
     }
@@ -140,16 +137,17 @@ fn vec3(v: Vector3<f64>) -> v1::Vec3 {
     v1::Vec3 { x: v.x, y: v.y, z: v.z }
 }
 
+/// Refuses what is not below `most`: NaN too.
+fn within(value: f64, most: f64, what: &'static str) -> Result<(), MotionError> {
+    if value < most { Ok(()) } else { Err(MotionError::Implausible(what)) }
+}
+
 fn pose_of(pose: &messages::Pose) -> Result<Isometry3<f64>, MotionError> {
     let pos = vector(&pose.position);
     let q = &pose.orientation;
     let q = Quaternion::new(q.w, q.x, q.y, q.z);
-    if !(pos.norm() < MOST[0]) {
-        return Err(MotionError::Implausible("position"));
-    }
-    if !((q.norm() - 1.0).abs() < NOT_UNIT) {
-        return Err(MotionError::Implausible("orientation"));
-    }
+    within(pos.norm(), MOST_AWAY_M, "position")?;
+    within((q.norm() - 1.0).abs(), NOT_UNIT, "orientation")?;
     Ok(Isometry3::from_parts(Translation3::from(pos), UnitQuaternion::from_quaternion(q)))
 }
 

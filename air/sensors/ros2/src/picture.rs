@@ -85,14 +85,9 @@ pub fn colour(image: &Image<'_>, map: &Map) -> Result<Vec<u8>, PictureError> {
 /// # Errors
 /// It is no depth image of that camera.
 pub fn depth(image: &Image<'_>, map: &Map) -> Result<Vec<u8>, PictureError> {
-    let (pixel, millimetres): (usize, fn([u8; 4], bool) -> u16) = match image.encoding.as_str() {
-        "16UC1" | "mono16" => {
-            (2, |b, big| if big { u16::from_be_bytes([b[0], b[1]]) } else { u16::from_le_bytes([b[0], b[1]]) })
-        }
-        "32FC1" => (4, |b, big| {
-            let mm = 1000.0 * if big { f32::from_be_bytes(b) } else { f32::from_le_bytes(b) };
-            if mm > 0.0 && mm < 65_535.5 { mm.round() as u16 } else { 0 }
-        }),
+    let (metres, pixel) = match image.encoding.as_str() {
+        "16UC1" | "mono16" => (false, 2),
+        "32FC1" => (true, 4),
         other => return Err(error_of(other, "depth")),
     };
     check(image, map, pixel)?;
@@ -101,7 +96,16 @@ pub fn depth(image: &Image<'_>, map: &Map) -> Result<Vec<u8>, PictureError> {
         let at = row as usize * image.step as usize + column as usize * pixel;
         let mut bytes = [0; 4];
         bytes[..pixel].copy_from_slice(&image.data[at..at + pixel]);
-        out.extend(millimetres(bytes, image.is_bigendian != 0).to_le_bytes());
+        if image.is_bigendian != 0 {
+            bytes[..pixel].reverse();
+        }
+        let mm = if metres {
+            let mm = 1000.0 * f32::from_le_bytes(bytes);
+            if mm > 0.0 && mm < 65_535.5 { mm.round() as u16 } else { 0 }
+        } else {
+            u16::from_le_bytes([bytes[0], bytes[1]])
+        };
+        out.extend(mm.to_le_bytes());
     }
     Ok(out)
 }
@@ -251,7 +255,7 @@ mod tests {
             data in proptest::collection::vec(any::<u8>(), 0..100),
         ) {
             let encoding = ["rgb8", "bgra8", "mono8", "16UC1", "32FC1", ""][kind];
-            let image = Image { width, height, ..image(encoding, step, &data) };
+            let image = Image { height, width, ..image(encoding, step, &data) };
             let _ = colour(&image, &map());
             let _ = depth(&image, &map());
             let _ = expand(&CompressedImage { data: &data, ..CompressedImage::default() });
