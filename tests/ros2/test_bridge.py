@@ -262,7 +262,6 @@ def test_every_bad_message_is_one_line_a_kind_and_good_ones_still_pass(bridge: B
     at = len(good) - colours().size - 4
     assert struct.unpack_from("<I", absurd, at) == (colours().size,)
     struct.pack_into("<I", absurd, at, 2**31)
-    nan = odometry(now(), (math.nan, 0, 0), LEVEL, (0, 0, 0), (0, 0, 0))
     for _ in range(20):
         bridge.ros.put(COLOUR, IMAGE, good[:-1])
         bridge.ros.put(COLOUR, IMAGE, bytes(absurd))
@@ -270,7 +269,7 @@ def test_every_bad_message_is_one_line_a_kind_and_good_ones_still_pass(bridge: B
         bridge.ros.publish(COLOUR, IMAGE, image(now() - 3600 * 10**9, "rgb8", colours()))
         bridge.ros.publish(COLOUR, IMAGE, image(now(), "yuv422", colours()))
         bridge.ros.publish(DEPTH, IMAGE, image(now(), "16UC1", depths_mm()[:, :100]))
-        bridge.ros.publish(ODOMETRY, MOTION, nan)
+        bridge.ros.publish(ODOMETRY, MOTION, odometry(now(), (math.nan, 0, 0), LEVEL, (0, 0, 0), (0, 0, 0)))
         bridge.ros.put(ODOMETRY, MOTION, b"\0\1\0\0")
         time.sleep(0.02)
     bridge.ros.publish(INFO, CAMERA_INFO, camera_info(now(), distortion_model="equidistant", d=np.ones(4)))
@@ -283,7 +282,7 @@ def test_every_bad_message_is_one_line_a_kind_and_good_ones_still_pass(bridge: B
     ]:  # fmt: skip
         until(lambda line=line: re.search(line, bridge.said()), line)
     lines = [line for line in bridge.said().splitlines() if " refused: " in line and " × " not in line]
-    kinds = {"colour": 4, "depth": 2, "odometry": 2, "camera_info": 1}
+    kinds = {"colour": 4, "depth": 3, "odometry": 3, "camera_info": 1}  # a busy computer may add an old stamp
     assert all(sum(f"{what} refused" in line for line in lines) <= most for what, most in kinds.items()), lines
     assert vehicle.motions == []
     vehicle.images.clear()
