@@ -214,6 +214,9 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "goshawk.md": ground_page,
     "goshawk-air.md": lambda: rust_page("goshawk-air", "The onboard process, in `target/release` after `make build`."),
     "goshawk-sim.md": lambda: rust_page("goshawk-sim", "The simulator, in `target/release` after `make build`."),
+    "goshawk-ros2.md": lambda: rust_page(
+        "goshawk-ros2", "The bridge to ROS 2, in `target/release` after `make build`."
+    ),
     "wire.md": wire_page,
     "log-channels.md": log_page,
     "vehicle-file.md": lambda: _run("goshawk-air", "parameters"),

@@ -5,14 +5,17 @@ from __future__ import annotations
 import datetime
 import io
 import struct
+import sys
 from pathlib import Path
 
+import numpy as np
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.writer import CompressionType, Writer
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = Path(__file__).resolve().parent / "corpus"
@@ -138,12 +141,39 @@ def _identity() -> None:
     _put("identity", "access.toml", b'operators = ["alice"]\nobservers = ["bob", "eve-2"]\n')
 
 
+def _ros2() -> None:
+    """Messages as rosbags writes them, of a camera of 24 x 15 and of one moment."""
+    sys.path.append(str(ROOT / "tests/ros2"))
+    from pictures import camera_info, compressed, image, odometry
+    from ros_peer import STORE, new
+
+    stamp_ns, width, height = 1_700_000_000_000_000_000, 24, 15
+    rgb = np.arange(3 * width * height, dtype=np.uint32).reshape(height, width, 3).astype(np.uint8)
+    depth = 1000 + np.arange(width * height, dtype="<u2").reshape(height, width)
+    png = io.BytesIO()
+    Image.fromarray(rgb).save(png, "PNG")
+    k = np.array([12, 0, 11.5, 0, 12, 7, 0, 0, 1.0])
+    moved = odometry(stamp_ns, (1, 2, 3), (0, 0, 0, 1), (0.5, 0, 0), (0, 0, 0.1))
+    messages = {
+        "camera_info": ("sensor_msgs/msg/CameraInfo", camera_info(stamp_ns, width=width, height=height, k=k)),
+        "colour": ("sensor_msgs/msg/Image", image(stamp_ns, "rgb8", rgb)),
+        "depth": ("sensor_msgs/msg/Image", image(stamp_ns, "16UC1", depth)),
+        "depth_m": ("sensor_msgs/msg/Image", image(stamp_ns, "32FC1", (1e-3 * depth).astype("<f4"))),
+        "compressed": ("sensor_msgs/msg/CompressedImage", compressed(stamp_ns, "rgb8; png compressed", png.getvalue())),
+        "odometry": ("nav_msgs/msg/Odometry", moved),
+        "pose": ("geometry_msgs/msg/PoseStamped", new(
+            "geometry_msgs/msg/PoseStamped", header=moved.header, pose=moved.pose.pose)),
+    }  # fmt: skip
+    for name, (kind, message) in messages.items():
+        _put("ros2", name, bytes(STORE.serialize_cdr(message, kind)))
+
+
 def main() -> None:
     """Writes the seeds; those that a crash left (`crash-*`) stay."""
     for path in CORPUS.glob("*/*"):
         if not path.name.startswith("crash-"):
             path.unlink()
-    for make in [_mavlink, _messages, _mcap, _clouds, _texts, _identity]:
+    for make in [_mavlink, _messages, _mcap, _clouds, _texts, _identity, _ros2]:
         make()
 
 

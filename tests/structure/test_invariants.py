@@ -36,7 +36,8 @@ def test_nothing_depends_on_the_onboard_process() -> None:
     [
         ("mcap", {"goshawk-recorder"}),
         ("ort", {"goshawk-policy"}),
-        ("zenoh", {"goshawk-air", "goshawk-bus", "goshawk-sim"}),
+        ("zenoh", {"goshawk-air", "goshawk-bus", "goshawk-ros2", "goshawk-sim"}),
+        ("cdr-encoding", {"goshawk-ros2"}),
         ("mavlink", {"goshawk-autopilot", "goshawk-sim"}),
     ],
 )

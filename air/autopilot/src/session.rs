@@ -4,3 +4,4 @@ pub mod config;
 pub(crate) mod endpoint;
 pub mod link;
 pub(crate) mod receive;
+pub mod vision;

@@ -5,3 +5,4 @@ pub mod control;
 pub mod planning;
 pub mod realtime;
 pub mod shared;
+pub mod vision;

@@ -22,6 +22,7 @@ use crate::flight::control::Control;
 use crate::flight::planning::Planning;
 use crate::flight::realtime::{self, Schedule};
 use crate::flight::shared::Shared;
+use crate::flight::vision;
 use crate::network::access::{Access, Guard};
 use crate::network::commands;
 use crate::network::visitors::Visitors;
@@ -105,6 +106,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     let _alive = bus.declare_alive()?;
     tracing::info!("listening on {}; policy {}", access.endpoints(), model.display());
 
+    let sight = vehicle.autopilot.vision().map(|message| (message, Arc::clone(&link)));
     let r = &vehicle.realtime;
     let control = Control {
         controller,
@@ -121,7 +123,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     {
         tracing::warn!("{why}");
     }
-    let threads = [
+    let mut threads = vec![
         spawn("control", &shared, move |shared| control.run(shared))?,
         spawn("planner", &shared, move |shared| planning.run(shared))?,
         spawn("telemetry", &shared, move |shared| telemetry.run(&reports, shared))?,
@@ -129,6 +131,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         spawn("answers", &shared, move |shared| commands::send(&unsent, shared))?,
         spawn("ping", &shared, move |shared| commands::serve_pings(&pinged, shared))?,
     ];
+    if let Some((message, link)) = sight {
+        threads.push(spawn("vision", &shared, move |shared| vision::send(message, &link, shared))?);
+    }
     wait(&shared, threads)
 }
 
@@ -154,7 +159,7 @@ fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + '
         .wrap_err_with(|| format!("cannot start the {name} thread"))
 }
 
-fn wait(shared: &Shared, threads: [JoinHandle<()>; 6]) -> Result<()> {
+fn wait(shared: &Shared, threads: Vec<JoinHandle<()>>) -> Result<()> {
     let asked_to_stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&asked_to_stop)).wrap_err("cannot handle signals")?;
@@ -201,9 +206,14 @@ fn subscribe(bus: &Bus, vehicle: &Vehicle, shared: &Arc<Shared>) -> Result<()> {
     let camera = CameraInput::new(vehicle.camera.rates());
     bus.subscribe(Key::Rgbd, move |payload, source| camera.take(&frames, payload, source, clock::now()))?;
     if vehicle.sensors.odometry == OdometrySource::Zenoh {
-        let samples = Arc::clone(shared);
+        let (samples, sent_on) = (Arc::clone(shared), vehicle.autopilot.vision().is_some());
         bus.subscribe(Key::Odometry, move |payload, _| match sensors::odometry(payload, clock::now()) {
-            Ok(sample) => samples.odometry.put(sample),
+            Ok(sample) => {
+                samples.odometry.put(sample);
+                if sent_on {
+                    samples.vision.put(Arc::new(sample));
+                }
+            }
             Err(_) => samples.refused_odometry.count(),
         })?;
     }

@@ -18,7 +18,7 @@ pub mod reference;
 mod schema;
 mod sections;
 
-pub use autopilot::Autopilot;
+pub use autopilot::{Autopilot, VISION_HZ};
 pub use sections::{Camera, Network, OdometrySource, Policy, Realtime, Recorder, Sensors};
 
 use sections::ProfileRow;
@@ -151,7 +151,7 @@ impl Vehicle {
                 self.policy.sha256
             ));
         }
-        self.autopilot.validate(self.realtime.controller_rate_hz)?;
+        self.autopilot.validate(self.realtime.controller_rate_hz, self.sensors.odometry)?;
         if self.network.listen.is_empty() {
             return Err(
                 "network.listen is empty; name at least one endpoint, such as \"tcp/127.0.0.1:7447\"".to_owned()

@@ -13,7 +13,15 @@ use goshawk_core::Time;
 use goshawk_fuzz::run;
 use goshawk_policy::Contract;
 use goshawk_proto::keys::{Key, VehicleName};
+use goshawk_proto::v1;
 use goshawk_recorder::LogReader;
+use goshawk_ros2 as ros2;
+use goshawk_ros2::bridge;
+use goshawk_ros2::camera::{Camera, Packing};
+use goshawk_ros2::clock::Clocks;
+use goshawk_ros2::config::Kind;
+use goshawk_ros2::motion::Motion;
+use goshawk_ros2::pairing::Side;
 use goshawk_sim::world::cloud::{self, CloudError};
 use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::desk;
@@ -122,6 +130,42 @@ fn sensors() {
             assert!((o.world_from_body.norm() - 1.0).abs() < 1e-6, "{o:?}");
         }
         taken
+    });
+}
+
+/// When the seeds of `ros2` were stamped.
+const THEN: Clocks = Clocks { monotonic: NOW.0 as i64, system: 1_700_000_000_000_000_000 };
+
+#[test]
+fn ros2() {
+    let config = ros2::config::Config::load(&root().join("air/sensors/ros2/ros2.toml")).unwrap();
+    let small = ros2::config::Camera { width: 16, height: 10, ..config.camera.unwrap() };
+    let setup = config.odometry.unwrap();
+    let good = fs::read(root().join("tests/fuzz/corpus/ros2/camera_info")).unwrap();
+    run("ros2", scratch(), |bytes| {
+        let lens = Camera::new(&small).info(bytes).is_ok();
+        let camera = Camera::new(&small);
+        camera.info(&good).unwrap();
+        let [colour, depth, compressed] =
+            [(Side::Colour, Packing::Raw), (Side::Depth, Packing::Raw), (Side::Colour, Packing::Compressed)].map(
+                |(side, packing)| match camera.take(side, packing, bytes, &THEN) {
+                    Ok(pair) => {
+                        let fits = |m: &v1::Rgbd| (m.rgb.len(), m.depth_mm.len()) == (3 * 160, 2 * 160);
+                        assert!(pair.as_ref().is_none_or(fits), "{pair:?}");
+                        true
+                    }
+                    Err(why) => refused(&why),
+                },
+            );
+        let [odometry, pose] = [Kind::Odometry, Kind::Pose].map(|kind| {
+            let moved = bridge::moved(&mut Motion::new(&setup), kind, bytes, &THEN);
+            if let Ok(Some(m)) = &moved {
+                let vectors = [m.pos_world, m.vel_world, m.ang_vel_body];
+                assert!(vectors.iter().flatten().all(|v| (v.x + v.y + v.z).is_finite()), "{m:?}");
+            }
+            moved.is_ok()
+        });
+        [lens, colour, depth, compressed, odometry, pose]
     });
 }
 

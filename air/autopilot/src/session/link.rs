@@ -7,6 +7,7 @@ use crate::frames::ned_from_frd;
 use crate::messages::{AttitudeTargetTypemask, MavMessage, SET_ATTITUDE_TARGET_DATA};
 use crate::session::config::LinkConfig;
 use crate::session::endpoint::Endpoint;
+use crate::session::vision::{VisionMessage, vision_message};
 use crate::state::status::{Status, StatusText};
 use crate::wire::address::Peer;
 use crate::wire::error::AutopilotError;
@@ -137,6 +138,14 @@ impl AutopilotLink {
         let target = (config.target_system, config.target_component);
         let message = setpoint_message(setpoint, self.endpoint.now(), target)?;
         Ok(self.endpoint.encoder().encode_in(Stream::Setpoints, &message))
+    }
+
+    /// Sends an estimate of ours to the autopilot's own estimator. Not for the control thread: it may wait for the line.
+    ///
+    /// # Errors
+    /// No peer is known, or the message did not go out (counted; the next one may).
+    pub fn send_vision(&self, message: VisionMessage, estimate: &Odometry) -> Result<(), AutopilotError> {
+        self.endpoint.send(self.peer().ok_or(AutopilotError::NoPeer)?, &vision_message(message, estimate))
     }
 
     /// Asks what the controller wants. Repeated until answered; see [`Self::take_acks`].

@@ -105,6 +105,8 @@ pub struct Shared {
     pub plan: Latest<Plan>,
     /// Newest odometry from Zenoh, where the vehicle takes it from there.
     pub odometry: Latest<Odometry>,
+    /// The same, for the autopilot, where it is sent on.
+    pub vision: Slot<Odometry>,
     /// What the planner plans for.
     pub demand: Latest<PlanningDemand>,
     /// Counts accepted starts: with each the planner forgets what was before.
@@ -138,6 +140,7 @@ impl Shared {
             frame: Slot::default(),
             plan: Latest::default(),
             odometry: Latest::default(),
+            vision: Slot::default(),
             demand: Latest::default(),
             flight: AtomicU64::new(0),
             history: Mutex::new(History::new()),

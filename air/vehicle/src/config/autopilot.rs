@@ -4,9 +4,11 @@ use std::fmt::Display;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use goshawk_autopilot::{Address, Firmware, Guided, Pin};
+use goshawk_autopilot::{Address, Firmware, Guided, Pin, VisionMessage};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
+
+use super::sections::OdometrySource;
 
 /// Where the autopilot is, which one it is, and who we are.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -40,6 +42,15 @@ pub struct Autopilot {
     pub target_component: u8,
     /// The key of MAVLink 2 signing, 32 bytes, relative to this file; absent: nothing is signed.
     pub signing_key_file: Option<PathBuf>,
+    /// The message by which the odometry of `in/odometry` goes on to the autopilot's own estimator; absent: it does not.
+    vision: Option<VisionName>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+enum VisionName {
+    Odometry,
+    VisionPositionEstimate,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
@@ -68,8 +79,17 @@ impl Autopilot {
         }
     }
 
+    /// The message by which odometry of our own goes on to the autopilot, if it does.
+    #[must_use]
+    pub fn vision(&self) -> Option<VisionMessage> {
+        self.vision.map(|name| match name {
+            VisionName::Odometry => VisionMessage::Odometry,
+            VisionName::VisionPositionEstimate => VisionMessage::PositionEstimate,
+        })
+    }
+
     /// Checks what its keys do not say alone; `rate_hz`: setpoints a second.
-    pub(super) fn validate(&self, rate_hz: f64) -> Result<(), String> {
+    pub(super) fn validate(&self, rate_hz: f64, odometry: OdometrySource) -> Result<(), String> {
         if self.firmware == FirmwareName::Px4 && self.guided.is_some() {
             return Err(
                 "autopilot.guided is a mode of ArduPilot: set firmware = \"ardupilot\" or leave it out".to_owned()
@@ -80,11 +100,17 @@ impl Autopilot {
                 "autopilot.peer is for a udpin: link, others name their other end themselves: leave it out".to_owned()
             );
         }
+        if self.vision.is_some() && odometry != OdometrySource::Zenoh {
+            return Err("autopilot.vision sends odometry of our own: set sensors.odometry = \"zenoh\" or leave it out"
+                .to_owned());
+        }
         if let Address::Serial { baud, .. } = self.link {
-            let needed = rate_hz * SETPOINT_BYTES * SERIAL_BITS / SERIAL_SHARE;
+            let (what, vision) =
+                if self.vision.is_some() { (" and odometry", VISION_BYTES * VISION_HZ) } else { ("", 0.0) };
+            let needed = (rate_hz * SETPOINT_BYTES + vision) * SERIAL_BITS / SERIAL_SHARE;
             if f64::from(baud) < needed {
                 return Err(format!(
-                    "autopilot.link: {baud} bit/s is too slow for {rate_hz} setpoints a second, which need {needed:.0}: \
+                    "autopilot.link: {baud} bit/s is too slow for {rate_hz} setpoints a second{what}, which need {needed:.0}: \
                      raise the port's speed (921600 is usual), here and in the autopilot"
                 ));
             }
@@ -95,6 +121,10 @@ impl Autopilot {
 
 /// A signed SET_ATTITUDE_TARGET.
 const SETPOINT_BYTES: f64 = 64.0;
+/// A signed ODOMETRY, the larger of the two that carry odometry of ours.
+const VISION_BYTES: f64 = 258.0;
+/// Odometry of ours that goes on to the autopilot, most a second: PX4 asks for 30 to 50.
+pub const VISION_HZ: f64 = 50.0;
 /// On a serial line a byte takes a start and a stop bit.
 const SERIAL_BITS: f64 = 10.0;
 /// Of a serial line's speed, for setpoints at most: beside them go answers and questions. Chosen by eye.
