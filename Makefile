@@ -19,7 +19,7 @@ PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --overri
 TORCH := $(if $(TORCH_INDEX),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --index-url $(TORCH_INDEX) \
   $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt),$(INSTALL) -r ground/train/torch/requirements.txt)
 
-.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python test-install lint docs pins deny fuzz bench chaos train wheel deb image
+.PHONY: help setup setup-train setup-rerun setup-test build demo test test-rust test-python test-install lint docs pins deny fuzz bench chaos train wheel deb image release
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -77,10 +77,14 @@ deb: build | $(UV) ## the onboard process and the simulator as Debian packages, 
 	air/deb/build.sh $(ARCH) $(BUILT) dist
 
 image: deb ## the onboard half as a container image, from its package (needs buildah)
-	buildah build -q --build-arg DEB=$$(cd dist && ls goshawk-air_*_$(ARCH).deb) --arch $(ARCH) -t goshawk-air -f air/deb/Containerfile dist
+	buildah build --arch $(ARCH) --build-arg DEB=$$(cd dist && ls goshawk-air_*_$(ARCH).deb) -t goshawk-air -f air/deb/Containerfile dist
 
 test-install: wheel deb ## wheel and packages in a Debian that has nothing else, where they fly the demo (needs root, debootstrap)
 	tests/install/clean_root.sh dist
+
+release: ## the files in dist as the release TAG=v…, which must be the version that they have (CI calls it)
+	@test "$(TAG)" = "v$$(sed -n 's/^version = "\([^"]*\)".*/\1/p' pyproject.toml)" || { echo "TAG=$(TAG) is not the version in pyproject.toml"; exit 1; }
+	gh release create $(TAG) --verify-tag --generate-notes dist/*.whl dist/*.deb
 
 demo: setup ## simulator, vehicle and ground station: a chase through a forest (SEED=n, HEADLESS=1)
 	$(VENV)/bin/goshawk demo --seed $(SEED) $(if $(HEADLESS),--headless)
