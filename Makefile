@@ -13,7 +13,7 @@ BUILT := target/$(if $(CROSS),$(CROSS)/)release
 VENV := .venv
 UV := $(VENV)/bin/uv
 # Only what the requirements name by its hash is installed; our own packages bring nothing with them.
-INSTALL := $(UV) pip install -q --python $(VENV)/bin/python --require-hashes
+INSTALL := $(UV) pip install -q --python $(VENV)/bin/python --require-hashes --override ground/train/overrides.txt
 INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-build-isolation
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --override ground/train/overrides.txt
 TORCH := $(if $(TORCH_INDEX),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --index-url $(TORCH_INDEX) \

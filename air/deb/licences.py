@@ -11,7 +11,7 @@ TEXTS = ("LICEN[CS]E*", "COPYING*", "NOTICE*", "COPYRIGHT*")
 
 
 def _cargo(*arguments: str) -> str:
-    return subprocess.run(["cargo", *arguments, "--locked", "--offline"], check=True, capture_output=True, text=True).stdout
+    return subprocess.check_output(["cargo", *arguments, "--locked", "--offline"], text=True)
 
 
 def main(program: str) -> None:

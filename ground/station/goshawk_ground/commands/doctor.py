@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from goshawk_ground import places
 from goshawk_ground.commands.options import (
     NO_REPLY,
     REFUSED,
@@ -23,6 +22,7 @@ from goshawk_ground.commands.options import (
     fail,
     print_json,
 )
+from goshawk_ground.demo import places
 from goshawk_ground.doctor.findings import Finding, State
 from goshawk_ground.doctor.ground import OURS, version
 from goshawk_ground.doctor.link import link_findings, measure
@@ -40,7 +40,7 @@ def doctor(
     offline: Annotated[bool, typer.Option("--offline", help="Leave the vehicle out.")] = False,
     role: Annotated[
         Role | None,
-        typer.Option(help="What this machine is for; absent: developer in a checkout, else laptop.", show_default=False),
+        typer.Option(help="What this machine is for; absent: developer in a checkout, else laptop."),
     ] = None,
     bin_dir: BinDir = None,
     as_json: Json = False,
@@ -76,6 +76,6 @@ def _print(findings: list[Finding]) -> None:
 def register(app: typer.Typer) -> None:
     """Adds the command to the `goshawk` command."""
     app.command(
-        epilog="Examples: goshawk doctor --offline | goshawk doctor --role vehicle | goshawk doctor --connect tcp/192.168.1.7:7447 | "
-        "goshawk doctor --json | jq .ok"
+        epilog="Examples: goshawk doctor --offline | goshawk doctor --role vehicle | "
+        "goshawk doctor --connect tcp/192.168.1.7:7447 | goshawk doctor --json | jq .ok"
     )(doctor)

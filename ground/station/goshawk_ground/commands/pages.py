@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from goshawk_ground import places
 from goshawk_ground.commands.options import (
     NO_REPLY,
     REFUSED,
@@ -26,6 +25,7 @@ from goshawk_ground.commands.options import (
     fail,
 )
 from goshawk_ground.commands.stopping import until_interrupted
+from goshawk_ground.demo import places
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 from goshawk_ground.orders.stop_file import state_folder
 from goshawk_ground.orders.stop_latch import RESUME_S

@@ -19,7 +19,7 @@ from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
 from rich.console import Console
 
-from goshawk_ground import places
+from goshawk_ground.demo import places
 from goshawk_ground.demo.children import Child, stop_all
 from goshawk_ground.demo.director import Action, Director, Limits, Phase
 from goshawk_ground.demo.flight_record import FlightRecord, Summary

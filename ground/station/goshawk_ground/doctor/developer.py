@@ -13,7 +13,7 @@ from goshawk_ground.doctor.programs import AIR, SIM, onnxruntime, program
 
 EXTRAS = {
     "goshawk-train": "`goshawk train`, `dataset`, `campaign` (not `report`, `compare`) need it: make setup-train",
-    "rerun-sdk": "`goshawk export --format rerun` needs it: make setup-rerun",
+    "rerun-sdk": "`goshawk export --format rerun` needs it: make setup-rerun, or the extra goshawk[rerun]",
 }
 TOOLS = {
     "cargo": "it builds the programs: install Rust (see README)",
