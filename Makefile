@@ -69,8 +69,9 @@ build:
 	cargo build --release --locked --bins $(if $(CROSS),--target $(CROSS))
 
 wheel: | $(UV) ## the ground half as one Python package, in dist: for pipx or uvx
-	rm -rf build
+	@rm -rf build
 	$(UV) build -q --wheel --no-build-isolation --python $(VENV)/bin/python -o dist .
+	@rm -rf build # what an earlier one left would be packed too
 	@ls dist/*.whl
 
 deb: build | $(UV) ## the onboard process and the simulator as Debian packages, in dist (ARCH=amd64 or arm64)
