@@ -4,21 +4,30 @@ SHELL := /bin/bash
 PYTHON ?= python3.11
 SEED ?= 1
 N ?= 10000
+HOST := $(shell dpkg --print-architecture 2>/dev/null)
+ARCH ?= $(HOST)
+# Built for the other processor: only a 64-bit ARM is built for elsewhere.
+CROSS := $(if $(filter-out $(HOST),$(ARCH)),aarch64-unknown-linux-gnu)
+export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER := $(if $(CROSS),aarch64-linux-gnu-gcc,cc)
+BUILT := target/$(if $(CROSS),$(CROSS)/)release
 VENV := .venv
 UV := $(VENV)/bin/uv
 # Only what the requirements name by its hash is installed; our own packages bring nothing with them.
-INSTALL := $(UV) pip install -q --python $(VENV)/bin/python --require-hashes
+INSTALL := $(UV) pip install -q --python $(VENV)/bin/python --require-hashes --override ground/train/overrides.txt
 INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-build-isolation
-PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes
-PACKAGES := -e proto -e dashboards -e ground/station
+PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --override ground/train/overrides.txt
+TORCH := $(if $(TORCH_INDEX),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --index-url $(TORCH_INDEX) \
+  $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt),$(INSTALL) -r ground/train/torch/requirements.txt)
 
-.PHONY: help setup setup-camera setup-train setup-rerun setup-test build demo sitl test test-rust test-python lint docs pins deny fuzz bench chaos train
+.PHONY: help setup setup-camera setup-train setup-rerun setup-test build demo sitl test test-rust test-python test-install lint docs pins deny fuzz bench chaos train wheel deb image release
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 	@echo
 	@echo "  HEADLESS=1 make demo     fly without waiting: exit status 0 only if the flight succeeded"
 	@echo "  SEED=7 make demo         another forest, another target"
+	@echo "  ARCH=arm64 make deb      for the other processor (amd64, arm64)"
+	@echo "  TORCH_INDEX=… make setup-train   torch without CUDA, from the index of PyTorch's own CPU builds"
 
 $(UV):
 	@command -v cargo >/dev/null || { echo "cargo is missing: install Rust (see README)"; exit 1; }
@@ -26,13 +35,14 @@ $(UV):
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip -q install --disable-pip-version-check --require-hashes -r ground/bootstrap/requirements.txt
 
-$(VENV)/.station: ground/requirements.txt proto/pyproject.toml dashboards/pyproject.toml ground/station/pyproject.toml | $(UV)
+$(VENV)/.station: ground/requirements.txt pyproject.toml | $(UV)
 	$(INSTALL) -r ground/requirements.txt
-	$(INSTALL_OWN) $(PACKAGES)
+	$(INSTALL_OWN) -e .
 	@touch $@
 
-$(VENV)/.train: ground/train/requirements.txt ground/train/pyproject.toml $(VENV)/.station
+$(VENV)/.train: ground/train/requirements.txt ground/train/torch/requirements.txt ground/train/pyproject.toml $(VENV)/.station
 	$(INSTALL) -r ground/train/requirements.txt
+	$(TORCH)
 	$(INSTALL_OWN) -e ground/train
 	@touch $@
 
@@ -63,7 +73,26 @@ setup-rerun: $(VENV)/.rerun ## what `goshawk export --format rerun` needs (700 M
 setup-test: $(VENV)/.test ## everything that the tests need
 
 build:
-	cargo build --release --locked --bins
+	cargo build --release --locked --bins $(if $(CROSS),--target $(CROSS))
+
+wheel: | $(UV) ## the ground half as one Python package, in dist: for pipx or uvx
+	@rm -rf build
+	$(UV) build -q --wheel --no-build-isolation --python $(VENV)/bin/python -o dist .
+	@rm -rf build # what an earlier one left would be packed too
+	@ls dist/*.whl
+
+deb: build | $(UV) ## the onboard process and the simulator as Debian packages, in dist (ARCH=amd64 or arm64)
+	air/deb/build.sh $(ARCH) $(BUILT) dist
+
+image: deb ## the onboard half as a container image, from its package (needs buildah)
+	buildah build --arch $(ARCH) --build-arg DEB=$$(cd dist && ls goshawk-air_*_$(ARCH).deb) -t goshawk-air -f air/deb/Containerfile dist
+
+test-install: wheel deb ## wheel and packages in a Debian that has nothing else, where they fly the demo (needs root, debootstrap)
+	tests/install/clean_root.sh dist
+
+release: ## the files in dist as the release TAG=v…, which must be the version that they have (CI calls it)
+	@test "$(TAG)" = "v$$(sed -n 's/^version = "\([^"]*\)".*/\1/p' pyproject.toml)" || { echo "TAG=$(TAG) is not the version in pyproject.toml"; exit 1; }
+	gh release create $(TAG) --verify-tag --generate-notes dist/*.whl dist/*.deb
 
 demo: setup ## simulator, vehicle and ground station: a chase through a forest (SEED=n, HEADLESS=1)
 	$(VENV)/bin/goshawk demo --seed $(SEED) $(if $(HEADLESS),--headless)
@@ -92,7 +121,7 @@ test-python: setup-test build
 
 pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt
-	for f in ground/bootstrap ground ground/rerun ground/train air/sensors; do \
+	for f in ground/bootstrap ground ground/rerun ground/train ground/train/torch air/sensors; do \
 	  $(PIN) $(if $(UPGRADE),--upgrade) $$f/requirements.in -c tests/requirements.txt -o $$f/requirements.txt || exit 1; done
 
 deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (which it installs)

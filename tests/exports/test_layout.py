@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
-from goshawk_dashboards.exports import Exported, Format
+from goshawk_dashboards.exports import FOXGLOVE_LAYOUT, Exported, Format
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-ROOT = Path(__file__).resolve().parents[2]
-LAYOUT = json.loads((ROOT / "dashboards/foxglove/goshawk.json").read_text(encoding="utf-8"))
+LAYOUT = json.loads(FOXGLOVE_LAYOUT.read_text(encoding="utf-8"))
 PANELS: dict[str, dict[str, Any]] = LAYOUT["configById"]
 KINDS = {
     "/scene": "foxglove.SceneUpdate",

@@ -141,7 +141,18 @@ def test_the_top_level_is_the_design_and_nothing_else() -> None:
         "Cargo.toml", "Cargo.lock", "Makefile", "README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md",
         "LICENSE", "deny.toml", "clippy.toml", "rustfmt.toml", "rust-toolchain.toml", "pyproject.toml", ".gitignore",
     }  # fmt: skip
-    assert top <= files | {"air", "ground", "proto", "dashboards", "tests", "docs", "examples", ".ci", ".cargo"}
+    assert top <= files | {
+        "air",
+        "ground",
+        "proto",
+        "dashboards",
+        "tests",
+        "docs",
+        "examples",
+        ".ci",
+        ".cargo",
+        ".github",
+    }
 
 
 def test_no_file_is_over_15_megabytes() -> None:

@@ -4,7 +4,7 @@ The log's channels are copied under their topic with a leading slash, which old 
 Foxglove's schemas: ``/tf``, ``/tf_static``, ``/vehicle/pose``, ``/camera/image``, ``/camera/depth``,
 ``/camera/calibration``, ``/scene/vehicle``, ``/scene/plan``, ``/scene/target``, ``/scene/truth``, ``/scene/path``,
 ``/remembered`` and ``/log``.
-The layout that shows them is ``dashboards/foxglove/goshawk.json``.
+The layout that shows them is ``foxglove-layout.json`` beside this file.
 """
 
 from __future__ import annotations

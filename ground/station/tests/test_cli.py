@@ -138,14 +138,16 @@ def test_a_training_without_its_configuration_is_one_clear_line(tmp_path: Path) 
     assert one_line(done.stderr).startswith(f"goshawk train run: {missing}: ")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["status", "--help"], ["train", "--help"], ["campaign", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["status", "--help"], ["train", "--help"], ["campaign", "--help"], ["dataset", "--help"]]
+)
 def test_no_command_waits_for_torch_that_does_not_need_it(arguments: list[str]) -> None:
     code = "import sys\nfrom goshawk_ground.cli import app\ntry: app(sys.argv[1:])\n"
     code += "finally: print(*sorted({'torch', 'goshawk_train'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     loaded = done.stdout.splitlines()[-1].split()
     assert "torch" not in loaded
-    assert ("goshawk_train" in loaded) == (arguments[0] in ("train", "campaign"))
+    assert ("goshawk_train" in loaded) == (arguments[0] in ("train", "campaign", "dataset"))
 
 
 @pytest.mark.parametrize("group", ["train", "dataset", "campaign"])
@@ -159,6 +161,13 @@ def test_without_the_trainer_its_help_and_its_commands_say_how_to_install_it(
     done = CliRunner().invoke(app, [group, "any", "--option"])
     assert done.exit_code == 2
     assert one_line(done.stderr) == f"goshawk: no {group} any: the trainer is not installed: make setup-train"
+
+
+@pytest.mark.parametrize("group", ["train", "dataset", "campaign"])
+def test_help_is_given_where_there_is_no_torch(group: str) -> None:
+    code = "import sys; sys.modules['torch'] = None; from goshawk_ground.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code, group, "--help"], capture_output=True, text=True, check=True)
+    assert "Commands" in done.stdout and "setup-train" not in done.stdout
 
 
 def test_a_library_that_the_trainer_lacks_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

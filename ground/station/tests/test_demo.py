@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from goshawk_ground.demo import places
 
 ROOT = Path(__file__).resolve().parents[3]
 FAKE = ROOT / "tests/browser/fake_vehicle.py"
@@ -107,4 +108,17 @@ def test_missing_binaries_are_one_clear_line(tmp_path: Path) -> None:
     output, _ = process.communicate(timeout=30)
     assert process.returncode == 1
     assert output.strip().splitlines()[-1].startswith("goshawk: ")
-    assert "make setup" in output
+    assert "make setup" in output and "the package goshawk-sim" in output
+
+
+def test_outside_a_checkout_the_packages_programs_and_files_are_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bin_dir = stand_ins(tmp_path / "bin", air=SLEEPER)
+    monkeypatch.setenv("PATH", f"{bin_dir}:{os.environ['PATH']}")
+    monkeypatch.chdir(ROOT)
+    assert places.programs() == Path("target/release")
+    assert places.vehicle_file("sim.toml") == Path("air/vehicles/sim.toml")
+    monkeypatch.chdir(tmp_path)
+    assert places.programs() == bin_dir
+    assert places.vehicle_file("sim.toml") == places.PACKAGED / "sim.toml"

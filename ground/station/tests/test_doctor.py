@@ -12,9 +12,12 @@ from typing import Any
 
 import pytest
 from goshawk_ground.cli import app
-from goshawk_ground.doctor import findings as doctor
-from goshawk_ground.doctor.findings import Finding, State, local_findings
+from goshawk_ground.doctor import ground, vehicle
+from goshawk_ground.doctor.findings import Finding, State
 from goshawk_ground.doctor.link import LinkFacts, link_findings
+from goshawk_ground.doctor.programs import AIR, SIM
+from goshawk_ground.doctor.roles import Role, local_findings
+from goshawk_ground.pages.ports import is_free
 from typer.testing import CliRunner
 
 Fakes = Callable[..., Any]
@@ -46,11 +49,11 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A source tree with both programs built after their source, and a wheel of ONNX Runtime."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("VIRTUAL_ENV", raising=False)
-    monkeypatch.setattr(doctor, "is_free", all_free)
-    (tmp_path / "air").mkdir()
+    monkeypatch.setattr(ground, "is_free", all_free)
+    (tmp_path / "air/vehicles").mkdir(parents=True)
     (tmp_path / "air/main.rs").write_text("fn main() {}")
     (tmp_path / "bin").mkdir()
-    for name in doctor.BINARIES:
+    for name in (AIR, SIM):
         program = tmp_path / "bin" / name
         program.write_text(f"#!/bin/sh\necho {name} 9.9\n")
         program.chmod(0o755)
@@ -61,16 +64,17 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_every_line_that_is_not_ok_says_what_to_do(tree: Path) -> None:
-    for name in doctor.BINARIES:
+@pytest.mark.parametrize("role", Role)
+def test_every_line_that_is_not_ok_says_what_to_do(tree: Path, role: Role) -> None:
+    for name in (AIR, SIM):
         (tree / "bin" / name).unlink()
-    findings = [*local_findings(tree / "bin"), *link_findings(facts(reachable=False), "0.1.0")]
+    findings = [*local_findings(role, tree / "bin"), *link_findings(facts(reachable=False), "0.1.0")]
     assert {finding.state for finding in findings} >= {State.OK, State.BAD}
     assert all(bool(finding.todo) == (finding.state is not State.OK) for finding in findings)
 
 
 def test_programs_are_run_for_their_version(tree: Path) -> None:
-    found = by_name(list(local_findings(tree / "bin")))
+    found = by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))
     assert found["goshawk-air"].state is State.OK
     assert "goshawk-air 9.9" in found["goshawk-air"].text
 
@@ -81,7 +85,7 @@ def test_a_program_older_than_its_source_is_told(tree: Path) -> None:
     import os
 
     os.utime(source, (newest, newest))
-    found = by_name(list(local_findings(tree / "bin")))
+    found = by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))
     assert found["goshawk-air"].state is State.NOTE
     assert "air/main.rs" in found["goshawk-air"].text
 
@@ -89,23 +93,61 @@ def test_a_program_older_than_its_source_is_told(tree: Path) -> None:
 def test_a_missing_or_broken_program_is_broken(tree: Path) -> None:
     (tree / "bin/goshawk-air").unlink()
     (tree / "bin/goshawk-sim").write_text("#!/bin/sh\nexit 3\n")
-    found = by_name(list(local_findings(tree / "bin")))
+    found = by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))
     assert (found["goshawk-air"].state, found["goshawk-sim"].state) == (State.BAD, State.BAD)
     assert "make build" in found["goshawk-air"].todo
 
 
+def test_a_laptop_without_the_programs_is_well_and_a_vehicle_is_not(tree: Path) -> None:
+    (tree / "bin/goshawk-air").unlink()
+    laptop = by_name(list(local_findings(Role.LAPTOP, tree / "bin")))
+    on_vehicle = by_name(list(local_findings(Role.VEHICLE, tree / "bin")))
+    assert (laptop["goshawk-air"].state, on_vehicle["goshawk-air"].state) == (State.NOTE, State.BAD)
+    assert "goshawk-sim" not in on_vehicle and "ONNX Runtime" not in laptop
+
+
+def test_a_linked_program_has_its_library_beside_what_it_is_linked_to(tree: Path) -> None:
+    (tree / "lib").mkdir()
+    (tree / "bin/goshawk-air").rename(tree / "lib/goshawk-air")
+    (tree / "bin/goshawk-air").symlink_to("../lib/goshawk-air")
+    (tree / "lib/libonnxruntime.so").touch()
+    found = by_name(list(local_findings(Role.LAPTOP, tree / "bin")))
+    assert found["ONNX Runtime"].text == str(tree / "lib/libonnxruntime.so")
+
+
+@pytest.mark.parametrize(
+    ("governors", "state"),
+    [((), State.OK), (("performance",) * 2, State.OK), (("performance", "schedutil"), State.NOTE)],
+)
+def test_a_vehicles_processor_keeps_its_clock(tree: Path, governors: tuple[str, ...], state: State) -> None:
+    for number, governor in enumerate(governors):
+        file = tree / f"sys/devices/system/cpu/cpu{number}/cpufreq/scaling_governor"
+        file.parent.mkdir(parents=True)
+        file.write_text(f"{governor}\n")
+    assert by_name(list(vehicle.computer(tree / "bin", tree)))["processor"].state is state
+
+
+def test_a_vehicle_needs_its_vehicle_file(tree: Path) -> None:
+    assert by_name(list(vehicle.computer(tree / "bin", tree)))["vehicle file"].state is State.NOTE
+    (tree / "etc/goshawk").mkdir(parents=True)
+    (tree / "etc/goshawk/vehicle.toml").touch()
+    assert by_name(list(vehicle.computer(tree / "bin", tree)))["vehicle file"].state is State.OK
+
+
 def test_onnx_runtime_is_looked_for_where_the_vehicle_looks(tree: Path) -> None:
-    assert by_name(list(local_findings(tree / "bin")))["ONNX Runtime"].state is State.OK
+    assert by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))["ONNX Runtime"].state is State.OK
     (library,) = tree.glob(".venv/lib/*/site-packages/onnxruntime/capi/*")
     library.rename(tree / "bin/libonnxruntime.so")
-    assert by_name(list(local_findings(tree / "bin")))["ONNX Runtime"].text == str(tree / "bin/libonnxruntime.so")
+    assert by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))["ONNX Runtime"].text == str(
+        tree / "bin/libonnxruntime.so"
+    )
     (tree / "bin/libonnxruntime.so").unlink()
-    assert by_name(list(local_findings(tree / "bin")))["ONNX Runtime"].state is State.BAD
+    assert by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))["ONNX Runtime"].state is State.BAD
 
 
 def test_a_busy_port_is_a_note(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "is_free", all_but_the_dashboards_free)
-    found = by_name(list(local_findings(tree / "bin")))
+    monkeypatch.setattr(ground, "is_free", all_but_the_dashboards_free)
+    found = by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))
     assert found["port 8080/tcp"].state is State.NOTE
     assert found["port 14540/udp"].state is State.OK
 
@@ -167,7 +209,7 @@ def test_a_port_in_use_is_seen() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        assert not doctor.is_free(taken.getsockname()[1])
+        assert not is_free(taken.getsockname()[1])
 
 
 @pytest.mark.parametrize(

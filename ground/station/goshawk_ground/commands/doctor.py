@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.metadata
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,8 +22,11 @@ from goshawk_ground.commands.options import (
     fail,
     print_json,
 )
-from goshawk_ground.doctor.findings import Finding, State, local_findings
+from goshawk_ground.demo import places
+from goshawk_ground.doctor.findings import Finding, State
+from goshawk_ground.doctor.ground import OURS, version
 from goshawk_ground.doctor.link import link_findings, measure
+from goshawk_ground.doctor.roles import Role, local_findings
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, LinkError
 
 _STYLES = {State.OK: "green", State.NOTE: "yellow", State.BAD: "red"}
@@ -37,17 +38,22 @@ def doctor(
     identity: Identity = None,
     timeout: Timeout = 3.0,
     offline: Annotated[bool, typer.Option("--offline", help="Leave the vehicle out.")] = False,
-    bin_dir: BinDir = Path("target/release"),
+    role: Annotated[
+        Role | None,
+        typer.Option(help="What this machine is for; absent: developer in a checkout, else laptop."),
+    ] = None,
+    bin_dir: BinDir = None,
     as_json: Json = False,
 ) -> None:
     """What is installed, found, free and reachable, each line with what to do. Exit status 1 if something is broken."""
-    findings = list(local_findings(bin_dir))
+    role = role or (Role.DEVELOPER if places.in_checkout() else Role.LAPTOP)
+    findings = list(local_findings(role, bin_dir or places.programs()))
     if not offline:
         try:
             facts = measure(vehicle, connect, timeout, identity)
         except (LinkError, ValueError) as error:
             fail(f"cannot use --vehicle {vehicle} --connect {connect}: {error}", NO_REPLY)
-        findings += link_findings(facts, importlib.metadata.version("goshawk-ground"))
+        findings += link_findings(facts, version(OURS) or "unknown")
     broken = any(finding.state is State.BAD for finding in findings)
     if as_json:
         print_json({"ok": not broken, "findings": [dataclasses.asdict(finding) for finding in findings]})
@@ -70,6 +76,6 @@ def _print(findings: list[Finding]) -> None:
 def register(app: typer.Typer) -> None:
     """Adds the command to the `goshawk` command."""
     app.command(
-        epilog="Examples: goshawk doctor --offline | goshawk doctor --connect tcp/192.168.1.7:7447 | "
-        "goshawk doctor --json | jq .ok"
+        epilog="Examples: goshawk doctor --offline | goshawk doctor --role vehicle | "
+        "goshawk doctor --connect tcp/192.168.1.7:7447 | goshawk doctor --json | jq .ok"
     )(doctor)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from goshawk_dashboards.exports import ExportError, Format, export_log
+from goshawk_dashboards.exports import FOXGLOVE_LAYOUT, ExportError, Format, export_log
 from goshawk_dashboards.log.flight import Flight, LogError
 from goshawk_dashboards.log.recover import recover as recover_log
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, card
@@ -18,10 +18,8 @@ from rich.text import Text
 
 from goshawk_ground.commands.options import NO_REPLY, REFUSED, Json, LogFile, fail, open_flight, print_json
 
-LAYOUT = Path("dashboards/foxglove/goshawk.json")
-
 _HINTS = {
-    Format.FOXGLOVE: f"open it in Foxglove or Lichtblick, with the layout {LAYOUT}",
+    Format.FOXGLOVE: f"open it in Foxglove or Lichtblick, with the layout {FOXGLOVE_LAYOUT}",
     Format.RERUN: "open it with: rerun {path}",
     Format.ROS2: "play it with: ros2 bag play -s mcap {path}",
     Format.CSV: "one file a channel, images beside them",

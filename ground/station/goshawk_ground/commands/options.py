@@ -39,7 +39,10 @@ OperatorPassword = Annotated[
 ObserverPassword = Annotated[
     Path | None, typer.Option(help="File with the password of who may see the flight and command nothing.")
 ]
-BinDir = Annotated[Path, typer.Option(help="Where goshawk-air and goshawk-sim are.")]
+BinDir = Annotated[
+    Path | None,
+    typer.Option(help="Where goshawk-air and goshawk-sim are; absent: a checkout's target/release, else on the PATH."),
+]
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A flight log (.mcap), complete, cut off or damaged.")]
 
 

@@ -25,6 +25,7 @@ from goshawk_ground.commands.options import (
     fail,
 )
 from goshawk_ground.commands.stopping import until_interrupted
+from goshawk_ground.demo import places
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 from goshawk_ground.orders.stop_file import state_folder
 from goshawk_ground.orders.stop_latch import RESUME_S
@@ -109,7 +110,7 @@ def demo(
     spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
     distance: Annotated[float, typer.Option(min=5.0, help="How far the target runs, m.")] = 40.0,
     port: Port = 8080,
-    bin_dir: BinDir = Path("target/release"),
+    bin_dir: BinDir = None,
     log_dir: Annotated[Path, typer.Option(help="Flight log and the processes' output.")] = Path("logs"),
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary to this file.")] = None,
 ) -> None:
@@ -123,7 +124,7 @@ def demo(
         spacing_m=spacing,
         distance_m=distance,
         port=port,
-        bin_dir=bin_dir,
+        bin_dir=bin_dir or places.programs(),
         log_dir=log_dir,
         json_file=json_file,
     )

@@ -19,6 +19,7 @@ from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
 from rich.console import Console
 
+from goshawk_ground.demo import places
 from goshawk_ground.demo.children import Child, stop_all
 from goshawk_ground.demo.director import Action, Director, Limits, Phase
 from goshawk_ground.demo.flight_record import FlightRecord, Summary
@@ -27,7 +28,6 @@ from goshawk_ground.link import GroundLink
 from goshawk_ground.pages.ports import free_port
 from goshawk_ground.pages.serve import serve_dashboard
 
-VEHICLE_FILE = Path("air/vehicles/sim.toml")
 ZENOH_PORT = 7447
 MAVLINK_PORT = 14540
 GOAL_BEYOND_M = 10.0
@@ -95,9 +95,11 @@ def run_demo(options: DemoOptions) -> bool:
 def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path, Path]:
     """The two commands by name, the vehicle's endpoint, the operator's identity, and the folder for their output."""
     air, sim = options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim"
-    for needed in (air, sim, VEHICLE_FILE):
+    vehicle = places.vehicle_file("sim.toml")
+    for needed in (air, sim, vehicle):
         if not needed.is_file():
-            raise DemoError(f"{needed} is missing: run from the repository's root after `make setup`")
+            todo = "run from the repository's root after `make setup`, or install the package goshawk-sim"
+            raise DemoError(f"{needed} is missing: {todo}")
     folder = options.log_dir / time.strftime("demo-%Y%m%d-%H%M%S")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -112,13 +114,13 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
     sensors = f"unixsock-stream/{tempfile.mkdtemp(prefix='goshawk-')}/sensors.sock"
     commands = {
         "air": [
-            str(air), "run", "--config", str(VEHICLE_FILE), "--listen", endpoint, "--listen", sensors,
+            str(air), "run", "--config", str(vehicle), "--listen", endpoint, "--listen", sensors,
             "--identity", str(flown), "--mavlink-bind", f"127.0.0.1:{mavlink_port}", "--log-dir", str(folder),
         ],
         "sim": [
             str(sim), "serve", "--seed", str(options.seed), "--spacing", f"{options.spacing_m:g}",
             "--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m + GOAL_BEYOND_M:g}",
-            "--connect", sensors, "--mavlink-port", str(mavlink_port),
+            "--connect", sensors, "--mavlink-port", str(mavlink_port), "--vehicle-file", str(vehicle),
         ],
     }  # fmt: skip
     return commands, endpoint, flier, folder

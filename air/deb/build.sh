@@ -1,0 +1,73 @@
+#!/usr/bin/env bash
+# Puts what `make build` built into two Debian packages: goshawk-air for the vehicle, goshawk-sim for those who simulate.
+# A vehicle carries nothing of the simulator; a laptop that runs the demo installs both. `make deb` calls this.
+#   air/deb/build.sh amd64 target/release dist     # or arm64, with where its programs are
+set -euo pipefail
+shopt -s extglob
+cd "$(dirname "$0")/../.."
+[[ $# == 3 ]] || { sed -n '2,4s/^# *//p' "$0"; exit 2; }
+arch=$1 programs=$2 dist=$3
+case $arch in
+  amd64) triple=x86_64-linux-gnu platform=x86_64-manylinux_2_28 ;;
+  arm64) triple=aarch64-linux-gnu platform=aarch64-manylinux_2_28 ;;
+  *) echo "build.sh: $arch is neither amd64 nor arm64" >&2; exit 2 ;;
+esac
+version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+mkdir -p "$dist"
+
+# ONNX Runtime of this processor: the library in the very Python package that ground/requirements.txt pins by its hashes.
+sed -n '/^onnxruntime==/,/[^\\]$/p' ground/requirements.txt > "$work/onnxruntime.txt"
+.venv/bin/uv pip install -q --target "$work/wheel" --python-platform "$platform" --python-version 3.11 \
+  --only-binary :all: --no-deps --require-hashes -r "$work/onnxruntime.txt"
+onnxruntime=$work/wheel/onnxruntime
+
+install_program() { # PACKAGE: the program beside the library that it looks for there, and its name on the PATH
+  local lib=$work/$1/usr/lib/goshawk
+  install -D -t "$lib" "$programs/$1"
+  "$triple-strip" --strip-debug "$lib/$1"
+  mkdir -p "$work/$1/usr/bin"
+  ln -s "../lib/goshawk/$1" "$work/$1/usr/bin/$1"
+}
+
+pack() { # PACKAGE DEPENDS DESCRIPTION: control file, copyright, checksums, package
+  local root=$work/$1 doc=$work/$1/usr/share/doc/$1
+  install -D -m 644 LICENSE "$doc/copyright"
+  .venv/bin/python air/deb/licences.py "$1" | gzip -9n > "$doc/crates.txt.gz"
+  mkdir -p "$root/DEBIAN"
+  local glibc
+  glibc=$(find "$root" -type f \( -name "$1" -o -name '*.so*' \) -exec objdump -T {} + |
+    grep -o 'GLIBC_[0-9.]*' | sed s/GLIBC_// | sort -uV | tail -1)
+  cat > "$root/DEBIAN/control" <<EOF
+Package: $1
+Version: $version
+Architecture: $arch
+Maintainer: The Goshawk authors <goshawk@localhost>
+Section: science
+Priority: optional
+Installed-Size: $(du -sk "$root" | cut -f1)
+Depends: libc6 (>= $glibc), libgcc-s1, libstdc++6$2
+Description: $3
+EOF
+  (cd "$root" && find usr -type f -exec md5sum {} + > DEBIAN/md5sums)
+  dpkg-deb --root-owner-group -Zzstd --build "$root" "$dist" > /dev/null
+  echo "$dist/$1_${version}_$arch.deb"
+}
+
+install_program goshawk-air
+install -m 644 -t "$work/goshawk-air/usr/lib/goshawk" "$onnxruntime"/capi/libonnxruntime.so.* "$onnxruntime/capi/libonnxruntime_providers_shared.so"
+install -D -m 644 -t "$work/goshawk-air/usr/share/doc/goshawk-air/onnxruntime" "$onnxruntime/LICENSE" "$onnxruntime/ThirdPartyNotices.txt"
+install -D -m 644 -t "$work/goshawk-air/usr/share/goshawk/models" air/models/{track,navigate}.*
+install -D -m 644 -t "$work/goshawk-air/usr/share/goshawk/vehicles" air/vehicles/!(paper*)
+install -D -m 644 -t "$work/goshawk-air/usr/lib/systemd/system" air/systemd/goshawk-air.service
+install -D -t "$work/goshawk-air/DEBIAN" air/deb/postinst air/deb/prerm
+pack goshawk-air ", adduser" "Onboard half of Goshawk, which chases a target through a forest
+ The onboard process, its policies, ONNX Runtime, vehicle files and a systemd unit."
+
+# What only the simulator flies, to be compared with, is not for a vehicle.
+install_program goshawk-sim
+install -D -m 644 -t "$work/goshawk-sim/usr/share/goshawk/models" air/models/paper*
+install -D -m 644 -t "$work/goshawk-sim/usr/share/goshawk/vehicles" air/vehicles/paper*
+pack goshawk-sim ", goshawk-air (= $version)" "Simulator of Goshawk: worlds, flights, campaigns
+ It stands in for camera, autopilot and forest. \`goshawk demo\` needs it."

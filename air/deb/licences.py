@@ -1,0 +1,32 @@
+"""Prints the licences of the crates that a program holds, for the package that it is in: `licences.py goshawk-air`."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+TEXTS = ("LICEN[CS]E*", "COPYING*", "NOTICE*", "COPYRIGHT*")
+
+
+def _cargo(*arguments: str) -> str:
+    return subprocess.check_output(["cargo", *arguments, "--locked", "--offline"], text=True)
+
+
+def main(program: str) -> None:
+    """One entry a crate: name, version, licence, and its own licence files."""
+    known = {(p["name"], p["version"]): p for p in json.loads(_cargo("metadata", "--format-version", "1"))["packages"]}
+    lines = _cargo("tree", "-p", program, "-e", "normal", "--prefix", "none", "--no-dedupe", "-f", "{p}").splitlines()
+    for name, version in sorted({(line.split()[0], line.split()[1].removeprefix("v")) for line in lines if line}):
+        package = known[name, version]
+        if package["source"] is None:
+            continue  # our own
+        print(f"{'=' * 100}\n{name} {version}: {package['license'] or package['license_file']}\n")
+        folder = Path(package["manifest_path"]).parent
+        for text in sorted({path for pattern in TEXTS for path in folder.glob(pattern) if path.is_file()}):
+            print(text.read_text(encoding="utf-8", errors="replace"))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

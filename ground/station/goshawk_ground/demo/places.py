@@ -1,0 +1,28 @@
+"""Where the vehicle's and the simulator's programs and files are: in a checkout, or where their packages put them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+BUILT = Path("target/release")
+"""What `make build` fills, from a checkout's root."""
+CHECKOUT = Path("air/vehicles")
+PACKAGED = Path("/usr/share/goshawk/vehicles")
+"""Vehicle files as the package goshawk-air brings them, policies beside them in `models`."""
+
+
+def in_checkout() -> bool:
+    """Whether the current directory is a checkout's root."""
+    return CHECKOUT.is_dir()
+
+
+def programs() -> Path:
+    """The folder of goshawk-air and goshawk-sim: a checkout's, else the one that the PATH names."""
+    installed = None if in_checkout() else shutil.which("goshawk-air")
+    return BUILT if installed is None else Path(installed).parent
+
+
+def vehicle_file(name: str) -> Path:
+    """A shipped vehicle file."""
+    return (CHECKOUT if in_checkout() else PACKAGED) / name

@@ -1,0 +1,71 @@
+"""What is installed elsewhere: the wheel, its ranges, the one version, and what the public CI calls."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+PINS = dict(re.findall(r"^([\w.-]+)==([\w.]+)", (ROOT / "tests/requirements.txt").read_text(), re.MULTILINE))
+EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
+RANGES = [Requirement(text) for some in (PROJECT["dependencies"], *EXTRAS.values()) for text in some]
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+
+
+def test_all_packages_have_one_version() -> None:
+    trainer = tomllib.loads((ROOT / "ground/train/pyproject.toml").read_text())["project"]
+    crates = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]
+    assert PROJECT["version"] == trainer["version"] == crates["version"]
+
+
+@pytest.mark.parametrize("wanted", RANGES, ids=str)
+def test_a_range_of_the_wheel_holds_what_is_pinned_and_ends_somewhere(wanted: Requirement) -> None:
+    assert PINS[wanted.name] in wanted.specifier
+    assert any(part.operator == "<" for part in wanted.specifier)
+
+
+def test_the_wheel_asks_for_what_the_ground_is_pinned_to() -> None:
+    files = ("ground/requirements.in", "ground/rerun/requirements.in")
+    pinned = {name for file in files for name in re.findall(r"^[\w.-]+", (ROOT / file).read_text(), re.MULTILINE)}
+    # ONNX Runtime is the vehicle's: its package brings it.
+    brought = {"onnxruntime"}
+    assert {wanted.name for wanted in RANGES} == (pinned | {"cryptography", "pillow", "zstandard"}) - brought
+
+
+def test_the_wheel_holds_every_file_of_its_packages(tmp_path: Path) -> None:
+    build = "import setuptools.build_meta as b, sys; b.build_wheel(sys.argv[1])"
+    rooms = {"proto/python": "goshawk_proto", "dashboards": "goshawk_dashboards", "ground/station": "goshawk_ground"}
+    listed = subprocess.check_output(["git", "ls-files", *(f"{r}/{p}" for r, p in rooms.items())], cwd=ROOT, text=True)
+    tree = tmp_path / "tree"
+    for name in (*listed.split(), "pyproject.toml", "LICENSE"):
+        copy = tree / name
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes((ROOT / name).read_bytes())
+    subprocess.run([sys.executable, "-c", build, tmp_path], cwd=tree, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("goshawk-*.whl")
+    with zipfile.ZipFile(wheel) as packed:
+        held = {name for name in packed.namelist() if ".dist-info/" not in name}
+        assert packed.read("goshawk_proto/keys.toml") == (ROOT / "proto/keys.toml").read_bytes()
+    wanted = {name.removeprefix(f"{room}/") for name in listed.split() for room in rooms if name.startswith(f"{room}/")}
+    assert held == wanted
+
+
+@pytest.mark.parametrize("workflow", WORKFLOWS, ids=[path.name for path in WORKFLOWS])
+def test_the_public_ci_installs_and_then_only_calls_make(workflow: Path) -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    steps = re.findall(r"^ +- run: (.*)$", workflow.read_text(), re.MULTILINE)
+    installs = ("apt-get update && apt-get install ", "rustup target add ")
+    calls = [step for step in steps if not step.startswith(installs)]
+    assert calls
+    for call in calls:
+        made = re.fullmatch(r"make ([a-z-]+)( [A-Z]+=\S+)?", call)
+        assert made and made[1] in targets, f"{workflow.name}: {call}"
