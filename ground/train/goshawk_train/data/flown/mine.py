@@ -15,12 +15,13 @@ from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from goshawk_train.config import DepthConfig
+from goshawk_train.config import CameraConfig, DepthConfig, LatticeConfig
 from goshawk_train.data import DataError
 from goshawk_train.data.flown.fuse import Fused
 from goshawk_train.data.flown.recording import Recording
 from goshawk_train.data.foreign.resample import OURS
 from goshawk_train.data.preprocess import fill_depth, normalise_depth
+from goshawk_train.model import geometry
 from goshawk_train.model.card import CONTRACT_KEY
 
 F64 = NDArray[np.float64]
@@ -31,17 +32,16 @@ REASONS: dict[Reason, str] = {
     "near-miss": "in the second before the lens came within 0.7 m of an obstacle",
     "lost": "from 2 s before the target was lost until it was found",
     "doubt": "an objectness between 0.1 and 0.9, or two ways far apart at nearly the same cost",
-    "disagree": "the policy of --other finds the flown policy's choice clearly dearer, or sees what that did not",
+    "disagree": "the cheapest candidates of the flown policy and of --other end 2 m apart, or only one sees a target",
 }
 _NEAR_M, _BEFORE_NEAR_S = 0.7, 1.0
 _BEFORE_LOST_S, _AFTER_LOST_S = 2.0, 0.2
 _DOUBTFUL = (0.1, 0.9)
 _APART_M, _MARGIN = 3.0, 0.02
 """Two candidates whose ends lie so far apart and whose costs differ by less than this share of the costs' scale."""
-_REGRET = 0.15
-"""A choice is clearly dearer from this share of the costs' scale on."""
+_DIFFERS_M = 2.0
+"""Two policies differ whose cheapest candidates end so far apart."""
 _COST, _OBJECTNESS = 9, 10
-_SEEN = 0.5
 
 
 def near_miss(recording: Recording, frames_F: NDArray[np.int64], fused: Fused) -> Mask:
@@ -121,13 +121,23 @@ class Other:
         return found
 
     def _differ(self, flown_CN: F64, own_CN: F64, recording: Recording) -> bool:
-        choice = int(flown_CN[_COST].argmin())
-        cost_N = np.logaddexp(0, own_CN[_COST])
-        dearer = cost_N[choice] - cost_N.min() > _REGRET * float(self.contract["cost_scale"])
+        apart_m = np.linalg.norm(_choice(own_CN, self.contract) - _choice(flown_CN, recording.contract))
         if recording.task != "track":
-            return bool(dearer)
+            return bool(apart_m > _DIFFERS_M)
         sees, saw = (bool(answer[_OBJECTNESS].max() > 0) for answer in (own_CN, flown_CN))
-        return bool(dearer) or sees != saw
+        return bool(apart_m > _DIFFERS_M) or sees != saw
+
+
+def _choice(answer_CN: F64, contract: dict[str, Any]) -> F64:
+    """Where a policy's cheapest candidate ends (eq. 4-6), camera frame."""
+    image, shape = contract["image"], contract["lattice"]
+    lattice = LatticeConfig(**shape)
+    camera = CameraConfig(**image, tilt_rad=contract["camera_tilt_rad"])
+    best = int(answer_CN[_COST].argmin())
+    elevation, azimuth = (angles[best] for angles in geometry.anchor_angles(camera, lattice))
+    up, left, farther = np.tanh(answer_CN[:3, best])
+    way = geometry.direction(elevation + up * lattice.elevation_offset_rad, azimuth + left * lattice.azimuth_offset_rad)
+    return lattice.radius_m * (1 + farther) * way
 
 
 def _planner_inputs(recording: Recording) -> dict[int, pb.PlannerInput]:
