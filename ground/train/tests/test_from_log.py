@@ -21,11 +21,14 @@ from goshawk_train.costs.assign import assign
 from goshawk_train.data import DataError, batches, layout
 from goshawk_train.data.check.report import check
 from goshawk_train.data.flown.convert import Choice, from_logs
+from goshawk_train.data.flown.fuse import Fusion
 from goshawk_train.data.flown.mine import Other
 from goshawk_train.data.flown.recording import read
 from goshawk_train.data.flown.smooth import smooth
+from goshawk_train.data.foreign.resample import OURS
 from goshawk_train.data.layout import Labels
 from goshawk_train.data.ply import read_ply
+from goshawk_train.model import geometry
 from goshawk_train.run import train
 from mcap.writer import Writer
 from numpy.typing import NDArray
@@ -38,9 +41,9 @@ TRACK, PAPER = ROOT / "air/models/track.onnx", ROOT / "air/models/paper.onnx"
 SCENE = "scene_0000"
 
 
-def fly(folder: Path, *options: str) -> Path:
-    """One chase's log."""
-    command = [str(SIMULATOR), "fly", "--task", "track", "--speed", "4", "--trials", "1", "--seed", "411"]
+def fly(folder: Path, *options: str, task: str = "track") -> Path:
+    """One flight's log."""
+    command = [str(SIMULATOR), "fly", "--task", task, "--speed", "4", "--trials", "1", "--seed", "411"]
     command += ["--threads", "1", "--log", str(folder), *options]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (log,) = folder.glob("*.mcap")
@@ -189,7 +192,7 @@ def test_an_unknown_target_is_neither_shown_nor_absent(config: Config, tmp_path:
 def test_a_policy_agrees_with_itself_and_not_with_a_worse_one(log: Path, tmp_path: Path) -> None:
     recording = read(log)
     frames = np.arange(0, len(recording.stamp_F), 20)
-    assert not Other(TRACK).differs(recording, frames, recording.plans()).any()
+    assert not Other(TRACK).differs(recording, frames).any()
     worse = tmp_path / "worse.onnx"
     model = onnx.load(str(TRACK))
     (weight,) = (entry for entry in model.graph.initializer if entry.name == "out.weight")
@@ -197,7 +200,7 @@ def test_a_policy_agrees_with_itself_and_not_with_a_worse_one(log: Path, tmp_pat
     noisy = values + np.random.default_rng(1).normal(0, 2 * values.std(), values.shape)
     weight.CopyFrom(onnx.numpy_helper.from_array(noisy.astype(np.float32), weight.name))
     onnx.save(model, str(worse))
-    assert Other(worse).differs(recording, frames, recording.plans()).mean() > 0.5
+    assert Other(worse).differs(recording, frames).mean() > 0.5
 
 
 def test_mined_images_are_kept_all_and_counted_by_reason(log: Path, tmp_path: Path) -> None:
@@ -214,6 +217,29 @@ def test_a_jump_of_the_odometry_begins_a_new_scene(tmp_path: Path) -> None:
     outcome = from_logs([log], tmp_path / "out", Choice())
     assert 1 < outcome.scenes <= jumps.max() - jumps.min() + 1
     assert [f.line() for f in check(tmp_path / "out").errors] == []
+
+
+def test_a_navigation_says_nothing_of_a_target(tmp_path: Path) -> None:
+    from_logs([fly(tmp_path / "logs", task="navigate")], tmp_path / "out", Choice())
+    labels = layout.read_labels(tmp_path / "out" / SCENE / "labels.csv", 0)
+    assert not labels.has_target_F.any() and np.isnan(labels.visible_F).all()
+    assert [f.line() for f in check(tmp_path / "out", task="navigate").errors] == []
+
+
+def test_what_no_image_shows_is_unknown_and_free_but_right_behind_a_surface() -> None:
+    """A camera 1.5 m over the ground, which looks at a wall 4 m ahead."""
+    pos, rays = np.array([0.1, 0.1, 1.5]), geometry.pixel_rays(OURS)
+    ground_m = np.where(rays[..., 2] < 0, -1.5 / np.minimum(rays[..., 2], -1e-6), np.inf)
+    depth = np.rint(1000 * np.minimum(ground_m, 4.0)).astype(np.uint16)
+    fusion = Fusion(OURS, pos[None])
+    for _ in range(2):
+        fusion.add(depth, pos, np.eye(3), None)
+    fused = fusion.result()
+    ahead = pos + np.array([[2.0, 0, 0], [4.0, 0, 0], [6.0, 0, 0], [90.0, 0, 0]])
+    assert fused.known(ahead).tolist() == [True, True, False, False]
+    level = fused.points_P3[(np.abs(fused.points_P3[:, 1] - 0.1) < 0.15) & (np.abs(fused.points_P3[:, 2] - 1.5) < 0.15)]
+    assert sorted({round(float(x), 1) for x in level[:, 0]}) == [4.1, 4.3, 4.5]
+    assert np.abs(fused.ground.at(np.array([3.0, 0.0, 0.0]))) < 0.05
 
 
 def test_a_log_that_was_cut_off_gives_what_it_has(log: Path, tmp_path: Path) -> None:

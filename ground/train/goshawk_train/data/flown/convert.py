@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from goshawk_dashboards.state.views import PlanView
 from numpy.typing import NDArray
 
 from goshawk_train.data import DataError, Progress, unheard
@@ -133,14 +132,13 @@ def _stretch(
     if len(frames_F) < _FEWEST:
         outcome.notes.append(f"{recording.name}: {len(frames_F)} images between two jumps are left out")
         return
-    depth_FHW = np.stack([recording.images(int(frame))[1] for frame in frames_F])
-    plans = recording.plans()
-    track = follow(recording, frames_F, depth_FHW, plans)
+    depth_FHW = np.stack([recording.depth(int(frame)) for frame in frames_F])
+    track = follow(recording, frames_F, depth_FHW)
     try:
         fused = _fuse(recording, frames_F, depth_FHW, track)
     except DataError as error:
         raise DataError(f"{recording.flight.path}: {error}") from error
-    reasons = _reasons(recording, frames_F, fused, plans, choice, other)
+    reasons = _reasons(recording, frames_F, fused, choice, other)
     known_F = _known_ahead(recording, frames_F, fused) >= KNOWN_LEAST
     plain_F = _spaced(recording.time_F[frames_F], choice.rate_hz)
     kept_F = known_F & np.logical_or.reduce([plain_F, *reasons.values()])
@@ -173,7 +171,6 @@ def _reasons(
     recording: Recording,
     frames_F: NDArray[np.int64],
     fused: Fused,
-    plans: dict[int, tuple[int, PlanView]],
     choice: Choice,
     other: Other | None,
 ) -> dict[str, Mask]:
@@ -184,9 +181,9 @@ def _reasons(
         elif reason == "lost":
             found[reason] = mine.lost(recording, frames_F)
         elif reason == "doubt":
-            found[reason] = mine.doubt(recording, frames_F, plans)
+            found[reason] = mine.doubt(recording, frames_F)
         elif other is not None:
-            found[reason] = other.differs(recording, frames_F, plans)
+            found[reason] = other.differs(recording, frames_F)
     return found
 
 
@@ -232,7 +229,7 @@ def _scene(
         scene_F=np.zeros(len(frames_K), dtype=np.int64),
     )
     return Scene(
-        rgb_FHW3=np.stack([recording.images(int(frame))[0] for frame in frames_K]),
+        rgb_FHW3=np.stack([recording.rgb(int(frame)) for frame in frames_K]),
         depth_FHW=depth_FHW[kept_F],
         labels=labels,
         points_P3=fused.points_P3,

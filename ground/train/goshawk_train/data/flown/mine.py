@@ -63,7 +63,7 @@ def lost(recording: Recording, frames_F: NDArray[np.int64]) -> Mask:
     return found
 
 
-def doubt(recording: Recording, frames_F: NDArray[np.int64], plans: dict[int, tuple[int, PlanView]]) -> Mask:
+def doubt(recording: Recording, frames_F: NDArray[np.int64]) -> Mask:
     """Where the network's own answer was not clear."""
 
     def doubtful(plan: PlanView) -> bool:
@@ -73,7 +73,8 @@ def doubt(recording: Recording, frames_F: NDArray[np.int64], plans: dict[int, tu
         apart = np.linalg.norm(plan.end_pos_world_N3 - plan.end_pos_world_N3[best], axis=1) > _APART_M
         return bool((plan.cost_N[apart] - plan.cost_N[best] < _MARGIN * recording.cost_scale).any())
 
-    return np.array([int(f) in plans and doubtful(plans[int(f)][1]) for f in frames_F], dtype=bool)
+    plans = recording.plans
+    return np.array([int(f) in plans and doubtful(plans[int(f)]) for f in frames_F], dtype=bool)
 
 
 class Other:
@@ -99,22 +100,19 @@ class Other:
             raise DataError(f"{path} sees images of {size[0]} x {size[1]}, the log's are {OURS.width} x {OURS.height}")
         self.path = path
 
-    def differs(
-        self, recording: Recording, frames_F: NDArray[np.int64], plans: dict[int, tuple[int, PlanView]]
-    ) -> Mask:
+    def differs(self, recording: Recording, frames_F: NDArray[np.int64]) -> Mask:
         """Where its answer is another; raises `DataError` if the flown policy was told other things than it is."""
         if recording.contract.get("state") != self.contract["state"] or recording.task != self.contract["task"]:
             raise DataError(f"{self.path} is told other things than the policy that flew {recording.flight.path}")
-        inputs = _planner_inputs(recording)
+        inputs, plans = _planner_inputs(recording), recording.plans
         found = np.zeros(len(frames_F), dtype=bool)
         for place, frame in enumerate(frames_F.tolist()):
-            given = inputs.get(plans[frame][1].seq) if frame in plans else None
+            given = inputs.get(plans[frame].seq) if frame in plans else None
             if given is None:
                 continue
-            flown = np.array(given.prediction, dtype=np.float64).reshape(-1, len(plans[frame][1].cost_N))
-            rgb, depth = recording.images(frame)
-            filled = normalise_depth(fill_depth(depth, self.depth), self.depth)
-            rgbd = np.concatenate([np.moveaxis(rgb, -1, 0) / np.float32(255), filled[None]])
+            flown = np.array(given.prediction, dtype=np.float64).reshape(-1, len(plans[frame].cost_N))
+            filled = normalise_depth(fill_depth(recording.depth(frame), self.depth), self.depth)
+            rgbd = np.concatenate([np.moveaxis(recording.rgb(frame), -1, 0) / np.float32(255), filled[None]])
             state = np.array([given.state], dtype=np.float32)
             answer = self.session.run(["prediction"], {"rgbd": rgbd[None], "state": state})[0]
             found[place] = self._differ(flown, answer[0].reshape(len(flown), -1).astype(np.float64), recording)

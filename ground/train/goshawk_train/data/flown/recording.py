@@ -9,11 +9,13 @@ import json
 import math
 import tomllib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.frame import FrameView
 from goshawk_dashboards.state.views import PlanView
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
@@ -24,6 +26,7 @@ from goshawk_train.data.foreign.resample import OURS
 from goshawk_train.model import geometry
 
 F64 = NDArray[np.float64]
+Picture = TypeVar("Picture", bound=NDArray[Any])
 
 _APART_S = 0.1
 """An image needs odometry so near, on both sides: a log may have gaps."""
@@ -80,26 +83,31 @@ class Recording:
         """How far apart that policy's costs are."""
         return float(self.contract.get("cost_scale", 1.0))
 
-    def images(self, frame: int) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
-        """Colour [H, W, 3] and depth [H, W] in mm, both as they were; raises `DataError` if a picture is broken."""
-        time_s = self.flight.time_s("rgbd", int(self.index_F[frame]))
-        view = self.flight.frame_at(time_s)
-        rgb, depth = (None, None) if view is None else (view.rgb_HW3(), view.depth_m_HW())
-        if rgb is None or depth is None:
-            raise DataError(
-                f"{self.flight.path}: the image at {time_s:.2f} s is broken; `goshawk review` shows the log"
-            )
-        return rgb, np.rint(depth * 1000).astype(np.uint16)
+    def rgb(self, frame: int) -> NDArray[np.uint8]:
+        """Colour [H, W, 3], as it was; raises `DataError` if the picture is broken."""
+        view = self._view(frame)
+        return self._whole(frame, view and view.rgb_HW3())
 
-    def plans(self) -> dict[int, tuple[int, PlanView]]:
-        """Of each image that was answered: the plan's number among the log's, and the plan."""
+    def depth(self, frame: int) -> NDArray[np.uint16]:
+        """Depth [H, W] in mm, as it was; raises `DataError` if the picture is broken."""
+        view = self._view(frame)
+        return np.rint(self._whole(frame, view and view.depth_m_HW()) * 1000).astype(np.uint16)
+
+    def _view(self, frame: int) -> FrameView | None:
+        return self.flight.frame_at(self.flight.time_s("rgbd", int(self.index_F[frame])))
+
+    def _whole(self, frame: int, picture: Picture | None) -> Picture:
+        if picture is None:
+            at = f"the image at {self.time_F[frame]:.2f} s"
+            raise DataError(f"{self.flight.path}: {at} is broken; `goshawk review` shows the log")
+        return picture
+
+    @cached_property
+    def plans(self) -> dict[int, PlanView]:
+        """The plan of each image that was answered."""
         places = {int(stamp): frame for frame, stamp in enumerate(self.stamp_F)}
-        found: dict[int, tuple[int, PlanView]] = {}
-        for number in range(self.flight.count("plan")):
-            plan = self.flight.plan(number)
-            if plan is not None and plan.frame_ns in places:
-                found[places[plan.frame_ns]] = (number, plan)
-        return found
+        told = (self.flight.plan(number) for number in range(self.flight.count("plan")))
+        return {places[plan.frame_ns]: plan for plan in told if plan is not None and plan.frame_ns in places}
 
 
 def read(path: Path) -> Recording:

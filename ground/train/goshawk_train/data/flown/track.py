@@ -57,18 +57,13 @@ class Track:
     """Whether the position is good enough to keep the target out of the map."""
 
 
-def follow(
-    recording: Recording,
-    frames_F: NDArray[np.int64],
-    depth_FHW: NDArray[np.uint16],
-    plans: dict[int, tuple[int, PlanView]],
-) -> Track:
+def follow(recording: Recording, frames_F: NDArray[np.int64], depth_FHW: NDArray[np.uint16]) -> Track:
     """The target along a stretch; `depth_FHW` is of its images."""
     count = len(frames_F)
     place = {int(frame): f for f, frame in enumerate(frames_F)}
     value, noise = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
     detected = np.zeros(count, dtype=bool)
-    for frame, (_, plan) in plans.items():
+    for frame, plan in recording.plans.items():
         if frame in place and plan.target_pos_world_N3 is not None and plan.objectness_N.max() >= _DETECTED:
             f = place[frame]
             best = int(plan.objectness_N.argmax())
