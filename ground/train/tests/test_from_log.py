@@ -327,11 +327,19 @@ def test_a_log_that_cannot_be_trained_on_is_one_line_and_leaves_nothing(
     log: Path, tmp_path: Path, change: Callable[[str, bytes], bytes | None], said: str
 ) -> None:
     bad = rewritten(log, tmp_path / "bad.mcap", change)
-    done = goshawk("dataset", "from-log", log, bad, "--out", tmp_path / "out", "--rate-hz", 1)
+    done = goshawk("dataset", "from-log", bad, "--out", tmp_path / "out", "--rate-hz", 1)
     assert done.exit_code == 2
     assert done.stderr.startswith(f"goshawk dataset from-log: {bad}") and said in done.stderr
     assert done.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["bad.mcap"]
+
+
+def test_a_bad_log_after_a_good_one_leaves_nothing_of_either(log: Path, tmp_path: Path) -> None:
+    foreign = tmp_path / "photo.mcap"
+    foreign.write_bytes(b"\xff\xd8\xff" * 100)
+    with pytest.raises(DataError, match="is no flight log"):
+        from_logs([log, foreign], tmp_path / "out", Choice(rate_hz=1))
+    assert list(tmp_path.iterdir()) == [foreign]
 
 
 def test_what_is_no_log_is_one_line(tmp_path: Path) -> None:
