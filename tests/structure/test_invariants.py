@@ -127,11 +127,12 @@ def test_python_packages_do_not_import_what_they_must_not_know(folder: str, forb
         assert not _imports(path) & forbidden, path
 
 
-def test_the_trainer_takes_only_the_reports_canvas_from_the_dashboards() -> None:
+def test_the_trainer_takes_only_canvas_and_log_reader_from_the_dashboards() -> None:
     taken: set[str] = set()
     for path in _sources("ground/train/goshawk_train", "*.py"):
         taken |= set(re.findall(r"(?:from|import) (goshawk_dashboards[\w.]*)", path.read_text()))
-    assert taken == {"goshawk_dashboards.report.canvas"}
+    log = {"goshawk_dashboards.log.flight", "goshawk_dashboards.log.frame", "goshawk_dashboards.state.views"}
+    assert taken == {"goshawk_dashboards.report.canvas", *log}
 
 
 def test_the_top_level_is_the_design_and_nothing_else() -> None:

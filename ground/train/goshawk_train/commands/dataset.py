@@ -1,4 +1,4 @@
-"""`goshawk dataset`: check and import. Needs no torch."""
+"""`goshawk dataset`: check, import and from-log. Needs no torch."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from goshawk_train.data import Progress
 from goshawk_train.data.check import findings
 from goshawk_train.data.check.report import FRAMES
 from goshawk_train.data.check.report import check as check_data
+from goshawk_train.data.flown.mine import REASONS, Reason
 from goshawk_train.data.foreign import importer
 from goshawk_train.data.foreign.resample import Intrinsics
 from goshawk_train.data.foreign.yopo import COLUMNS, VISIBLE, Camera, Format, World
@@ -180,6 +181,54 @@ def import_scenes(
         for note in outcome.notes:
             print(f"note: {note}")
         print(table({"imported": outcome.imported, "kept": outcome.kept, "frames": outcome.frames}))
+        print(f"next: goshawk dataset check {out}")
+
+
+def _reasons(text: str) -> tuple[Reason, ...]:
+    asked = [name.strip() for name in text.split(",") if name.strip()]
+    unknown = [name for name in asked if name not in REASONS]
+    if unknown:
+        raise typer.BadParameter(f"{unknown[0]} is none of {', '.join(REASONS)}", param_hint="--mine")
+    return tuple(name for name in REASONS if name in asked)
+
+
+@app.command(
+    epilog="Examples: goshawk dataset from-log logs --out data/flown | "
+    "goshawk dataset from-log logs/a.mcap logs/b.mcap --out data/hard --rate-hz 2 --mine near-miss,lost,doubt | "
+    "goshawk dataset from-log logs --out data/differ --rate-hz 0 --mine disagree --other runs/new.onnx"
+)
+def from_log(
+    context: typer.Context,
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Flight logs, or folders of them.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The data set, a new folder.")],
+    rate_hz: Annotated[
+        float, typer.Option(min=0, metavar="HZ", help="Images that are kept of each second; 0: the mined alone.")
+    ] = 5.0,
+    mine: Annotated[
+        str,
+        typer.Option(
+            metavar="R[,R…]",
+            show_default=False,
+            help="Keep all images of these reasons. " + " ".join(f"{name}: {what}." for name, what in REASONS.items()),
+        ),
+    ] = "",
+    other: Annotated[
+        Path | None, typer.Option(metavar="ONNX", help="The policy that may disagree; needs --mine disagree.")
+    ] = None,
+) -> None:
+    """Make a data set of flights: the map fused from their depth, labels from their smoothed target."""
+    reasons = _reasons(mine)
+    if ("disagree" in reasons) != (other is not None):
+        raise typer.BadParameter("--mine disagree and --other belong together", param_hint="--mine")
+    with ends_in_one_line(context):
+        from goshawk_train.data.flown import convert
+
+        choice = convert.Choice(rate_hz=rate_hz, mine=reasons, other=other)
+        with progress_bar() as progress:
+            outcome = convert.from_logs(logs, out, choice, progress)
+        for note in outcome.notes:
+            print(f"note: {note}")
+        print(outcome.table())
         print(f"next: goshawk dataset check {out}")
 
 

@@ -30,7 +30,9 @@ app = typer.Typer(rich_markup_mode="rich")
 def run(
     context: typer.Context,
     config: Annotated[Path, typer.Option(help="TOML file; see ground/train/configs.")],
-    data: Annotated[Path, typer.Option(help="Data set to train on.")],
+    data: Annotated[
+        list[Path], typer.Option(metavar="DIR", help="Data set to train on; give it again to mix several.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder of the run: checkpoint and TensorBoard events.")],
     validation: Annotated[Path | None, typer.Option(help="Data set of other scenes.")] = None,
     resume: Annotated[
@@ -56,9 +58,14 @@ def run(
         wanted = replace_training(load_config(config), **changes)
         wanted.validate()
         options = train.RunOptions(
-            validation=validation, resume=resume, begin=begin, simulator=simulator, score_minutes=score_minutes
+            also=tuple(data[1:]),
+            validation=validation,
+            resume=resume,
+            begin=begin,
+            simulator=simulator,
+            score_minutes=score_minutes,
         )
-        end(0 if train.run(wanted, data, out, options) else INTERRUPTED)
+        end(0 if train.run(wanted, data[0], out, options) else INTERRUPTED)
 
 
 def _load(folder: Path) -> tuple[Checkpoint, Policy]:

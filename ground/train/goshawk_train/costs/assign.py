@@ -24,6 +24,7 @@ def assign(target_cam_B3: Tensor, visible_B: Tensor, config: Config) -> Assignme
 
     `target_cam_B3` m, anything where `visible_B` (the unoccluded fraction, 0..1) is 0. The cell that holds the
     projection is positive. Nothing is positive of a target seen less than `visible_min`: what would be is ignored.
+    All is ignored where `visible_B` is NaN: nobody knows whether there is a target.
     """
     camera, lattice, rule = config.camera, config.lattice, config.assign
     anchor = torch.arange(lattice.anchors, device=target_cam_B3.device)
@@ -39,5 +40,5 @@ def assign(target_cam_B3: Tensor, visible_B: Tensor, config: Config) -> Assignme
     exists = ((visible_B > 0) & (target_cam_B3[:, 0] > 0))[:, None]
     near = exists & (distance_m <= rule.positive_m) & (torch.maximum(outside_u, outside_v) <= rule.reach_px)
     positive = near & (visible_B >= rule.visible_min)[:, None]
-    ignored = exists & (distance_m <= rule.ignored_m) & ~positive
+    ignored = (exists & (distance_m <= rule.ignored_m) & ~positive) | visible_B.isnan()[:, None]
     return Assignment(positive_BN=positive, ignored_BN=ignored, negative_BN=~(positive | ignored))

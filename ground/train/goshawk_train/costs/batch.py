@@ -41,6 +41,7 @@ class Batch:
     """Improper for mirrored samples."""
     target_net_B3: Tensor
     visible_B: Tensor
+    """Share of the target that is seen; NaN where that is unknown."""
     situation: Situation
 
     def to(self, device: torch.device) -> Batch:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from goshawk_train.config import Config
+from goshawk_train.config import CameraConfig, Config
 from goshawk_train.costs.batch import Batch, Situation
 from goshawk_train.costs.esdf import ESDF_VERSION, SceneGrid, SceneMaps, grid_from_points
 from goshawk_train.data import DataError, augment, preprocess, sampling
@@ -70,15 +71,21 @@ def read_grid(folder: Path) -> SceneGrid:
     )
 
 
-def load(root: Path, config: Config, *, workers: int = 2) -> tuple[Frames, SceneMaps]:
-    """Read a whole data set; depth is filled once here. Raises `DataError`."""
+def _scenes(root: Path, camera: CameraConfig) -> list[Path]:
+    """The scenes of a data set of this camera; raises `DataError`."""
     folders, view = scene_folders(root), read_view(root)
-    camera = config.camera
     if (view.width, view.height) != (camera.width, camera.height) or abs(view.hfov_rad - camera.hfov_rad) > 1e-3:
         raise DataError(
             f"{root}/dataset.json: images are {view.width} x {view.height} at {view.hfov_rad:.4f} rad across, the "
             f"configuration says {camera.width} x {camera.height} at {camera.hfov_rad:.4f}; use another configuration"
         )
+    return folders
+
+
+def load(root: Path, config: Config, *, also: Sequence[Path] = (), workers: int = 2) -> tuple[Frames, SceneMaps]:
+    """Read a whole data set, and others `also` as if they were part of it; depth is filled once here. Raises
+    `DataError`."""
+    folders, view = [folder for one in (root, *also) for folder in _scenes(one, config.camera)], read_view(root)
     parts = [read_labels(folder / "labels.csv", scene) for scene, folder in enumerate(folders)]
     fields = Labels.__dataclass_fields__
     labels = Labels(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in fields})
@@ -156,7 +163,8 @@ def make_batch(
     aim = sampling.sample_aim(rng, pos[:, 2] - labels.ground_F[index_B], config.reach_m, config.sampling)
     aim = to_net(aim, net_from_level)
     has_target = labels.has_target_F[index_B] & (config.task == "track")
-    visible = np.where(has_target, labels.visible_F[index_B], 0.0)
+    known = has_target | np.isnan(labels.visible_F[index_B])
+    visible = np.where(known, labels.visible_F[index_B], 0.0)
     target_rel = np.where(has_target[:, None], labels.target_world_F3[index_B] - pos, 0.0)
     chases = has_target & (rng.uniform(size=count) < config.sampling.chase)
     chase = to_net(sampling.chase_aim(rng, target_rel, config.sampling), net_from_world)

@@ -41,6 +41,7 @@ class Labels:
     """0 where there is none."""
     has_target_F: NDArray[np.bool_]
     visible_F: F64
+    """Share of the target that is seen; NaN where nobody knows whether there is one to be seen."""
     ground_F: F64
     scene_F: NDArray[np.int64]
 
@@ -110,12 +111,13 @@ def read_labels(path: Path, scene: int) -> Labels:
 
     def column(name: str, *, empty: float | None = None) -> F64:
         try:
-            values = np.array([empty if r[name] == "" and empty is not None else float(r[name]) for r in rows])
+            blank = np.array([r[name] == "" and empty is not None for r in rows])
+            values = np.array([0.0 if b else float(r[name]) for r, b in zip(rows, blank, strict=True)])
         except (KeyError, TypeError, ValueError) as error:
             raise DataError(f"{path}: column {name}: {error}") from error
         if not np.isfinite(values).all():
             raise DataError(f"{path}: column {name} is not finite everywhere")
-        return values
+        return values if empty is None else np.where(blank, empty, values)
 
     quaternion = np.column_stack([column(n) for n in ("qw", "qx", "qy", "qz")])
     if not np.linalg.norm(quaternion, axis=1).all():
@@ -126,7 +128,7 @@ def read_labels(path: Path, scene: int) -> Labels:
         world_from_cam_F33=geometry.matrix_from_quaternion(quaternion),
         target_world_F3=np.column_stack([column(f"target_{n}", empty=0.0) for n in "xyz"]),
         has_target_F=np.array([r["target_x"] != "" for r in rows]),
-        visible_F=column("visible", empty=0.0),
+        visible_F=column("visible", empty=math.nan),
         ground_F=column("ground_z"),
         scene_F=np.full(len(rows), scene),
     )
@@ -280,5 +282,6 @@ def _label_text(labels: Labels) -> str:
         cells = [str(i), *(f"{v:.6f}" for v in labels.pos_world_F3[i])]
         cells += [f"{v:.9f}" for v in labels.quaternion_F4[i]]
         cells += [f"{v:.6f}" for v in labels.target_world_F3[i]] if labels.has_target_F[i] else ["", "", ""]
-        lines.append(",".join([*cells, f"{labels.visible_F[i]:.4f}", f"{labels.ground_F[i]:.6f}"]))
+        visible = "" if math.isnan(labels.visible_F[i]) else f"{labels.visible_F[i]:.4f}"
+        lines.append(",".join([*cells, visible, f"{labels.ground_F[i]:.6f}"]))
     return "\n".join(lines) + "\n"

@@ -227,6 +227,8 @@ def keep_freed_memory() -> None:
 class RunOptions:
     """What a run does beside its steps."""
 
+    also: tuple[Path, ...] = ()
+    """More data sets to train on: images are drawn from all alike."""
     validation: Path | None = None
     """Data set of other scenes."""
     resume: bool = False
@@ -254,9 +256,10 @@ def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
     workers = join()
     try:
         if workers.first:
-            print(f"loading {root}", flush=True)
-        frames, maps = batches.load(root, config)
-        trainer = Trainer(config, frames, maps, data_name=describe(root), workers=workers)
+            print(f"loading {', '.join(map(str, (root, *options.also)))}", flush=True)
+        frames, maps = batches.load(root, config, also=options.also)
+        name = "; ".join(describe(each) for each in (root, *options.also))
+        trainer = Trainer(config, frames, maps, data_name=name, workers=workers)
         if resumes:
             trainer.restore(checkpoint.load(path))
         elif begun:

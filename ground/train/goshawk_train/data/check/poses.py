@@ -108,7 +108,7 @@ def check_targets(
     free = raymap.depth(labels.pos_world_F3, ray) > pos_cam[:, 0] + _TARGET_DEPTH_M
     hidden, absent, open_ = (np.zeros(len(labels), dtype=bool) for _ in range(3))
     for f in np.flatnonzero(judged):
-        nearer, there, farther = _around(depth_FHW[f], u[f], v[f], pos_cam[f, 0], view)
+        nearer, there, farther = shares_around(depth_FHW[f], u[f], v[f], pos_cam[f, 0], view)
         hidden[f] = labels.visible_F[f] >= _SEEN and nearer > _CONTRADICTED
         absent[f] = labels.visible_F[f] >= _SEEN and farther > _CONTRADICTED
         open_[f] = labels.visible_F[f] <= _UNSEEN and there > _CONTRADICTED and free[f]
@@ -126,8 +126,10 @@ def check_targets(
     ]
 
 
-def _around(depth_HW: NDArray[np.uint16], u: float, v: float, x_m: float, view: View) -> tuple[float, float, float]:
-    """Shares of the measurements at a body's trunk that are nearer than it, at it, and farther."""
+def shares_around(
+    depth_HW: NDArray[np.uint16], u: float, v: float, x_m: float, view: View
+) -> tuple[float, float, float]:
+    """Shares of the measurements at a body's trunk that are nearer than it, at it, and farther; all 0 of too few."""
     half_u, half_v = (max(half * view.focal_px / x_m, 1.0) for half in (_HALF_WIDTH_M, _HALF_HEIGHT_M))
     rows = slice(int(max(v - half_v, 0)), int(max(v + half_v + 1, 0)))
     columns = slice(int(max(u - half_u, 0)), int(max(u + half_u + 1, 0)))
