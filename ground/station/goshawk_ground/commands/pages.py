@@ -113,6 +113,8 @@ def demo(
     bin_dir: BinDir = None,
     log_dir: Annotated[Path, typer.Option(help="Flight log and the processes' output.")] = Path("logs"),
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary to this file.")] = None,
+    px4: Annotated[Path | None, typer.Option(help="Fly by your PX4: its source tree, or its build.")] = None,
+    ardupilot: Annotated[Path | None, typer.Option(help="Fly by your ArduPilot Copter, likewise.")] = None,
 ) -> None:
     """Fly: simulator, vehicle and ground station chase a target through a forest. Exit status 0 only on success."""
     from goshawk_ground.demo.run import DemoError, DemoOptions, run_demo
@@ -127,7 +129,11 @@ def demo(
         bin_dir=bin_dir or places.programs(),
         log_dir=log_dir,
         json_file=json_file,
+        px4=px4,
+        ardupilot=ardupilot,
     )
+    if px4 is not None and ardupilot is not None:
+        fail("--px4 and --ardupilot: one of them flies", REFUSED)
     try:
         succeeded = run_demo(options)
     except DemoError as error:

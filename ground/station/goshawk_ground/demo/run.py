@@ -51,6 +51,10 @@ class DemoOptions:
     bin_dir: Path
     log_dir: Path
     json_file: Path | None
+    px4: Path | None = None
+    """Fly the motors by this build of PX4 …"""
+    ardupilot: Path | None = None
+    """… or of ArduPilot; none of both: the simulator's stand-in."""
 
 
 class _Interrupted(BaseException):
@@ -95,7 +99,7 @@ def run_demo(options: DemoOptions) -> bool:
 def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path, Path]:
     """The two commands by name, the vehicle's endpoint, the operator's identity, and the folder for their output."""
     air, sim = options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim"
-    vehicle = places.vehicle_file("sim.toml")
+    vehicle = places.vehicle_file("sim.toml" if options.ardupilot is None else "ardupilot-sitl.toml")
     for needed in (air, sim, vehicle):
         if not needed.is_file():
             todo = "run from the repository's root after `make setup`, or install the package goshawk-sim"
@@ -112,18 +116,28 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
     endpoint = f"tls/127.0.0.1:{zenoh_port}"
     # A socket's path must be short, and this folder is the user's alone.
     sensors = f"unixsock-stream/{tempfile.mkdtemp(prefix='goshawk-')}/sensors.sock"
+    at, firmware = _autopilot(options, mavlink_port)
     commands = {
         "air": [
             str(air), "run", "--config", str(vehicle), "--listen", endpoint, "--listen", sensors,
-            "--identity", str(flown), "--mavlink-bind", f"127.0.0.1:{mavlink_port}", "--log-dir", str(folder),
+            "--identity", str(flown), "--log-dir", str(folder), *at,
         ],
         "sim": [
             str(sim), "serve", "--seed", str(options.seed), "--spacing", f"{options.spacing_m:g}",
             "--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m + GOAL_BEYOND_M:g}",
-            "--connect", sensors, "--mavlink-port", str(mavlink_port), "--vehicle-file", str(vehicle),
+            "--connect", sensors, "--vehicle-file", str(vehicle), *firmware,
         ],
     }  # fmt: skip
     return commands, endpoint, flier, folder
+
+
+def _autopilot(options: DemoOptions, mavlink_port: int) -> tuple[list[str], list[str]]:
+    """What says to the vehicle where its autopilot is, and to the simulator who that is."""
+    if options.px4 is not None:
+        return [], ["--autopilot", "px4", "--firmware", str(options.px4)]
+    if options.ardupilot is not None:
+        return [], ["--autopilot", "ardupilot", "--firmware", str(options.ardupilot)]
+    return ["--mavlink-bind", f"127.0.0.1:{mavlink_port}"], ["--mavlink-port", str(mavlink_port)]
 
 
 def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console: Console) -> Summary:
@@ -142,7 +156,9 @@ def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console:
 
     end_listening = link.listen(listen)
     chase_s = 3.0 * options.distance_m / options.speed_mps + 30.0
-    director = Director(Limits(chase_s=chase_s), time.monotonic())
+    # Real firmware boots, and finds itself by its sensors.
+    ready_s = 60.0 if options.px4 is None and options.ardupilot is None else 150.0
+    director = Director(Limits(chase_s=chase_s, ready_s=ready_s), time.monotonic())
     trouble: tuple[str, ...] = ()
     with console.status(director.phase.value) as status:
         while not trouble:
