@@ -16,7 +16,7 @@ use super::mishap::{MishapArgs, Mishaps};
 use crate::sense::file::Sensors;
 use crate::sense::odometry::Estimator;
 use crate::sense::rgbd::mix;
-use crate::vehicle::firmware::{ArduPilotJson, Firmware, Process, Px4Hil, Sensed};
+use crate::vehicle::firmware::{ArduPilotJson, Firmware, Process, Px4Hil, Sensed, Strapped};
 use crate::vehicle::imu::Imu;
 use crate::vehicle::px4::{Px4Config, Px4Udp, VehicleState};
 use crate::vehicle::quadrotor::{Quadrotor, STEP_S};
@@ -25,8 +25,6 @@ use crate::world::World;
 const ESTIMATE_STEPS: u64 = 10;
 /// The stand-in's IMU averages over this long, as it is streamed, s.
 const STREAMED_PERIOD_S: f64 = 0.008;
-/// Firmware's IMU over this long, s.
-const SAMPLED_PERIOD_S: f64 = 0.004;
 
 /// Which autopilot flies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -130,7 +128,8 @@ impl AutopilotArgs {
             (Some(tree), Which::Px4) => Some(Process::px4(tree, 0)?),
             (Some(tree), _) => Some(Process::ardupilot(tree, 0)?),
         };
-        Ok((Autopilot::Firmware { firmware, process, imu, start_world: start.pos_world }, at))
+        let in_the_loop = InTheLoop { firmware, process, imu: Strapped::new(imu), start_world: start.pos_world };
+        Ok((Autopilot::Firmware(Box::new(in_the_loop)), at))
     }
 
     fn stand_in(
@@ -175,10 +174,18 @@ impl AutopilotArgs {
     }
 }
 
+/// Real firmware, and the process where it was started here.
+pub(super) struct InTheLoop {
+    firmware: Box<dyn Firmware>,
+    process: Option<Process>,
+    imu: Strapped,
+    start_world: Vec3,
+}
+
 /// Who flies.
 pub(super) enum Autopilot {
     StandIn(Box<StandIn>),
-    Firmware { firmware: Box<dyn Firmware>, process: Option<Process>, imu: Imu, start_world: Vec3 },
+    Firmware(Box<InTheLoop>),
     External(Box<External>),
 }
 
@@ -198,7 +205,7 @@ impl Autopilot {
     pub(super) fn local(&self) -> Local {
         match self {
             Self::StandIn(_) => Local::world(),
-            Self::Firmware { start_world, .. } => Local::at(*start_world, 0.0),
+            Self::Firmware(it) => Local::at(it.start_world, 0.0),
             Self::External(external) => external.local(),
         }
     }
@@ -212,9 +219,10 @@ impl Autopilot {
                 quad.step(STEP_S, output.demand.as_ref(), at.wind_world, ground);
             }
             Self::External(external) => external.place(quad, at.now, at.world),
-            Self::Firmware { firmware, process, imu, .. } => {
+            Self::Firmware(it) => {
+                let InTheLoop { firmware, process, imu, .. } = it.as_mut();
                 let truth = quad.state();
-                let sensed = Sensed { truth, imu: imu.measure(truth, SAMPLED_PERIOD_S) };
+                let sensed = Sensed { truth, imu: imu.measure(truth) };
                 let throttles = firmware.step(at.step, &sensed);
                 for news in firmware.take_news() {
                     println!("{news}");

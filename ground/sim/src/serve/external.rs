@@ -70,7 +70,7 @@ impl External {
         let led = led(&pose, age_s.clamp(0.0, LEAD_S));
         let force_body = self.link.imu().map(|imu| imu.specific_force_body);
         let acc = force_body.map_or_else(Vec3::zeros, |force| led.world_from_body * force - Vec3::z() * GRAVITY);
-        let pos_world = self.local.to_world(led.pos_world);
+        let pos_world = self.local.in_world(led.pos_world);
         let turn = self.local.world_from_local();
         let standing_m = world.ground_height(pos_world.x, pos_world.y) + quad.parameters().leg_m + STANDS_M;
         quad.put(QuadrotorState {

@@ -30,7 +30,7 @@ impl Local {
     }
 
     /// A point of the vehicle's frame in the world's.
-    pub(super) fn to_world(&self, point: Vec3) -> Vec3 {
+    pub(super) fn in_world(&self, point: Vec3) -> Vec3 {
         self.origin_world + self.world_from_local() * point
     }
 
@@ -110,7 +110,7 @@ mod tests {
         let moving = &truth.moving[0];
         assert!((moving.centre_world.unwrap().y - 1.0).abs() < 1e-6 && (moving.yaw_rad - 1.570_796_4).abs() < 1e-6);
         let tree = v1::SimTree { base_world: Some(v1::Vec3f { x: 6.0, y: 3.0, z: 1.0 }), ..Default::default() };
-        assert!((local.to_world(Vec3::new(-2.0, 10.0, 1.0)) - Vec3::new(16.0, 2.0, 2.0)).norm() < 1e-9);
+        assert!((local.in_world(Vec3::new(-2.0, 10.0, 1.0)) - Vec3::new(16.0, 2.0, 2.0)).norm() < 1e-9);
         let world = local.of_world(v1::SimWorld { trees: vec![tree], ..Default::default() });
         let base = world.trees[0].base_world.unwrap();
         assert!((base.x + 3.0).abs() < 1e-6 && base.y.abs() < 1e-6, "{base:?}");

@@ -16,14 +16,14 @@ use thiserror::Error;
 
 use super::TrialConfig;
 use crate::sense::rgbd::mix;
-use crate::vehicle::firmware::{ArduPilotJson, FirmwareError, Process, ProcessError, Px4Hil, Sensed};
+use crate::vehicle::firmware::{ArduPilotJson, FirmwareError, Process, ProcessError, Px4Hil, Sensed, Strapped};
 use crate::vehicle::imu::Imu;
 use crate::vehicle::quadrotor::{Quadrotor, STEP_S};
 
 /// Simulated seconds in one of the wall, at most.
 const PACE: f64 = 2.0;
 /// Firmware that boots has sensors, an estimate and a position within this, s of the wall.
-const READY_WITHIN: Duration = Duration::from_secs(120);
+const READY_WITHIN: Duration = Duration::from_mins(2);
 /// And stays so for this long before it is flown, s.
 const READY_FOR_S: f64 = 2.0;
 /// An estimate this old is none, s.
@@ -32,8 +32,6 @@ const FRESH_S: f64 = 0.2;
 const OVERDUE_S: f64 = 0.04;
 /// Simulated time waits so long for it: then the firmware is silent, and the pilot is to see that.
 const AWAITED_FOR: Duration = Duration::from_millis(500);
-/// The firmware's IMU averages over this long, s.
-const IMU_PERIOD_S: f64 = 0.004;
 
 /// Which firmware flies: the folder of its source tree or of its build.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -71,7 +69,7 @@ pub(crate) struct InTheLoop {
     link: AutopilotLink,
     /// Simulated time, ns, as the link's clock.
     clock: Arc<AtomicU64>,
-    imu: Imu,
+    imu: Strapped,
     vehicle: Vehicle,
     heard: (Option<Time>, Option<Time>),
     begun: Instant,
@@ -91,7 +89,7 @@ impl InTheLoop {
         let clock = Arc::new(AtomicU64::new(1_000_000_000));
         let of_link = Arc::clone(&clock);
         let link = AutopilotLink::open(vehicle.link()?, move || Time(of_link.load(Ordering::Relaxed)))?;
-        let imu = Imu::new(config.sensors.imu, mix(config.seed, 15));
+        let imu = Strapped::new(Imu::new(config.sensors.imu, mix(config.seed, 15)));
         let (vehicle, begun) = (vehicle.clone(), Instant::now());
         Ok(Self { firmware, process, link, clock, imu, vehicle, heard: (None, None), begun, silent: false })
     }
@@ -130,7 +128,7 @@ impl InTheLoop {
         ground_m: impl Fn(f64, f64) -> f64,
     ) {
         let truth = quad.state();
-        let sensed = Sensed { truth, imu: self.imu.measure(truth, IMU_PERIOD_S) };
+        let sensed = Sensed { truth, imu: self.imu.measure(truth) };
         let throttles = self.firmware.step(step, &sensed);
         self.firmware.take_news();
         quad.drive(STEP_S, &throttles, wind_world, ground_m);

@@ -10,19 +10,22 @@ mod earth;
 mod process;
 mod px4;
 
+use std::collections::VecDeque;
 use std::io;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::vehicle::imu::ImuSample;
-use crate::vehicle::quadrotor::{QuadrotorState, Throttles};
+use crate::vehicle::imu::{Imu, ImuSample};
+use crate::vehicle::quadrotor::{QuadrotorState, STEP_S, Throttles};
 
 pub use ardupilot::ArduPilotJson;
 pub use process::{Process, ProcessError};
 pub use px4::Px4Hil;
 
+/// Steps over which an IMU's sample is the mean: PX4's simulated IMU has 250 Hz.
+const IMU_STEPS: usize = 4;
 /// How long physics waits for an answer while the rotors turn: longer than a busy machine keeps a process waiting.
 const PATIENCE_FLYING: Duration = Duration::from_secs(1);
 /// And while they stand: a firmware that boots does not answer everything.
@@ -35,6 +38,31 @@ pub struct Sensed<'a> {
     pub truth: &'a QuadrotorState,
     /// The IMU's sample.
     pub imu: ImuSample,
+}
+
+/// The IMU of a vehicle that firmware flies: each sample is the mean of what moved the vehicle over [`IMU_STEPS`].
+pub struct Strapped {
+    imu: Imu,
+    past: VecDeque<QuadrotorState>,
+}
+
+impl Strapped {
+    /// An IMU with its own errors.
+    #[must_use]
+    pub fn new(imu: Imu) -> Self {
+        Self { imu, past: VecDeque::new() }
+    }
+
+    /// What it measures now; called once each step of physics.
+    pub fn measure(&mut self, truth: &QuadrotorState) -> ImuSample {
+        let before = self.past.front().copied().unwrap_or(*truth);
+        let dt_s = STEP_S * self.past.len().max(1) as f64;
+        if self.past.len() == IMU_STEPS {
+            self.past.pop_front();
+        }
+        self.past.push_back(*truth);
+        self.imu.spoil(ImuSample::between(&before, truth, dt_s), dt_s)
+    }
 }
 
 /// A firmware that flies the vehicle by its rotors.

@@ -1,6 +1,6 @@
 //! The IMU: the true specific force and angular velocity with offsets and noise.
 
-use goshawk_core::{GRAVITY, Time, Vec3};
+use goshawk_core::{GRAVITY, Rot, Time, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -43,6 +43,17 @@ impl ImuSample {
         }
     }
 
+    /// Without any error, the mean over the time between two states, `dt_s` apart: what moved the body and turned it is
+    /// felt, a push of the ground and a slide along it too.
+    #[must_use]
+    pub fn between(before: &QuadrotorState, after: &QuadrotorState, dt_s: f64) -> Self {
+        let turned = (before.world_from_body.inverse() * after.world_from_body).scaled_axis();
+        let midway = before.world_from_body * Rot::from_scaled_axis(0.5 * turned);
+        let acc_world = (after.vel_world - before.vel_world) / dt_s;
+        let up = Vec3::new(0.0, 0.0, GRAVITY);
+        Self { force_body: midway.inverse_transform_vector(&(acc_world + up)), ang_vel_body: turned / dt_s }
+    }
+
     /// As the vehicle's software knows it, taken at `stamp`.
     #[must_use]
     pub fn at(&self, stamp: Time) -> goshawk_core::Imu {
@@ -71,9 +82,13 @@ impl Imu {
 
     /// The mean over the last `dt_s` (above 0), taken as the present truth.
     pub fn measure(&mut self, truth: &QuadrotorState, dt_s: f64) -> ImuSample {
+        self.spoil(ImuSample::ideal(truth), dt_s)
+    }
+
+    /// What it makes of a mean over `dt_s` (above 0).
+    pub fn spoil(&mut self, ideal: ImuSample, dt_s: f64) -> ImuSample {
         // White noise of density n, averaged over dt, has the standard deviation n / √dt.
         let scale = 1.0 / dt_s.sqrt();
-        let ideal = ImuSample::ideal(truth);
         ImuSample {
             force_body: ideal.force_body + self.acc_bias + self.noise(self.config.acc_density * scale),
             ang_vel_body: ideal.ang_vel_body + self.gyro_bias + self.noise(self.config.gyro_density * scale),
@@ -90,6 +105,28 @@ mod tests {
     use super::*;
     use crate::sense::file::Sensors;
     use crate::vehicle::quadrotor::{Quadrotor, QuadrotorParameters};
+
+    #[test]
+    fn what_it_feels_integrates_to_how_the_vehicle_moved_and_turned_on_the_ground_and_off_it() {
+        let parameters = QuadrotorParameters::default();
+        let mut quad = Quadrotor::new(parameters.clone(), Vec3::new(0.0, 0.0, parameters.leg_m), 0.3);
+        let slope = |x: f64, _: f64| 0.08 * x;
+        let start = *quad.state();
+        let (mut vel_world, mut attitude) = (start.vel_world, start.world_from_body);
+        for step in 0..1500 {
+            let before = *quad.state();
+            let throttle = 0.6 * (f64::from(step) / 1500.0);
+            quad.drive(1e-3, &[throttle, throttle, 1.01 * throttle, throttle], Vec3::zeros(), slope);
+            let felt = ImuSample::between(&before, quad.state(), 1e-3);
+            let turned = felt.ang_vel_body * 1e-3;
+            let force_world = attitude * Rot::from_scaled_axis(0.5 * turned) * felt.force_body;
+            vel_world += (force_world - Vec3::z() * GRAVITY) * 1e-3;
+            attitude *= Rot::from_scaled_axis(turned);
+        }
+        assert!(quad.state().vel_world.norm() > 1.0, "it has taken off");
+        assert!((vel_world - quad.state().vel_world).norm() < 1e-6, "{vel_world}");
+        assert!(attitude.angle_to(&quad.state().world_from_body) < 1e-6);
+    }
 
     #[test]
     fn at_rest_it_measures_gravity_with_the_noise_of_its_data_sheet() {

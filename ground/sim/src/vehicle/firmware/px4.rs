@@ -25,8 +25,8 @@ use crate::vehicle::quadrotor::Throttles;
 
 /// PX4's clock at the first step, µs: it takes 0 for no time at all.
 const FIRST_US: u64 = 1_000_000;
-/// Steps of 1 ms between samples: PX4's simulated IMU has 250 Hz.
-const IMU_STEPS: u64 = 4;
+/// Steps of 1 ms between samples.
+const IMU_STEPS: u64 = super::IMU_STEPS as u64;
 const MAGNETOMETER_STEPS: u64 = 12;
 const BAROMETER_STEPS: u64 = 20;
 const GNSS_STEPS: u64 = 100;
