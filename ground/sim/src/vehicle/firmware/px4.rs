@@ -322,3 +322,53 @@ fn state(step: u64, sensed: &Sensed<'_>) -> HIL_STATE_QUATERNION_DATA {
         zacc: force.z as i16,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::imu::ImuSample;
+    use crate::vehicle::quadrotor::{Quadrotor, QuadrotorParameters};
+    use std::path::Path;
+
+    #[test]
+    fn what_a_real_px4_sent_is_read_to_the_last_message() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/px4-hil.bin");
+        let recorded = std::fs::read(file).unwrap();
+        let (mut frames, mut unread) = (Vec::new(), 0);
+        for_each_frame(&recorded, true, |frame| match frame {
+            Ok((_, bytes)) => frames.push(bytes.to_vec()),
+            Err(_) => unread += 1,
+        });
+        assert_eq!((frames.len(), unread), (550, 0));
+
+        let mut hil = Px4Hil::listen((std::net::Ipv4Addr::LOCALHOST, 0).into(), 1).unwrap();
+        let mut px4 = TcpStream::connect(hil.local_address().unwrap()).unwrap();
+        px4.set_nodelay(true).unwrap();
+        let answering = std::thread::spawn(move || {
+            let mut sample = [0; 1024];
+            for frame in frames {
+                assert_ne!(px4.read(&mut sample).unwrap(), 0);
+                px4.write_all(&frame).unwrap();
+            }
+            px4
+        });
+        let quad = Quadrotor::new(QuadrotorParameters::default(), Vec3::zeros(), 0.0);
+        let sensed = Sensed { truth: quad.state(), imu: ImuSample::ideal(quad.state()) };
+        let (mut flown, mut news) = (Vec::new(), Vec::new());
+        // The first samples are not waited for, so that there may be more of them than answers.
+        for step in 0.. {
+            if answering.is_finished() {
+                break;
+            }
+            flown.push(hil.step(step * IMU_STEPS, &sensed));
+            news.extend(hil.take_news());
+        }
+        answering.join().unwrap();
+        assert!(flown[..20].iter().all(|throttles| *throttles == [0.0; 4]), "disarmed");
+        assert!(flown.iter().flatten().all(|throttle| (0.0..=1.0).contains(throttle)));
+        let hover = flown.iter().filter(|throttles| throttles.iter().all(|t| (0.15..0.7).contains(t))).count();
+        assert!(hover > 100, "{hover} of {}", flown.len());
+        assert!(news.iter().any(|line| line == "PX4 has armed"), "{news:?}");
+        assert!(hil.line.unwrap().state_steps.is_some(), "it asked for the truth");
+    }
+}
