@@ -35,6 +35,11 @@ class Sender:
         self.socket.sendto(message.pack(self.mav), ("127.0.0.1", self.link.port))
 
 
+    def attitude(self) -> None:
+        message = mavlink.MAVLink_attitude_message(1000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.socket.sendto(message.pack(self.mav), ("127.0.0.1", self.link.port))
+
+
 def events_after(link: Wire, sender: Sender, base_mode: int) -> tuple[list[str], dict[str, Any]]:
     """What is told of the peer after the sender's heartbeats, and what is then known."""
     events: list[str] = []
@@ -53,6 +58,24 @@ def link(example: Callable[[str], Path]) -> Iterator[Wire]:
     link = Wire(example("wire"), "udpin:0.0.0.0:0", "px4", "-", "127.0.0.5")
     yield link
     link.close()
+
+
+def test_what_an_autopilot_streams_before_its_first_heartbeat_alarms_nobody(example: Callable[[str], Path]) -> None:
+    link = Wire(example("wire"), "udpin:127.0.0.1:0", "px4")
+    autopilot = Sender(link, "127.0.0.1")
+    told: list[str] = []
+    for _ in range(20):
+        autopilot.attitude()
+        time.sleep(0.01)
+        told += link.read()["peer_events"]
+    end = time.monotonic() + 5.0
+    while not (read := link.read())["connected"]:
+        assert time.monotonic() < end
+        autopilot.heartbeat(DISARMED)
+        time.sleep(0.01)
+        told += read["peer_events"]
+    link.close()
+    assert told == []
 
 
 def test_who_speaks_first_is_not_believed_where_another_is_pinned(link: Wire) -> None:

@@ -136,8 +136,9 @@ impl Endpoint {
     fn not_our_peer(&self, state: &mut State, packet: &Packet, from: Peer, believed: Option<Verdict>) {
         let Peer::Udp(address) = from else { return };
         let ours = state.view.is_target(packet);
-        if ours {
-            let peer = known(state);
+        let peer = known(state);
+        // What streams before its first heartbeat may yet be the autopilot.
+        if ours && (peer.is_some() || !state.peers.allows(address)) {
             state.peers.name(address, self.config.target_system, self.config.target_component, peer);
         }
         if believed != Some(Verdict::Good) {
