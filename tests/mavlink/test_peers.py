@@ -34,7 +34,6 @@ class Sender:
         message = mavlink.MAVLink_heartbeat_message(kind, firmware, base_mode, 0x03040000, 4, 3)
         self.socket.sendto(message.pack(self.mav), ("127.0.0.1", self.link.port))
 
-
     def attitude(self) -> None:
         message = mavlink.MAVLink_attitude_message(1000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.socket.sendto(message.pack(self.mav), ("127.0.0.1", self.link.port))
