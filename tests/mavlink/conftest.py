@@ -26,5 +26,5 @@ def example() -> Callable[[str], Path]:
 @pytest.fixture(scope="session")
 def air() -> Path:
     """The path of the onboard program, built."""
-    subprocess.run(["cargo", "build", "--release", "--locked", "-q", "-p", "goshawk-air"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "--release", "--locked", "-q", "--bins"], cwd=ROOT, check=True)
     return ROOT / "target/release/goshawk-air"
