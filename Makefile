@@ -16,7 +16,7 @@ UV := $(VENV)/bin/uv
 INSTALL := $(UV) pip install -q --python $(VENV)/bin/python --require-hashes --override ground/train/overrides.txt
 INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-build-isolation
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --override ground/train/overrides.txt
-TORCH := $(if $(TORCH_INDEX),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --index-url $(TORCH_INDEX) \
+TORCH := $(if $(TORCH_BACKEND),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --torch-backend $(TORCH_BACKEND) \
   $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt),$(INSTALL) -r ground/train/torch/requirements.txt)
 
 .PHONY: help setup setup-camera setup-train setup-rerun setup-test build demo sitl test test-rust test-python test-install lint docs pins deny fuzz bench chaos train wheel deb image release
@@ -27,7 +27,7 @@ help: ## this list
 	@echo "  HEADLESS=1 make demo     fly without waiting: exit status 0 only if the flight succeeded"
 	@echo "  SEED=7 make demo         another forest, another target"
 	@echo "  ARCH=arm64 make deb      for the other processor (amd64, arm64)"
-	@echo "  TORCH_INDEX=… make setup-train   torch without CUDA, from the index of PyTorch's own CPU builds"
+	@echo "  TORCH_BACKEND=cpu make setup-train   torch without CUDA, of PyTorch's own builds"
 
 $(UV):
 	@command -v cargo >/dev/null || { echo "cargo is missing: install Rust (see README)"; exit 1; }
