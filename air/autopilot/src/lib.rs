@@ -21,6 +21,7 @@ pub use dialogue::rates::StreamRates;
 pub use session::config::{HeartbeatKind, LinkConfig};
 pub use session::link::{AutopilotLink, Glance};
 pub use session::vision::VisionMessage;
+pub use state::radio::{CHANNELS, Radio};
 pub use state::status::{Counters, Status, StatusText};
 pub use state::validity::PositionFault;
 pub use state::view::View;

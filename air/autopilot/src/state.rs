@@ -5,6 +5,7 @@ pub(crate) mod contradiction;
 pub(crate) mod estimate;
 pub(crate) mod inertial;
 pub(crate) mod pose;
+pub mod radio;
 pub mod status;
 pub(crate) mod validity;
 pub mod view;

@@ -225,6 +225,49 @@ fn stop_in_a_hold_hovers_on_and_the_target_is_not_followed_any_more() {
 }
 
 #[test]
+fn the_pilots_hold_stays_whatever_stop_does_until_it_goes_on_or_is_stopped() {
+    let mut sim = limited(|c| {
+        c.mission.on_stop = StopAction::Land;
+        c.ladder.no_plan_land_s = 3.0;
+    });
+    let chases = |sim: &mut Loop| {
+        sim.frames = Frames::Target(sim.pos + Vec3::new(12.0, 0.0, 0.0));
+        sim.until(3.0, |s| s.mode() == Mode::Track);
+    };
+    sim.start(track());
+    sim.until(10.0, |s| s.mode() == Mode::Search);
+    chases(&mut sim);
+    assert_eq!(sim.tick(Some(Command::Resume)).reply, Some(Err(Refusal::NotHeld)));
+    assert_eq!(sim.tick(Some(Command::Hold)).reply, Some(Ok(())));
+    assert_eq!((sim.mode(), sim.last_cause()), (Mode::Hold, Cause::HoldCommand));
+    sim.run(8.0);
+    assert_eq!(sim.mode(), Mode::Hold, "neither the target nor missing plans end it");
+    assert!(sim.vel.norm() < 0.1 && sim.out().planning.is_none());
+    assert_eq!(sim.tick(Some(Command::Hold)).reply, Some(Ok(())));
+    assert_eq!(sim.mode(), Mode::Hold, "held once more, it stays");
+    assert_eq!(sim.tick(Some(Command::Start(track()))).reply, Some(Err(Refusal::Flying)));
+    assert_eq!(sim.tick(Some(Command::Resume)).reply, Some(Ok(())));
+    assert_eq!((sim.mode(), sim.last_cause()), (Mode::Search, Cause::ResumeCommand));
+    chases(&mut sim);
+    sim.tick(Some(Command::Hold));
+    sim.run(2.0);
+    sim.stop();
+    lands(&mut sim, Cause::StopCommand);
+}
+
+#[test]
+fn the_pilots_hold_lands_from_the_climb_and_does_nothing_on_the_ground() {
+    let mut sim = limited(|_| {});
+    sim.run(0.5);
+    assert_eq!(sim.tick(Some(Command::Hold)).reply, Some(Ok(())));
+    assert_eq!(sim.mode(), Mode::Ready);
+    sim.start(track());
+    sim.until(5.0, |s| s.mode() == Mode::Takeoff && s.pos.z > 0.5);
+    sim.tick(Some(Command::Hold));
+    lands(&mut sim, Cause::HoldCommand);
+}
+
+#[test]
 fn stop_hands_over_where_the_vehicle_file_says_so() {
     let mut sim = limited(|c| c.mission.on_stop = StopAction::HandOver);
     sim.start(track());

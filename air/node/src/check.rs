@@ -2,6 +2,7 @@
 
 mod autopilot;
 mod board;
+pub mod frames;
 mod live;
 
 use std::path::Path;
@@ -9,6 +10,7 @@ use std::path::Path;
 use goshawk_policy::Policy;
 use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::errors::one_line;
+use goshawk_vehicle::mounting;
 use serde::Serialize;
 
 use crate::run::Overrides;
@@ -58,6 +60,11 @@ impl Findings {
         self.conditions.push(Finding { name, level: Level::Failed, text: text.into() });
     }
 
+    /// Says whether anything failed.
+    fn settle(&mut self) {
+        self.ready = self.conditions.iter().all(|condition| condition.level != Level::Failed);
+    }
+
     /// Ok with one text, or failed with the other.
     fn judge(&mut self, name: &'static str, result: Result<String, String>) {
         match result {
@@ -77,6 +84,9 @@ pub fn check(config: &Path, overrides: Overrides, wait_s: f64) -> Findings {
             findings.ok("vehicle file", format!("{}: {}, profiles {names}", config.display(), vehicle.name));
             let (model, log_dir) = overrides.apply(&mut vehicle);
             let policy: Option<Policy> = board::policy(&vehicle, &model, &mut findings);
+            if let Some(standing) = mounting::standing(&vehicle) {
+                findings.judge("mounting", standing.map(|()| "the frames were checked by hand".to_owned()));
+            }
             if let Some(why) = vehicle.unkept() {
                 findings.warn("least distance", why);
             }
@@ -86,24 +96,30 @@ pub fn check(config: &Path, overrides: Overrides, wait_s: f64) -> Findings {
         }
         Err(error) => findings.fail("vehicle file", one_line(&error)),
     }
-    findings.ready = findings.conditions.iter().all(|condition| condition.level != Level::Failed);
+    findings.settle();
     findings
 }
 
-/// Prints the conditions.
-pub fn print(findings: &Findings) {
-    for Finding { name, level, text } in &findings.conditions {
-        let mark = match level {
-            Level::Ok => "ok",
-            Level::Warning => "warning",
-            Level::Failed => "FAILED",
-        };
-        println!("{mark:<8} {name:<16} {text}");
+/// Prints the conditions, but those that were `told` as they came.
+pub fn print(findings: &Findings, told: bool) {
+    for finding in findings.conditions.iter().filter(|finding| !told || finding.level == Level::Failed) {
+        println!("{finding}");
     }
     let failed = findings.conditions.iter().filter(|condition| condition.level == Level::Failed).count();
     if findings.ready {
         println!("ready");
     } else {
         println!("not ready: {failed} of {} conditions failed", findings.conditions.len());
+    }
+}
+
+impl std::fmt::Display for Finding {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mark = match self.level {
+            Level::Ok => "ok",
+            Level::Warning => "warning",
+            Level::Failed => "FAILED",
+        };
+        write!(f, "{mark:<8} {:<16} {}", self.name, self.text)
     }
 }

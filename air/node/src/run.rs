@@ -15,6 +15,7 @@ use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::{OdometrySource, Vehicle};
+use goshawk_vehicle::mounting;
 use goshawk_vehicle::sensors;
 
 use crate::flight::camera::CameraInput;
@@ -25,6 +26,7 @@ use crate::flight::shared::Shared;
 use crate::flight::vision;
 use crate::network::access::{Access, Guard};
 use crate::network::commands;
+use crate::network::switch;
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
 use crate::report::telemetry::{Identity, Telemetry};
@@ -97,6 +99,8 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         policy_sha256: policy.sha256().to_owned(),
         warm_up_failed,
         battery_start: vehicle.limits.battery_start,
+        switch: vehicle.switch.clone(),
+        mounting: mounting::standing(&vehicle),
         source: vehicle.sensors.odometry,
         insecure: *access.guard() == Guard::Nobody,
         warnings: [("mavlink", exposure), ("least distance", vehicle.unkept().map(str::to_owned))],
@@ -106,6 +110,8 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     let _alive = bus.declare_alive()?;
     tracing::info!("listening on {}; policy {}", access.endpoints(), model.display());
 
+    shared.barred.store(vehicle.switch.is_some(), Ordering::Relaxed);
+    let (piloted, heard) = (vehicle.switch.clone().map(|switch| (switch, vehicle.clone())), Arc::clone(&link));
     let sight = vehicle.autopilot.vision().map(|message| (message, Arc::clone(&link)));
     let r = &vehicle.realtime;
     let control = Control {
@@ -133,6 +139,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     ];
     if let Some((message, link)) = sight {
         threads.push(spawn("vision", &shared, move |shared| vision::send(message, &link, shared))?);
+    }
+    if let Some((switch, vehicle)) = piloted {
+        threads.push(spawn("switch", &shared, move |shared| switch::serve(&switch, &heard, shared, &vehicle))?);
     }
     wait(&shared, threads)
 }

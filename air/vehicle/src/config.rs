@@ -17,9 +17,11 @@ mod autopilot;
 pub mod reference;
 mod schema;
 mod sections;
+mod switch;
 
 pub use autopilot::{Autopilot, VISION_HZ};
-pub use sections::{Camera, Network, OdometrySource, Policy, Realtime, Recorder, Sensors};
+pub use sections::{Camera, Mounting, Network, OdometrySource, Policy, Realtime, Recorder, Sensors};
+pub use switch::Switch;
 
 use sections::ProfileRow;
 
@@ -83,6 +85,8 @@ pub struct Vehicle {
     pub realtime: Realtime,
     /// What no flight may exceed.
     pub limits: LimitsConfig,
+    /// The pilot's switch, where there is one.
+    pub switch: Option<Switch>,
     /// What Start may name.
     profile: Vec<ProfileRow>,
     /// What the tuning file says; there once the vehicle is loaded.
@@ -97,6 +101,9 @@ pub struct Vehicle {
     /// The file's folder: what relative paths start from.
     #[serde(skip)]
     pub folder: PathBuf,
+    /// The file itself.
+    #[serde(skip)]
+    pub path: PathBuf,
 }
 
 impl Vehicle {
@@ -122,6 +129,7 @@ impl Vehicle {
 
     fn with(mut self, text: String, tuning_text: String, path: &Path) -> Result<Vehicle, VehicleError> {
         folder_of(path).clone_into(&mut self.folder);
+        path.clone_into(&mut self.path);
         let tuning_path = self.resolve(&self.tuning_file);
         let tuning: Tuning = parsed(&tuning_text, &tuning_path)?;
         tuning.validate().map_err(|cause| VehicleError::Value { path: tuning_path, cause: cause.to_string() })?;
@@ -150,6 +158,12 @@ impl Vehicle {
                 "policy.sha256 is {:?}; it must be the model's SHA-256, 64 digits of 0-9 and a-f, as its card has it",
                 self.policy.sha256
             ));
+        }
+        if let Some(switch) = &self.switch {
+            switch.validate()?;
+            if let Some(name) = switch.profile.as_deref().filter(|name| self.profile(Some(name)).is_none()) {
+                return Err(format!("switch.profile {name:?} is none of the profiles"));
+            }
         }
         self.autopilot.validate(self.realtime.controller_rate_hz, self.sensors.odometry)?;
         if self.network.listen.is_empty() {
@@ -223,7 +237,7 @@ impl Vehicle {
             target_system: a.target_system,
             target_component: a.target_component,
             heartbeat: HeartbeatKind::default(),
-            rates: StreamRates::default(),
+            rates: StreamRates { radio_hz: self.switch.as_ref().map(|_| RADIO_HZ), ..StreamRates::default() },
         })
     }
 
@@ -280,6 +294,12 @@ impl Vehicle {
         })
     }
 
+    /// How the camera is mounted.
+    #[must_use]
+    pub fn body_from_cam(&self) -> Rot {
+        Rot::from_axis_angle(&Vec3::y_axis(), -self.camera.tilt_deg.to_radians())
+    }
+
     /// The planner's configuration with the policy's contract.
     #[must_use]
     pub fn planner_config(&self, policy: PolicyModel) -> PlannerConfig {
@@ -289,7 +309,7 @@ impl Vehicle {
                 vfov: self.camera.vfov_deg.to_radians(),
                 width: policy.width,
                 height: policy.height,
-                body_from_cam: Rot::from_axis_angle(&Vec3::y_axis(), -self.camera.tilt_deg.to_radians()),
+                body_from_cam: self.body_from_cam(),
                 pos_cam_body: Vec3::from(self.camera.position_m),
             },
             policy,
@@ -306,6 +326,9 @@ impl Vehicle {
         ControllerConfig::new(self.airframe, self.limits, view, self.tuning())
     }
 }
+
+/// The pilot's radio is asked for so often, Hz, where a switch of it counts. Chosen by eye.
+const RADIO_HZ: f64 = 20.0;
 
 fn read(what: &'static str, path: &Path) -> Result<String, VehicleError> {
     std::fs::read_to_string(path).map_err(|cause| VehicleError::Read { what, path: path.to_owned(), cause })

@@ -10,6 +10,7 @@ use goshawk_proto::v1;
 use prost::Message;
 
 use crate::config::Vehicle;
+use crate::switch::Position;
 
 /// Answers that are kept for commands that are repeated. Chosen by eye.
 const REMEMBERED: usize = 64;
@@ -75,6 +76,23 @@ impl Desk {
 }
 
 impl Parsed {
+    /// The command in one word, for the log.
+    #[must_use]
+    pub fn verb(&self) -> &'static str {
+        match self.command {
+            Command::Start(_) => "start",
+            Command::Stop => "stop",
+            Command::Hold => "hold",
+            Command::Resume => "resume",
+        }
+    }
+
+    /// The answer where the pilot's switch stands at stop, or nobody knows where.
+    #[must_use]
+    pub fn barred(&self) -> v1::CommandReply {
+        refusal(self.id.clone(), "the pilot's switch stands at stop, or has just been switched on: move it".to_owned())
+    }
+
     /// Unanswered in time it is taken back: a start that was refused must not take off once the controller goes on. A
     /// stop stands.
     #[must_use]
@@ -120,25 +138,41 @@ pub fn parse(key: Key, payload: &[u8], vehicle: &Vehicle) -> Result<Parsed, (Str
             let known = vehicle.profile_names().join(", ");
             return Err((m.command_id, format!("no profile {name:?}: the vehicle file has {known}")));
         };
-        let accepted = format!("taking off with profile {name}");
-        (m.command_id, name, Command::Start(profile), accepted)
+        (m.command_id, name.clone(), Command::Start(profile), taking_off(&name))
     } else {
-        let accepted = match vehicle.tuning().mission.on_stop {
-            StopAction::Land => "stopping and landing",
-            StopAction::Hover => "stopping; a second stop lands",
-            StopAction::HandOver => "handing over to the autopilot",
-        };
-        (
-            v1::StopRequest::decode(payload).map_err(malformed)?.command_id,
-            String::new(),
-            Command::Stop,
-            accepted.to_owned(),
-        )
+        let id = v1::StopRequest::decode(payload).map_err(malformed)?.command_id;
+        (id, String::new(), Command::Stop, stopping(vehicle).to_owned())
     };
     if id.is_empty() || id.len() > 64 {
         return Err((id.chars().take(64).collect(), "command_id must have 1 to 64 bytes".to_owned()));
     }
     Ok(Parsed { id, profile, command, accepted })
+}
+
+fn taking_off(profile: &str) -> String {
+    format!("taking off with profile {profile}")
+}
+
+fn stopping(vehicle: &Vehicle) -> &'static str {
+    match vehicle.tuning().mission.on_stop {
+        StopAction::Land => "stopping and landing",
+        StopAction::Hover => "stopping; a second stop lands",
+        StopAction::HandOver => "handing over to the autopilot",
+    }
+}
+
+/// What the pilot's switch asks for; `flying`: a flight is under way. None: the vehicle file has no such profile.
+#[must_use]
+pub fn by_switch(id: String, position: Position, flying: bool, vehicle: &Vehicle) -> Option<Parsed> {
+    let name = vehicle.switch.as_ref().and_then(|switch| switch.profile.clone());
+    let name = name.unwrap_or_else(|| vehicle.default_profile.clone());
+    let (profile, command, accepted) = match position {
+        Position::Stop => (String::new(), Command::Stop, stopping(vehicle).to_owned()),
+        Position::Hold => (String::new(), Command::Hold, "holding the place".to_owned()),
+        Position::Start if flying => (String::new(), Command::Resume, "going on".to_owned()),
+        Position::Start => (name.clone(), Command::Start(vehicle.profile(Some(&name))?), taking_off(&name)),
+    };
+    Some(Parsed { id, profile, command, accepted })
 }
 
 fn refusal(command_id: String, reason: String) -> v1::CommandReply {

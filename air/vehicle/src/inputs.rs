@@ -87,6 +87,8 @@ pub fn controller_input(input: &StepInput, seq: u64, stamp: Time) -> v1::Control
             _ => None,
         },
         stop: input.command == Some(Command::Stop),
+        hold: input.command == Some(Command::Hold),
+        resume: input.command == Some(Command::Resume),
         odometry_ns: input.odometry.map(|o| o.stamp.0),
         imu_ns: input.imu.map(|imu| imu.stamp.0),
         battery: input.autopilot.battery,
@@ -126,6 +128,12 @@ pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>, imu: Opti
             goal: start.goal_m.map(vector),
         })
     });
+    let bare = match (m.stop, m.hold, m.resume) {
+        (true, ..) => Some(Command::Stop),
+        (_, true, _) => Some(Command::Hold),
+        (.., true) => Some(Command::Resume),
+        _ => None,
+    };
     StepInput {
         odometry,
         imu: imu.filter(|_| m.imu_ns.is_some()),
@@ -138,7 +146,7 @@ pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>, imu: Opti
             battery: m.battery,
             position: m.position,
         },
-        command: start.or(m.stop.then_some(Command::Stop)),
+        command: start.or(bare),
         ready: m.ready,
     }
 }
@@ -177,7 +185,8 @@ mod tests {
     fn a_steps_input_comes_back_from_the_log() {
         let sample = Imu { stamp: Time(9), specific_force_body: Vec3::new(0.1, -2.0, 9.8), ang_vel_body: Vec3::y() };
         let profile = Profile { task: Task::Navigate, speed: 5.0, height: 1.5, goal: Some(Vec3::x()) };
-        for command in [None, Some(Command::Stop), Some(Command::Start(profile))] {
+        let bare = [Command::Stop, Command::Hold, Command::Resume].map(Some);
+        for command in [None, Some(Command::Start(profile))].into_iter().chain(bare) {
             let input = StepInput {
                 odometry: Some(at_stamp()),
                 imu: Some(sample),

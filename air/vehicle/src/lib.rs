@@ -10,6 +10,8 @@ pub mod convert;
 pub mod desk;
 pub mod errors;
 pub mod inputs;
+pub mod mounting;
 pub mod sensors;
 pub mod slot;
 pub mod stats;
+pub mod switch;

@@ -7,7 +7,7 @@ use crate::dialogue::rates::StreamRates;
 use crate::messages::{
     ATTITUDE_QUATERNION_DATA, CURRENT_MODE_DATA, EKF_STATUS_REPORT_DATA, ESTIMATOR_STATUS_DATA,
     EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavType,
-    ODOMETRY_DATA, SYS_STATUS_DATA,
+    ODOMETRY_DATA, RC_CHANNELS_DATA, SYS_STATUS_DATA,
 };
 use goshawk_core::Request;
 use mavlink::MessageData;
@@ -80,7 +80,7 @@ impl Firmware {
     /// are CURRENT_MODE and ODOMETRY: HEARTBEAT comes as often instead, and position and attitude each by itself.
     #[must_use]
     pub fn streams(self, rates: &StreamRates) -> Vec<(u32, f64)> {
-        match self {
+        let mut streams = match self {
             Self::Px4 => vec![
                 (CURRENT_MODE_DATA::ID, rates.state_hz),
                 (ODOMETRY_DATA::ID, rates.odometry_hz),
@@ -97,7 +97,9 @@ impl Firmware {
                 (EKF_STATUS_REPORT_DATA::ID, rates.state_hz),
                 (SYS_STATUS_DATA::ID, BATTERY_HZ),
             ],
-        }
+        };
+        streams.extend(rates.radio_hz.map(|hz| (RC_CHANNELS_DATA::ID, hz)));
+        streams
     }
 
     /// Parameters that decide how it takes our setpoints, and what it does without them. The link asks for them by

@@ -12,10 +12,12 @@ pub struct StreamRates {
     /// CURRENT_MODE (of ArduPilot: HEARTBEAT), EXTENDED_SYS_STATE and ESTIMATOR_STATUS (of ArduPilot:
     /// EKF_STATUS_REPORT): how late a lost mode is noticed at worst.
     pub state_hz: f64,
+    /// RC_CHANNELS, the pilot's sticks and switches; none: nobody reads them.
+    pub radio_hz: Option<f64>,
 }
 
 impl Default for StreamRates {
     fn default() -> Self {
-        Self { odometry_hz: 100.0, attitude_hz: 100.0, imu_hz: 100.0, state_hz: 10.0 }
+        Self { odometry_hz: 100.0, attitude_hz: 100.0, imu_hz: 100.0, state_hz: 10.0, radio_hz: None }
     }
 }

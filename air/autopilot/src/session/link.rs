@@ -8,6 +8,7 @@ use crate::messages::{AttitudeTargetTypemask, MavMessage, SET_ATTITUDE_TARGET_DA
 use crate::session::config::LinkConfig;
 use crate::session::endpoint::Endpoint;
 use crate::session::vision::{VisionMessage, vision_message};
+use crate::state::radio::Radio;
 use crate::state::status::{Status, StatusText};
 use crate::wire::address::Peer;
 use crate::wire::error::AutopilotError;
@@ -98,6 +99,12 @@ impl AutopilotLink {
     #[must_use]
     pub fn imu(&self) -> Option<Imu> {
         self.endpoint.lock().view.imu()
+    }
+
+    /// What the pilot's radio last said; none: the autopilot has told nothing of it.
+    #[must_use]
+    pub fn radio(&self) -> Option<Radio> {
+        self.endpoint.lock().view.radio()
     }
 
     /// All that a control step wants to know, without waiting: none while another thread of ours is at the state, which

@@ -13,6 +13,7 @@ use crate::messages::{
 use crate::state::clock::ClockMap;
 use crate::state::estimate::Estimate;
 use crate::state::pose::Unusable;
+use crate::state::radio::Radio;
 use crate::state::status::{Counters, Status, StatusText};
 use crate::state::validity::Validity;
 use crate::wire::packet::{Packet, Reject};
@@ -59,6 +60,7 @@ pub struct View {
     validity: Validity,
     arming: Arming,
     parameters: BTreeMap<String, Parameter>,
+    radio: Option<Radio>,
     texts: VecDeque<StatusText>,
     events: VecDeque<(Time, AutopilotEvent)>,
     /// When anything of it last came.
@@ -94,6 +96,7 @@ impl View {
             validity: Validity::default(),
             arming: Arming::default(),
             parameters: BTreeMap::new(),
+            radio: None,
             texts: VecDeque::with_capacity(NOTES_KEPT),
             events: VecDeque::with_capacity(NOTES_KEPT),
             heard: None,
@@ -155,6 +158,7 @@ impl View {
             }
             MavMessage::STATUSTEXT(text) => self.text(now, text),
             MavMessage::PARAM_VALUE(value) => self.parameter_told(value),
+            MavMessage::RC_CHANNELS(channels) => self.radio = Some(Radio::of(now, channels)),
             MavMessage::TIMESYNC(sync) => accepted.reply = self.timesync(now, sync),
             motion => match self.estimate.take(&mut self.clock, now, motion) {
                 Ok(()) => {}
@@ -226,6 +230,12 @@ impl View {
     #[must_use]
     pub fn imu(&self) -> Option<Imu> {
         self.estimate.imu()
+    }
+
+    /// What the pilot's radio last said; none: the autopilot has told nothing of it.
+    #[must_use]
+    pub fn radio(&self) -> Option<Radio> {
+        self.radio
     }
 
     /// A parameter that the autopilot has told; none: it has not.

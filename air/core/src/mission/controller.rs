@@ -62,7 +62,7 @@ pub(crate) struct Flight {
     pub(crate) was_armed: bool,
     /// It has left the ground.
     pub(crate) lifted: bool,
-    /// Stopped by the operator, to be hovered.
+    /// Stopped by operator or pilot, to be hovered.
     pub(crate) held: bool,
     /// The battery has been low since then.
     pub(crate) battery_low: Option<Time>,
@@ -166,8 +166,13 @@ impl Controller {
         let happened = self.happened(now, input, readiness, reply);
         let transition = transition(self.mode, happened, &self.situation())
             .map(|(to, cause)| self.enter(now, to, cause, input.command));
-        if let (Some(Command::Stop), Some(flight)) = (input.command, &mut self.flight) {
-            flight.held = self.config.mission.on_stop == StopAction::Hover;
+        if let Some(flight) = self.flight.as_mut().filter(|_| reply == Some(Ok(()))) {
+            match input.command {
+                Some(Command::Stop) => flight.held = self.config.mission.on_stop == StopAction::Hover,
+                Some(Command::Hold) => flight.held = true,
+                Some(Command::Resume) => flight.held = false,
+                _ => {}
+            }
         }
         let mut output = self.fly(now, dt, input);
         (output.transition, output.reply, output.readiness) = (transition, reply, readiness);
@@ -216,7 +221,9 @@ impl Controller {
 
     fn answer(&self, command: &Command, readiness: Result<(), Refusal>) -> Result<(), Refusal> {
         match (command, self.mode) {
-            (Command::Stop, _) => Ok(()),
+            (Command::Stop | Command::Hold, _) => Ok(()),
+            (Command::Resume, Mode::Hold) if self.flight.as_ref().is_some_and(|flight| flight.held) => Ok(()),
+            (Command::Resume, _) => Err(Refusal::NotHeld),
             (Command::Start(_), mode) if mode.has_authority() => Err(Refusal::Flying),
             (Command::Start(_), Mode::Fault) => Err(Refusal::Faulted),
             (Command::Start(profile), _) if !profile.is_valid() => Err(Refusal::BadProfile),
@@ -248,6 +255,11 @@ impl Controller {
                 if let Some(flight) = &self.flight {
                     self.hover.hold(Vec3::new(flight.start_world.x, flight.start_world.y, flight.height()));
                 }
+            }
+            // What was seen before a hold says nothing of now, and its silence is no fault.
+            Mode::Search | Mode::Navigate if cause == Cause::ResumeCommand => {
+                self.plans = Plans::new(now);
+                self.gaze.forget();
             }
             Mode::Stopping => {
                 if let Some(flight) = &mut self.flight {

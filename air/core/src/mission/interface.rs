@@ -35,6 +35,10 @@ pub enum Command {
     Start(Profile),
     /// End the flight as the vehicle file says: land, hover or hand over. Accepted always; harmless on the ground.
     Stop,
+    /// Brake and hold the place, whatever the vehicle file says; in the climb, land. Accepted always.
+    Hold,
+    /// Go on with a flight that is held. Refused where none is: a Start that comes late must not do this.
+    Resume,
 }
 
 /// Why Start is, or would be, refused.
@@ -46,6 +50,9 @@ pub enum Refusal {
     /// Motors are armed, or the autopilot says that it flies.
     #[error("not ready: the autopilot is armed or in the air; land and disarm first")]
     NotOnGround,
+    /// Nothing is held.
+    #[error("no flight is held that could go on")]
+    NotHeld,
     /// No fresh odometry.
     #[error("not ready: odometry is missing or stale; check the state estimator")]
     OdometryStale,

@@ -96,6 +96,8 @@ pub enum Cause {
     CeilingReached,
     /// The flight has lasted as long as it may.
     TimeUp,
+    /// The pilot's hold.
+    HoldCommand,
     /// The autopilot did not accept offboard.
     OffboardRefused,
     /// The autopilot did not arm.
@@ -122,6 +124,8 @@ pub enum Cause {
     CheckFailed,
     /// The operator's Start.
     StartCommand,
+    /// The pilot lets go of a hold.
+    ResumeCommand,
     /// All readiness checks hold.
     ChecksPassed,
     /// A fault is over: disarmed, and shown for long enough.
@@ -130,7 +134,7 @@ pub enum Cause {
 
 impl Cause {
     /// All causes.
-    pub const ALL: [Cause; 27] = [
+    pub const ALL: [Cause; 29] = [
         Cause::TouchedDown,
         Cause::Disarmed,
         Cause::ModeTakenAway,
@@ -143,6 +147,7 @@ impl Cause {
         Cause::FenceReached,
         Cause::CeilingReached,
         Cause::TimeUp,
+        Cause::HoldCommand,
         Cause::OffboardRefused,
         Cause::ArmRefused,
         Cause::HeightReached,
@@ -156,6 +161,7 @@ impl Cause {
         Cause::SearchTimeout,
         Cause::CheckFailed,
         Cause::StartCommand,
+        Cause::ResumeCommand,
         Cause::ChecksPassed,
         Cause::FaultOver,
     ];
@@ -171,6 +177,7 @@ impl std::fmt::Display for Cause {
             Cause::OdometryFalse => "odometry contradicts itself",
             Cause::PositionLost => "the autopilot has lost its position",
             Cause::StopCommand => "the operator's Stop",
+            Cause::HoldCommand => "the pilot's hold",
             Cause::AutopilotLost => "the autopilot has fallen silent",
             Cause::BatteryLow => "the battery is low",
             Cause::FenceReached => "the fence is reached",
@@ -189,6 +196,7 @@ impl std::fmt::Display for Cause {
             Cause::SearchTimeout => "the search found nothing",
             Cause::CheckFailed => "a readiness check failed",
             Cause::StartCommand => "the operator's Start",
+            Cause::ResumeCommand => "the pilot lets it go on",
             Cause::ChecksPassed => "all readiness checks hold",
             Cause::FaultOver => "the fault is over",
         })

@@ -42,6 +42,8 @@ impl Controller {
         let accepted = reply == Some(Ok(()));
         let happened = Happened::default()
             .with(Cause::StopCommand, accepted && input.command == Some(Command::Stop))
+            .with(Cause::HoldCommand, accepted && input.command == Some(Command::Hold))
+            .with(Cause::ResumeCommand, accepted && input.command == Some(Command::Resume))
             .with(Cause::StartCommand, accepted && matches!(input.command, Some(Command::Start(_))))
             .with(Cause::ChecksPassed, readiness.is_ok())
             .with(Cause::CheckFailed, readiness.is_err())

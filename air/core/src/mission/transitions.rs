@@ -27,6 +27,8 @@ enum To {
     Land,
     /// What Stop does.
     Stop,
+    /// A hover; from where there is none, down.
+    Hover,
 }
 
 /// One line of the table: on this event, from these modes, to there.
@@ -53,6 +55,7 @@ const TABLE: &[Row] = &[
     (Cause::FenceReached, UNDER_WAY, To::Land),
     (Cause::CeilingReached, UNDER_WAY, To::Land),
     (Cause::TimeUp, UNDER_WAY, To::Land),
+    (Cause::HoldCommand, UNDER_WAY, To::Hover),
     // take-off
     (Cause::OffboardRefused, &[Mode::Takeoff], To::Mode(Mode::Fault)),
     (Cause::ArmRefused, &[Mode::Takeoff], To::Mode(Mode::Fault)),
@@ -69,6 +72,7 @@ const TABLE: &[Row] = &[
     // on the ground
     (Cause::CheckFailed, &[Mode::Ready], To::Mode(Mode::Idle)),
     (Cause::StartCommand, &[Mode::Ready], To::Mode(Mode::Takeoff)),
+    (Cause::ResumeCommand, &[Mode::Hold], To::Begin),
     (Cause::ChecksPassed, &[Mode::Idle, Mode::Landed], To::Mode(Mode::Ready)),
     (Cause::FaultOver, &[Mode::Fault], To::Mode(Mode::Idle)),
 ];
@@ -83,8 +87,11 @@ pub fn next(mode: Mode, cause: Cause, situation: &Situation) -> Option<Mode> {
         To::Begin if situation.task == Task::Track => Mode::Search,
         To::Begin => Mode::Navigate,
         To::Land => land,
-        // A climb is no place to hover, and whoever stops a hover means the ground.
-        To::Stop if !situation.was_armed || mode == Mode::Takeoff || situation.held => land,
+        // A climb is no place to hover.
+        To::Stop | To::Hover if !situation.was_armed || mode == Mode::Takeoff => land,
+        To::Hover => Mode::Hold,
+        // Whoever stops a hover means the ground.
+        To::Stop if situation.held && situation.on_stop == StopAction::Hover => land,
         To::Stop => match situation.on_stop {
             StopAction::Land => Mode::Stopping,
             StopAction::Hover => Mode::Hold,
@@ -141,6 +148,7 @@ mod tests {
         (Cause::FenceReached, ". . Stopping Stopping Stopping Stopping Stopping . . ."),
         (Cause::CeilingReached, ". . Stopping Stopping Stopping Stopping Stopping . . ."),
         (Cause::TimeUp, ". . Stopping Stopping Stopping Stopping Stopping . . ."),
+        (Cause::HoldCommand, ". . Stopping Hold Hold Hold . . . ."),
         (Cause::OffboardRefused, ". . Fault . . . . . . ."),
         (Cause::ArmRefused, ". . Fault . . . . . . ."),
         (Cause::HeightReached, ". . Search . . . . . . ."),
@@ -154,6 +162,7 @@ mod tests {
         (Cause::SearchTimeout, ". . . . . Stopping . . . ."),
         (Cause::CheckFailed, ". Idle . . . . . . . ."),
         (Cause::StartCommand, ". Takeoff . . . . . . . ."),
+        (Cause::ResumeCommand, ". . . . . . Search . . ."),
         (Cause::ChecksPassed, "Ready . . . . . . . Ready ."),
         (Cause::FaultOver, ". . . . . . . . . Idle"),
     ];
@@ -187,7 +196,9 @@ mod tests {
         for (first, second) in pairs() {
             for mode in Mode::ALL {
                 let both = transition(mode, only(first).with(second, true), &CHASE);
-                let alone = transition(mode, only(first), &CHASE).or(transition(mode, only(second), &CHASE));
+                // A hold that is held again is heeded, and leads nowhere.
+                let heeded = if next(mode, first, &CHASE).is_some() { first } else { second };
+                let alone = transition(mode, only(heeded), &CHASE);
                 assert_eq!(both, alone, "{first:?} and {second:?} in {mode:?}");
             }
         }
@@ -205,7 +216,8 @@ mod tests {
             }
             assert_eq!(to(Mode::Takeoff, chase), Some(Mode::Stopping));
             assert_eq!(to(Mode::Hold, chase), Some(there).filter(|there| *there != Mode::Hold));
-            assert_eq!(to(Mode::Hold, Situation { held: true, ..chase }), Some(Mode::Stopping));
+            let held = if on_stop == StopAction::HandOver { Mode::Fault } else { Mode::Stopping };
+            assert_eq!(to(Mode::Hold, Situation { held: true, ..chase }), Some(held));
         }
     }
 

@@ -4,7 +4,8 @@ use std::os::unix::fs::PermissionsExt;
 
 use goshawk_autopilot::{AutopilotLink, Firmware, Parameter, Status};
 use goshawk_vehicle::clock;
-use goshawk_vehicle::config::{OdometrySource, Vehicle};
+use goshawk_vehicle::config::{OdometrySource, Switch, Vehicle};
+use goshawk_vehicle::switch;
 
 use super::Findings;
 use crate::report::health;
@@ -43,6 +44,9 @@ pub(super) fn judge(link: &Result<AutopilotLink, String>, vehicle: &Vehicle, fin
             "not synchronised, stamps are from arrivals: see that the autopilot answers TIMESYNC on this link",
         ),
     }
+    if let Some(row) = &vehicle.switch {
+        pilots_switch(link, row, findings);
+    }
     if status.counters.unchecked > 0 {
         findings
             .warn("signing", "the autopilot signs what it sends and may refuse what we do not: set signing_key_file");
@@ -61,6 +65,20 @@ pub(super) fn judge(link: &Result<AutopilotLink, String>, vehicle: &Vehicle, fin
             loss_time(second, link.parameter(second), then, findings);
         }
     }
+}
+
+/// Where the pilot's switch stands.
+fn pilots_switch(link: &AutopilotLink, row: &Switch, findings: &mut Findings) {
+    let radio = link.radio();
+    let us = radio.and_then(|radio| *radio.channels_us.get(usize::from(row.channel).checked_sub(1)?)?);
+    let standing = match (switch::problem(clock::now(), row, radio.as_ref()), us) {
+        (None, Some(us)) => {
+            let at = row.position(us).map_or("between its positions".to_owned(), |position| format!("at {position}"));
+            Ok(format!("channel {} stands {at}, {us} µs", row.channel))
+        }
+        (problem, _) => Err(problem.unwrap_or_else(|| "it has no pulse".to_owned())),
+    };
+    findings.judge("switch", standing);
 }
 
 /// Others may pose as the autopilot. A key that cannot be read is told of as the link's failure.

@@ -66,48 +66,82 @@ impl<T> Stream<T> {
     }
 }
 
+/// What is listened to.
+pub(super) struct Ears {
+    frames: Arc<Mutex<Stream<Frame>>>,
+    odometry: Arc<Mutex<Stream<Odometry>>>,
+    /// The autopilot, or why there is none.
+    pub link: Result<AutopilotLink, String>,
+    source: OdometrySource,
+    _bus: Option<Bus>,
+}
+
+impl Ears {
+    /// Begins to listen.
+    pub(super) fn open(vehicle: &Vehicle, findings: &mut Findings) -> Self {
+        let (frames, odometry) = (Arc::default(), Arc::default());
+        let access = access(vehicle, findings);
+        let bus = access.and_then(|access| network(vehicle, &access, &frames, &odometry, findings));
+        let link = vehicle.link().and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
+        Self { frames, odometry, link, source: vehicle.sensors.odometry, _bus: bus }
+    }
+
+    /// Waits a little, and takes the autopilot's odometry where that is flown by.
+    pub(super) fn poll(&self) -> Time {
+        std::thread::sleep(POLL);
+        let now = clock::now();
+        if let Ok(link) = &self.link
+            && self.source == OdometrySource::Autopilot
+            && let Some(newest) = link.odometry()
+        {
+            take_odometry(&self.odometry, now, newest);
+        }
+        now
+    }
+
+    /// The newest odometry, and the newest picture.
+    pub(super) fn newest(&self) -> (Option<Odometry>, Option<Frame>) {
+        (lock(&self.odometry).newest, lock(&self.frames).newest.clone())
+    }
+
+    /// Both streams have been counted long enough.
+    fn counted(&self, now: Time) -> bool {
+        lock(&self.frames).counted(now) && lock(&self.odometry).counted(now)
+    }
+}
+
 /// Listens until all is known, at most `wait_s` seconds, and judges.
 pub(super) fn listen(vehicle: &Vehicle, policy: Option<&Policy>, wait_s: f64, findings: &mut Findings) {
-    let frames: Arc<Mutex<Stream<Frame>>> = Arc::default();
-    let odometry: Arc<Mutex<Stream<Odometry>>> = Arc::default();
-    let access = access(vehicle, findings);
-    let bus = access.and_then(|access| network(vehicle, &access, &frames, &odometry, findings));
-    let link = vehicle.link().and_then(|config| AutopilotLink::open(config, clock::now)).map_err(|e| e.to_string());
+    let ears = Ears::open(vehicle, findings);
     let parameters = vehicle.autopilot.firmware().parameters();
     let sticks = vehicle.autopilot.firmware().stick_parameters();
     let begun = clock::now();
-    let mut asked = begun;
-    while clock::now().since(begun) < wait_s {
-        std::thread::sleep(POLL);
-        let now = clock::now();
-        if let Ok(link) = &link {
-            if vehicle.sensors.odometry == OdometrySource::Autopilot
-                && let Some(newest) = link.odometry()
-            {
-                take_odometry(&odometry, now, newest);
-            }
-            if now.since(asked) > ASK_AGAIN_S {
-                asked = now;
-                for name in parameters.iter().chain(sticks) {
-                    let _ = link.request_parameter(name); // without a peer there is nobody to ask; it is asked again
-                }
+    let (mut now, mut asked) = (begun, begun);
+    while now.since(begun) < wait_s {
+        now = ears.poll();
+        if let Ok(link) = &ears.link
+            && now.since(asked) > ASK_AGAIN_S
+        {
+            asked = now;
+            for name in parameters.iter().chain(sticks) {
+                let _ = link.request_parameter(name); // without a peer there is nobody to ask; it is asked again
             }
         }
         let told = |link: &AutopilotLink, name: &str| link.parameter(name).is_some();
-        let known = link.as_ref().is_ok_and(|link| {
+        let known = ears.link.as_ref().is_ok_and(|link| {
             let sticks = sticks.is_empty() || sticks.iter().any(|name| told(link, name));
-            parameters.iter().all(|name| told(link, name)) && sticks
+            let radio = vehicle.switch.is_none() || link.radio().is_some();
+            parameters.iter().all(|name| told(link, name)) && sticks && radio
         });
-        if known && lock(&frames).counted(now) && lock(&odometry).counted(now) {
+        if known && ears.counted(now) {
             break;
         }
     }
-    drop(bus);
     autopilot::signing(vehicle, findings);
     autopilot::exposure(vehicle, findings);
-    autopilot::judge(&link, vehicle, findings);
-    camera(&lock(&frames), policy, findings);
-    motion(&lock(&odometry), vehicle.sensors.odometry, findings);
+    autopilot::judge(&ears.link, vehicle, findings);
+    camera(&lock(&ears.frames), policy, findings);
+    motion(&lock(&ears.odometry), vehicle.sensors.odometry, findings);
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {

@@ -117,6 +117,8 @@ pub struct Shared {
     pub command: Mutex<Option<PendingCommand>>,
     /// All readiness checks hold.
     pub ready: AtomicBool,
+    /// The pilot's switch stands at stop, or it is not known where: nobody else starts.
+    pub barred: AtomicBool,
     /// The mission's mode, as [`v1::Mode`].
     pub mode: AtomicI32,
     /// Set once: wind up.
@@ -146,6 +148,7 @@ impl Shared {
             history: Mutex::new(History::new()),
             command: Mutex::new(None),
             ready: AtomicBool::new(false),
+            barred: AtomicBool::new(false),
             mode: AtomicI32::new(v1::Mode::Idle.into()),
             stop: AtomicBool::new(false),
             refused_frames: Refused::default(),

@@ -94,14 +94,10 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
         let reply = match desk.take(key, &payload, vehicle) {
             Taken::Answered(reply) => reply,
             Taken::New(parsed) => {
-                let Decided { mut reply, settled } = ask_controller(&parsed, shared);
-                reply.mode = shared.mode.load(Ordering::Relaxed);
-                shared.report(Report::Command(v1::CommandRecord {
-                    stamp_ns: clock::now().0,
-                    verb: if key == Key::CmdStart { "start" } else { "stop" }.to_owned(),
-                    profile: parsed.profile,
-                    reply: Some(reply.clone()),
-                }));
+                let barred = key == Key::CmdStart && shared.barred.load(Ordering::Relaxed);
+                let decided =
+                    if barred { Decided { reply: parsed.barred(), settled: true } } else { ask(&parsed, shared) };
+                let Decided { reply, settled } = record(&parsed, decided, shared);
                 if !settled {
                     continue; // the ground repeats an unanswered stop; the repeat gets the answer
                 }
@@ -113,7 +109,20 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
     }
 }
 
-fn ask_controller(parsed: &Parsed, shared: &Shared) -> Decided {
+/// Notes what was decided, for the log and whoever watches.
+pub fn record(parsed: &Parsed, mut decided: Decided, shared: &Shared) -> Decided {
+    decided.reply.mode = shared.mode.load(Ordering::Relaxed);
+    shared.report(Report::Command(v1::CommandRecord {
+        stamp_ns: clock::now().0,
+        verb: parsed.verb().to_owned(),
+        profile: parsed.profile.clone(),
+        reply: Some(decided.reply.clone()),
+    }));
+    decided
+}
+
+/// Puts a command to the controller, and waits a little for its verdict.
+pub fn ask(parsed: &Parsed, shared: &Shared) -> Decided {
     let (answer, verdict) = sync_channel(1);
     {
         let mut slot = lock(&shared.command);
@@ -147,10 +156,10 @@ mod tests {
     #[test]
     fn a_start_that_the_controller_does_not_take_in_time_is_refused_and_taken_back_and_a_stop_stands() {
         let shared = Shared::new(sync_channel(1).0);
-        let refused = ask_controller(&parsed(start()), &shared);
+        let refused = ask(&parsed(start()), &shared);
         assert!(!refused.reply.accepted && refused.settled);
         assert!(lock(&shared.command).is_none());
-        assert!(!ask_controller(&parsed(Command::Stop), &shared).settled);
+        assert!(!ask(&parsed(Command::Stop), &shared).settled);
         assert!(lock(&shared.command).as_ref().is_some_and(|pending| pending.command == Command::Stop));
     }
 }

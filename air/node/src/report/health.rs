@@ -38,6 +38,10 @@ pub struct Facts {
     pub line: Option<String>,
     /// Why the autopilot would refuse to arm; none: it would not, or does not say.
     pub refusal: Option<String>,
+    /// Whether the pilot's switch can be read, and why not; none: the vehicle has none.
+    pub switch: Option<Result<(), String>>,
+    /// Whether the frames were checked as mounted, and why not; none: the vehicle file asks for no check.
+    pub mounting: Option<Result<(), String>>,
     /// Whose odometry is flown by.
     pub source: OdometrySource,
     /// The log cannot be written, and why.
@@ -69,7 +73,9 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
         ok: problem.is_none(),
         reason: problem.unwrap_or_default(),
     };
-    vec![
+    let asked = [("switch", &facts.switch), ("mounting", &facts.mounting)];
+    let asked = asked.into_iter().filter_map(|(name, found)| Some(check(name, found.clone()?.err())));
+    let mut checks = vec![
         check(
             "camera",
             stale("image", Key::Rgbd.row().suffix, age(facts.frame), FRAME_STALE_S, refused.0)
@@ -80,7 +86,9 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
         check("policy", policy_problem(facts, age(facts.plan))),
         check("battery", battery_problem(autopilot, battery_start)),
         check("recorder", facts.recorder_failed.clone()),
-    ]
+    ];
+    checks.extend(asked);
+    checks
 }
 
 fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u64) -> Option<String> {
@@ -215,6 +223,7 @@ mod tests {
         let ours = Facts { source: OdometrySource::Zenoh, ..good().0 };
         assert_eq!(failing(&ours, &lost, now), vec![], "odometry of our own holds without it");
         only(&facts, &Status { unanswered: true, ..status }, now, "autopilot");
+        only(&Facts { switch: Some(Err("not heard".to_owned())), ..good().0 }, &status, now, "switch");
         only(&Facts { refusal: Some("it refuses".to_owned()), ..good().0 }, &status, now, "autopilot");
         let line = Some("serial:/dev/ttyACM0:921600 broke".to_owned());
         only(&Facts { line, ..good().0 }, &status, now, "autopilot");

@@ -12,9 +12,9 @@ use goshawk_core::{ControllerOutput, Imu, Mode, Odometry, OdometryFault, Time};
 use goshawk_proto::keys::{Key, PROTOCOL};
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
-use goshawk_vehicle::config::OdometrySource;
+use goshawk_vehicle::config::{OdometrySource, Switch};
 use goshawk_vehicle::sensors::Frame;
-use goshawk_vehicle::{clock, convert, inputs};
+use goshawk_vehicle::{clock, convert, inputs, switch};
 
 use crate::flight::shared::{Planned, Report, Shared, Started};
 use crate::network::access::INSECURE;
@@ -52,6 +52,10 @@ pub struct Identity {
     pub battery_start: f64,
     /// Whose odometry is flown by.
     pub source: OdometrySource,
+    /// The pilot's switch, where there is one.
+    pub switch: Option<Switch>,
+    /// Whether the frames were checked as mounted; none: the vehicle file asks for no check.
+    pub mounting: Option<Result<(), String>>,
     /// Whoever connects may fly the vehicle.
     pub insecure: bool,
     /// What is amiss as long as the process runs, by what it concerns: told at its start and in each flight's log.
@@ -134,6 +138,7 @@ impl Telemetry {
             facts: Facts {
                 warm_up_failed: identity.warm_up_failed.clone(),
                 source: identity.source,
+                mounting: identity.mounting.clone(),
                 ..Facts::default()
             },
             identity,
@@ -386,6 +391,10 @@ impl Telemetry {
             self.event(severity, "network", text);
         }
         self.facts.line = self.link.line_problem();
+        if let Some(switch) = &self.identity.switch {
+            let problem = switch::problem(now, switch, self.link.radio().as_ref());
+            self.facts.switch = Some(problem.map_or(Ok(()), Err));
+        }
         self.facts.refusal = self.link.refusal(now);
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
         let (status, battery_start) = (self.link.status(now), self.identity.battery_start);

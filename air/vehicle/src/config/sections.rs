@@ -54,6 +54,9 @@ pub struct Policy {
 pub struct Sensors {
     /// The source.
     pub odometry: OdometrySource,
+    /// Whether Start wants the frames checked by hand, by `goshawk-air check --frames`; absent: it does.
+    #[serde(default)]
+    pub mounting: Mounting,
 }
 
 /// Where to listen, and who is let in.
@@ -109,6 +112,17 @@ pub enum OdometrySource {
     Autopilot,
     /// The topic `in/odometry`.
     Zenoh,
+}
+
+/// Who vouches for how camera and autopilot are mounted.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Mounting {
+    /// A person did, once: without that Start is refused.
+    #[default]
+    Checked,
+    /// A simulator mounts them as the file says.
+    Simulated,
 }
 
 /// What Start may name.

@@ -292,6 +292,8 @@ impl Judge {
         let (input, autopilot) = (&facts.stepped.input, &facts.stepped.input.autopilot);
         match cause {
             Cause::StopCommand => input.command == Some(Command::Stop),
+            Cause::HoldCommand => input.command == Some(Command::Hold),
+            Cause::ResumeCommand => input.command == Some(Command::Resume),
             Cause::StartCommand => matches!(input.command, Some(Command::Start(_))) && input.ready,
             Cause::TouchedDown | Cause::Disarmed | Cause::FaultOver => !autopilot.armed,
             Cause::ModeTakenAway => !autopilot.offboard,

@@ -10,6 +10,7 @@ use signal_hook::iterator::Signals;
 
 use super::files::Files;
 use crate::trial::Outcome;
+use crate::vehicle::firmware::Process;
 
 /// How far the campaign is.
 pub(crate) struct Progress {
@@ -44,6 +45,7 @@ impl Progress {
         std::thread::spawn(move || {
             if let Some(signal) = signals.forever().next() {
                 let _none_begins = files.abandon();
+                Process::end_all();
                 bar.finish_and_clear();
                 eprintln!("interrupted: {} of {total} flights were flown", flown.load(Ordering::Relaxed));
                 // Without the exit handlers: flights are still running.

@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use tempfile::TempDir;
 use thiserror::Error;
@@ -39,12 +40,18 @@ pub enum ProcessError {
     },
 }
 
-/// Running firmware; it ends with this value, and its folder goes.
+/// Running firmware; it ends with this value, or with [`Process::end_all`], and its folder goes.
 #[derive(Debug)]
-pub struct Process {
+pub struct Process(Arc<Mutex<Option<Running>>>);
+
+#[derive(Debug)]
+struct Running {
     child: Child,
     folder: TempDir,
 }
+
+/// All that runs, for whoever leaves without destructors.
+static ALL: Mutex<Vec<Weak<Mutex<Option<Running>>>>> = Mutex::new(Vec::new());
 
 impl Process {
     /// PX4 out of a source tree or a build folder, as the `instance`-th on this computer.
@@ -93,25 +100,41 @@ impl Process {
         arrange(&mut command, &file);
         command.current_dir(folder.path()).stdin(Stdio::null()).stdout(output).stderr(errors);
         let child = command.spawn().map_err(failed)?;
-        Ok(Self { child, folder })
+        let running = Arc::new(Mutex::new(Some(Running { child, folder })));
+        let mut all = lock(&ALL);
+        all.retain(|one| one.strong_count() > 0);
+        all.push(Arc::downgrade(&running));
+        Ok(Self(running))
+    }
+
+    /// Ends all firmware of this process.
+    pub fn end_all() {
+        for running in lock(&ALL).drain(..).filter_map(|one| one.upgrade()) {
+            drop(lock(&running).take());
+        }
     }
 
     /// How it ended by itself; none: it runs.
     pub fn ended(&mut self) -> Option<ExitStatus> {
-        self.child.try_wait().ok().flatten()
+        lock(&self.0).as_mut()?.child.try_wait().ok().flatten()
     }
 
     /// The last lines that it printed.
     #[must_use]
     pub fn last_words(&self) -> String {
-        let text = fs::read(self.folder.path().join("output.txt")).unwrap_or_default();
+        let output = lock(&self.0).as_ref().map(|running| running.folder.path().join("output.txt"));
+        let text = output.and_then(|output| fs::read(output).ok()).unwrap_or_default();
         let text = String::from_utf8_lossy(&text).into_owned();
         let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
         lines[lines.len().saturating_sub(3)..].join(" | ")
     }
 }
 
-impl Drop for Process {
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Drop for Running {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -157,8 +180,31 @@ mod tests {
         fs::write(&program, "#!/bin/sh\necho no such frame\nexit 3\n").unwrap();
         fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
         let mut process = Process::ardupilot(folder.path(), 0).unwrap();
-        assert_eq!(process.child.wait().unwrap().code(), Some(3));
-        assert_eq!(process.ended().unwrap().code(), Some(3));
+        let ended = loop {
+            if let Some(status) = process.ended() {
+                break status;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        };
+        assert_eq!(ended.code(), Some(3));
         assert_eq!(process.last_words(), "no such frame");
+    }
+
+    #[test]
+    fn who_leaves_without_destructors_can_end_all_firmware_and_its_folders() {
+        let folder = tempfile::tempdir().unwrap();
+        let program = folder.path().join("arducopter");
+        fs::write(&program, "#!/bin/sh\nexec sleep 600\n").unwrap();
+        fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+        let process = Process::ardupilot(folder.path(), 0).unwrap();
+        let (pid, own) = {
+            let running = lock(&process.0);
+            let running = running.as_ref().unwrap();
+            (running.child.id(), running.folder.path().to_owned())
+        };
+        let runs = || Path::new(&format!("/proc/{pid}")).exists();
+        assert!(runs() && own.is_dir());
+        Process::end_all();
+        assert!(!runs() && !own.exists());
     }
 }
