@@ -83,7 +83,10 @@ def reach(link: GroundLink, rig: Rig, modes: Container[int], seconds: float) -> 
 
 
 def told(link: GroundLink, words: str, seconds: float = 5.0) -> None:
-    assert link.wait_for(lambda s: any(words in e.text for e in s.events), seconds), (words, link.snapshot().events)
+    assert link.wait_for(lambda s: any(words in e.text for e in s.events), seconds), (
+        words,
+        [e.text for e in link.snapshot().events],
+    )
 
 
 def test_the_pilots_switch_starts_holds_goes_on_and_stops(rig: Rig, radio: Receiver, tmp_path: Path) -> None:
@@ -100,6 +103,7 @@ def test_the_pilots_switch_starts_holds_goes_on_and_stops(rig: Rig, radio: Recei
         )
         assert failing is not None, "without a radio nobody flies"
         radio.pulse_us = STOP
+        told(link, "asked to stop")
         reach(link, rig, {pb.MODE_READY}, 10.0)
         barred = link.start()
         assert not barred.accepted and "switch stands at stop" in barred.text, barred
@@ -117,7 +121,7 @@ def test_the_pilots_switch_starts_holds_goes_on_and_stops(rig: Rig, radio: Recei
         told(link, "the pilot's radio was last heard")
         assert link.snapshot().mode in {*CHASING, pb.MODE_HOLD}, "the autopilot's own failsafe is for that"
         radio.pulse_us = STOP
-        told(link, "asked to stop: stopping and landing")
+        reach(link, rig, {pb.MODE_STOPPING}, 5.0)
         reach(link, rig, {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}, 30.0)
     rig.close()
     log = next(rig.logs.glob("*.mcap"))
