@@ -200,6 +200,8 @@ fn controller_input() -> ControllerInput {
         battery: Some(12.5),
         position: Some(true),
         imu_ns: Some(14_000),
+        hold: true,
+        resume: true,
     }
 }
 

@@ -21,7 +21,7 @@ mod switch;
 
 pub use autopilot::{Autopilot, VISION_HZ};
 pub use sections::{Camera, Mounting, Network, OdometrySource, Policy, Realtime, Recorder, Sensors};
-pub use switch::Switch;
+pub use switch::{Position, Switch};
 
 use sections::ProfileRow;
 

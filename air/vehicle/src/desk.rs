@@ -9,8 +9,7 @@ use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use prost::Message;
 
-use crate::config::Vehicle;
-use crate::switch::Position;
+use crate::config::{Position, Vehicle};
 
 /// Answers that are kept for commands that are repeated. Chosen by eye.
 const REMEMBERED: usize = 64;

@@ -4,33 +4,12 @@
 use goshawk_autopilot::Radio;
 use goshawk_core::Time;
 
-use crate::config::Switch;
+use crate::config::{Position, Switch};
 
 /// A position must be told for so long, s: two of the samples that are asked for. Chosen by eye.
 const SETTLED_S: f64 = 0.1;
 /// A radio that was heard longer ago than this is not heard, s. Chosen by eye.
 pub const RADIO_STALE_S: f64 = 1.0;
-
-/// Where it stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Position {
-    /// Fly: take off, or go on with what is held.
-    Start,
-    /// Brake, and hold the place.
-    Hold,
-    /// As the operator's Stop.
-    Stop,
-}
-
-impl std::fmt::Display for Position {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Position::Start => "start",
-            Position::Hold => "hold",
-            Position::Stop => "stop",
-        })
-    }
-}
 
 /// What is known of it.
 #[derive(Clone, Copy, Debug, Default)]

@@ -510,7 +510,7 @@ class PlannerInput(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., odometry: _Optional[_Union[Odometry, _Mapping]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., speed_mps: _Optional[float] = ..., goal_world: _Optional[_Union[Vec3, _Mapping]] = ..., state: _Optional[_Iterable[float]] = ..., prediction: _Optional[_Iterable[float]] = ..., nearest_mm: _Optional[bytes] = ...) -> None: ...
 
 class ControllerInput(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop", "odometry_ns", "battery", "imu_ns", "position")
+    __slots__ = ("seq", "stamp_ns", "plan_seq", "connected", "armed", "offboard", "landed", "ready", "start", "stop", "hold", "resume", "odometry_ns", "battery", "imu_ns", "position")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     PLAN_SEQ_FIELD_NUMBER: _ClassVar[int]
@@ -521,6 +521,8 @@ class ControllerInput(_message.Message):
     READY_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     STOP_FIELD_NUMBER: _ClassVar[int]
+    HOLD_FIELD_NUMBER: _ClassVar[int]
+    RESUME_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_NS_FIELD_NUMBER: _ClassVar[int]
     BATTERY_FIELD_NUMBER: _ClassVar[int]
     IMU_NS_FIELD_NUMBER: _ClassVar[int]
@@ -535,11 +537,13 @@ class ControllerInput(_message.Message):
     ready: bool
     start: StartProfile
     stop: bool
+    hold: bool
+    resume: bool
     odometry_ns: int
     battery: float
     imu_ns: int
     position: bool
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ..., odometry_ns: _Optional[int] = ..., battery: _Optional[float] = ..., imu_ns: _Optional[int] = ..., position: _Optional[bool] = ...) -> None: ...
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., plan_seq: _Optional[int] = ..., connected: _Optional[bool] = ..., armed: _Optional[bool] = ..., offboard: _Optional[bool] = ..., landed: _Optional[bool] = ..., ready: _Optional[bool] = ..., start: _Optional[_Union[StartProfile, _Mapping]] = ..., stop: _Optional[bool] = ..., hold: _Optional[bool] = ..., resume: _Optional[bool] = ..., odometry_ns: _Optional[int] = ..., battery: _Optional[float] = ..., imu_ns: _Optional[int] = ..., position: _Optional[bool] = ...) -> None: ...
 
 class StartProfile(_message.Message):
     __slots__ = ("task", "speed_mps", "height_m", "goal_m")

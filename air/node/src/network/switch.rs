@@ -7,9 +7,9 @@ use std::time::Duration;
 use goshawk_autopilot::AutopilotLink;
 use goshawk_proto::v1;
 use goshawk_vehicle::clock;
-use goshawk_vehicle::config::{Switch, Vehicle};
+use goshawk_vehicle::config::{Position, Switch, Vehicle};
 use goshawk_vehicle::desk::{self, Parsed};
-use goshawk_vehicle::switch::{Position, SwitchReader, problem};
+use goshawk_vehicle::switch::{SwitchReader, problem};
 
 use crate::flight::shared::{Report, Shared};
 use crate::network::commands;

@@ -3,7 +3,26 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::switch::Position;
+/// Where the switch stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Position {
+    /// Fly: take off, or go on with what is held.
+    Start,
+    /// Brake, and hold the place.
+    Hold,
+    /// As the operator's Stop.
+    Stop,
+}
+
+impl std::fmt::Display for Position {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Position::Start => "start",
+            Position::Hold => "hold",
+            Position::Stop => "stop",
+        })
+    }
+}
 
 /// Optional: a switch of the pilot's radio that starts, holds and stops.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Eq)]

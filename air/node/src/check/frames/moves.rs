@@ -2,8 +2,9 @@
 
 use goshawk_core::{Odometry, Rot, Vec3};
 
-/// It lies still when within so long, s, it turns and moves less than this, rad and m. Chosen by eye.
+/// It lies still when for so long, s, it stays where it is. Chosen by eye.
 const STILL_S: f64 = 0.5;
+/// Less than this is staying, rad and m. Chosen by eye.
 const STILL: (f64, f64) = (0.04, 0.05);
 /// A move begins where it is as level as this, rad: 10°. Chosen by eye.
 const LEVEL: f64 = 0.17;
