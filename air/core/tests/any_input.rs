@@ -64,7 +64,7 @@ proptest! {
                 odometry: Some(odometry),
                 plan_seq: Some(plan.seq),
                 autopilot: AutopilotStatus { connected: true, armed: climbing, offboard: climbing, landed: None, battery: Some(0.8), position: None },
-                command: match bits { 0..=9 => Some(Command::Stop), 10..=120 => Some(Command::Start(profile)), _ => None },
+                command: match bits { 0..=9 => Some(Command::Stop), 10..=120 => Some(Command::Start(profile)), 121..=125 => Some(Command::Hold), 126..=130 => Some(Command::Resume), _ => None },
                 ready: true,
             };
             let output = controller.step(now, &input, Some(&plan));

@@ -142,7 +142,7 @@ impl Hands<'_> {
                 return Err(format!("nothing like it was seen for {MOVE_S:.0} s"));
             }
             let (Some(odometry), Some(frame)) = self.ears.newest() else { continue };
-            let verdict = self.remember(&odometry).then(|| watch.take(&odometry)).unwrap_or(Verdict::Waiting);
+            let verdict = if self.remember(&odometry) { watch.take(&odometry) } else { Verdict::Waiting };
             if let (Some(base), Some(view)) = (&watch.base, self.view(frame)) {
                 let turn = turned(base, &view.odometry).norm();
                 if first.is_none() || turn < 0.03 {
