@@ -10,10 +10,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
+from goshawk_dashboards.charts.clearance import Clearance
 from goshawk_dashboards.exports.drawing import speed_colors_P3
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import Figure, Palette, columns_of, legend, mark_phases
-from goshawk_dashboards.report.clearance import Clearance
 from goshawk_dashboards.report.errors import TargetErrors
 from goshawk_dashboards.report.latency import Latencies
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from goshawk_dashboards.charts.clearance import seen_clearance
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report import figures as drawn
 from goshawk_dashboards.report.canvas import Figure
-from goshawk_dashboards.report.clearance import seen_clearance
 from goshawk_dashboards.report.errors import target_errors
 from goshawk_dashboards.report.latency import Latencies, latencies
 from goshawk_dashboards.report.page import page

@@ -1,0 +1,1 @@
+"""Interactive plots over one axis of time, the same in the review and in a report's page: signals, curves, script."""
