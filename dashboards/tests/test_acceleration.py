@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
+from goshawk_dashboards.charts.curves import drawn
+from goshawk_dashboards.charts.signals import Signals
 from goshawk_dashboards.exports import Format, export_log
 from goshawk_dashboards.live import plots as live
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import Figure, svg
 from goshawk_dashboards.report.report import make_report
-from goshawk_dashboards.review import html
-from goshawk_dashboards.review.html import Window
-from goshawk_dashboards.review.plots import Plot, plots_of
 from goshawk_dashboards.state import decode
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import goshawk_pb2 as pb
@@ -82,28 +81,17 @@ def test_the_live_plots_draw_the_truth_of_a_simulation_alone(snap: Make) -> None
     assert np.isnan(row(snap(age_s=5.0, truth=decode.truth(rec.truth(1.0))))["true"])
 
 
-def north(flight: Flight) -> Plot:
-    """The review's plot of the northward acceleration."""
-    (plot,) = (p for p in plots_of(flight, None, None, 0.0) if p.title.startswith("acc. north"))
-    return plot
+def test_the_review_has_measured_and_true_and_a_gap_after_the_imu_was_lost(felt: Flight) -> None:
+    signals = Signals(felt)
+    signals.read(["measured acceleration north", "true acceleration north"])
+    assert signals.at("measured acceleration north", 2.0) == pytest.approx(-2.0 * np.sin(2.0), abs=0.05)
+    assert signals.at("measured acceleration north", 5.0) is None
+    assert signals.at("true acceleration north", 5.0) == pytest.approx(-2.0 * np.sin(5.0), abs=0.1)
 
 
-def test_the_review_draws_measured_and_true_and_a_gap_after_the_imu_was_lost(felt: Flight) -> None:
-    plot = north(felt)
-    curves = {c.label: c for c in plot.curves}
-    assert curves["measured"].at(2.0) == pytest.approx(-2.0 * np.sin(2.0), abs=0.05)
-    assert curves["measured"].at(5.0) is None
-    assert curves["true"].at(5.0) == pytest.approx(-2.0 * np.sin(5.0), abs=0.1)
-    assert "no IMU" not in plot.title
-    drawn = html.plots_html([plot], felt.phases, Window.around(0.0, None, felt.duration_s))
-    assert drawn.count("stroke-dasharray") == 1
-    assert "nan" not in drawn
-
-
-def test_the_review_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:
-    plot = north(unfelt)
-    assert plot.title.endswith("no IMU")
-    assert [c.label for c in plot.curves] == ["des.", "dist.", "true"]
+def test_the_review_of_a_flight_without_an_imu_has_no_measured_acceleration(unfelt: Flight) -> None:
+    times_s, values = Signals(unfelt).read(["measured acceleration north"])["measured acceleration north"]
+    assert len(drawn(times_s, values, 0.0, 8.0, 300)[0]) == 0
 
 
 def disturbance(flight: Flight) -> Figure:

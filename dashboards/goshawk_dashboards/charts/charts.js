@@ -1,6 +1,6 @@
 // Charts over one axis of time: a drag zooms all of them, a click seeks, and each line's value stands in its legend.
 //
-//   const stack = new GoshawkCharts(host, { bounds: [0, 60], ask, seek, ink, grid, bands, labelled });
+//   const stack = new GoshawkCharts(host, { bounds: [0, 60], ask, seek, ink, grid, bands });
 //   const chart = stack.add(["speed"]);          // asks for its lines, if `ask` is given
 //   stack.lines(chart, [{ key, label, unit, color, dashed, t: [...], v: [...] }]);
 //   stack.now(12.5, { "0/speed": 4.2 });         // where the playhead stands, and the values there
@@ -11,7 +11,7 @@ class GoshawkCharts {
   static LEAST_S = 0.02; // of a window
 
   constructor(host, options) {
-    Object.assign(this, { host, bounds: [0, 1], labelled: false, bands: [], height: 120 }, options);
+    Object.assign(this, { host, bounds: [0, 1], bands: [], height: 128 }, options);
     this.window = [...this.bounds];
     this.charts = [];
     this.asked = 0;
@@ -139,7 +139,7 @@ class GoshawkCharts {
     const axes = [
       {
         stroke: ink, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif",
-        size: this.labelled ? 26 : 0, values: this.labelled ? undefined : () => [], gap: 4,
+        size: 20, gap: 3, values: (_, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`),
       },
       ...units.map((unit, k) => ({
         scale: `y ${unit}`, side: k === 0 ? 3 : 1, stroke: ink, size: GoshawkCharts.LEFT, gap: 4, space: 24,
@@ -152,7 +152,7 @@ class GoshawkCharts {
     }));
     chart.plot = new uPlot(
       {
-        width: Math.max(host.clientWidth, 50), height: this.height, padding: [8, 8, this.labelled ? 0 : 6, 0],
+        width: Math.max(host.clientWidth, 50), height: this.height, padding: [8, 8, 0, 0],
         legend: { show: false }, scales, axes, series: [{}, ...series],
         cursor: {
           sync: { key: this.sync.key, scales: ["x", null], setSeries: false },
@@ -190,11 +190,9 @@ class GoshawkCharts {
   selected(plot) {
     const { left, width } = plot.select;
     if (width < 4) return;
-    const [from, to] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
     plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
-    if (this.zoomed === `${from} ${to}`) return; // the other charts hear of the same drag
-    this.zoomed = `${from} ${to}`;
-    this.zoom(from, to);
+    if (plot !== this.held) return; // the other charts hear of the same drag
+    this.zoom(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
   }
 
   listen(chart) {
@@ -206,7 +204,7 @@ class GoshawkCharts {
     let down = null;
     over.addEventListener("pointerdown", (event) => {
       down = event.button === 0 ? { x: event.clientX, scrubs: event.shiftKey } : null;
-      this.zoomed = null;
+      this.held = chart.plot;
       if (down?.scrubs) over.setPointerCapture(event.pointerId);
     });
     over.addEventListener("pointermove", (event) => down?.scrubs && this.seek?.(time(event), true));
@@ -287,6 +285,8 @@ class GoshawkCharts {
       mark.style.display = shown ? "" : "none";
       if (shown) mark.style.transform = `translateX(${plot.valToPos(this.nowS, "x")}px)`;
     }
+    const first = this.charts.find((chart) => chart.plot);
+    if (first) this.onplace?.(first.plot.over.getBoundingClientRect());
   }
 
   legend(chart) {
@@ -343,6 +343,6 @@ class GoshawkCharts {
   static digits(v) {
     const size = Math.abs(v);
     if (Number.isInteger(v) || size >= 1e4) return v.toFixed(0);
-    return v.toFixed(size >= 100 ? 1 : size >= 0.1 ? 2 : 4).replace("-", "−");
+    return v.toFixed(size >= 100 ? 1 : size >= 0.1 ? 2 : 3).replace("-", "−");
   }
 }

@@ -23,7 +23,7 @@ TIMELESS = ("header", "world")
 """Channels with one record: nothing of them moves."""
 SUFFIXES = {"_mps2": "m/s²", "_mps": "m/s", "_ms": "ms", "_ns": "ns", "_rad": "rad", "_deg": "°", "_hz": "Hz",
             "_m": "m", "_s": "s", "_n": "N", "_norm": "", "_fraction": ""}  # fmt: skip
-VECTORS = {"pos": "m", "vel": "m/s", "acc": "m/s²", "origin": "m", "specific_force": "m/s²", "ang_vel": "rad/s"}
+VECTORS = {"ang_vel": "rad/s", "specific_force": "m/s²", "pos": "m", "vel": "m/s", "acc": "m/s²", "origin": "m"}
 COLORS = (
     theme.VEHICLE, theme.TARGET, theme.GOOD, theme.DISTURBANCE, theme.SECOND, theme.REPLAY, theme.TRUTH, theme.BAD,
 )  # fmt: skip

@@ -223,12 +223,13 @@ class Desk:
             [s for s in chart.signals[: chart.compared if several else None] if s in names and not (true and s == SLOW)]
             for chart in CHARTS
         ]
+        short = short_names([f.path.stem for f in self._table.flights])
         return {
             "type": "about",
             "duration_s": seat.player.duration_s,
             "speeds": SPEEDS,
             "flights": [
-                {"name": f.path.name, "color": theme.css(color_of(k)), "by_s": by_s}
+                {"name": f.path.name, "short": short[k], "color": theme.css(color_of(k)), "by_s": by_s}
                 for k, (f, by_s) in enumerate(zip(self._table.flights, seat.by_s, strict=True))
             ],
             "alignments": list(self._table.alignments) if several else [],
@@ -280,3 +281,12 @@ class Desk:
 
 SLOW = "clearance by depth"
 """It takes a second for ten of flight, so it waits to be asked for where the simulator tells the true one."""
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Names without the words that all of them begin with."""
+    parts = [name.split("-") for name in names]
+    same = 0
+    while len(names) > 1 and all(len(p) > same + 1 and p[same] == parts[0][same] for p in parts):
+        same += 1
+    return ["-".join(p[same:]) for p in parts]

@@ -52,7 +52,6 @@
   let next = 0;
   const byNumber = new Map();
   const stack = new GoshawkCharts(host, {
-    height: 112,
     ask: (chart, number, from_s, to_s, columns) => {
       chart.id ??= next++;
       byNumber.set(number, chart);
@@ -65,6 +64,11 @@
       stack.drop(chart);
       say({ type: "show", chart: chart.id, number: 0, signals: [], from_s: 0, to_s: 1, columns: 100 });
     },
+    onplace: ({ left, right }) => {
+      // The band lies over the plots, whatever axes they have.
+      band.style.marginLeft = `${left}px`;
+      band.style.marginRight = `${dock.clientWidth - right}px`;
+    },
     onzoom: (from_s, to_s) => {
       windowed.style.left = share(from_s);
       windowed.style.width = share(to_s - from_s);
@@ -72,6 +76,8 @@
       host.dataset.window = `${from_s.toFixed(3)} ${to_s.toFixed(3)}`;
     },
   });
+
+  window.goshawkReview = stack; // for tests, and for who looks closer
 
   // ---- the picker ----
 
@@ -128,8 +134,13 @@
       const chart = byNumber.get(message.number);
       byNumber.delete(message.number);
       if (!chart || chart.number !== message.number || !about) return; // a newer question is under way
-      if (about.flights.length > 1)
-        for (const line of message.lines) line.name = `${about.flights[line.flight].name}: ${line.label}`;
+      if (about.flights.length > 1) {
+        chart.title = chart.signals.length === 1 ? chart.signals[0] : "";
+        for (const line of message.lines) {
+          const { short } = about.flights[line.flight];
+          line.name = chart.title ? short : `${short}: ${line.label}`;
+        }
+      }
       stack.lines(chart, message.lines);
     }
   };
@@ -155,7 +166,7 @@
     flights.replaceChildren(
       ...(about.flights.length > 1 ? about.flights : []).map((flight) => {
         const shift = flight.by_s ? ` (${flight.by_s > 0 ? "+" : "−"}${Math.abs(flight.by_s).toFixed(2)} s)` : "";
-        return make("span", { title: flight.name + shift }, make("i", { style: `background:${flight.color}` }), flight.name + shift);
+        return make("span", { title: flight.name + shift }, make("i", { style: `background:${flight.color}` }), flight.short + shift);
       }),
     );
     drawBand();
