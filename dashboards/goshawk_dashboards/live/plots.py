@@ -13,7 +13,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from goshawk_dashboards.live.history import History
+from goshawk_dashboards.instruments.history import History
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.state.snapshot import Snapshot
