@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import recordings as rec
 from goshawk_dashboards.charts.clearance import seen_clearance
+from goshawk_dashboards.charts.errors import target_errors
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import write
-from goshawk_dashboards.report.errors import target_errors
 from goshawk_dashboards.report.latency import latencies
 from goshawk_dashboards.report.report import Report, make_report, write_page
 from goshawk_dashboards.report.summary import card

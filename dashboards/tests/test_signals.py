@@ -62,7 +62,7 @@ def test_units_are_those_of_the_names() -> None:
 
 def test_a_replay_has_a_cost_of_its_own(flight: Flight, tmp_path: Path) -> None:
     replay = Flight.open(rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3))
-    assert REPLAYED in Signals(flight, replay).names
+    assert REPLAYED in Signals(flight, {REPLAYED: replay.chosen_cost}).names
     assert REPLAYED not in Signals(flight).names
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_dashboards.charts.clearance import seen_clearance
+from goshawk_dashboards.charts.errors import target_errors
 from goshawk_dashboards.log.flight import TARGET_FIELDS, Columns, Flight
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.state.views import Array
@@ -22,8 +23,8 @@ Series = tuple[Array, Array]
 """Times, s, and values; NaN where there is none."""
 
 CONTROL_FIELDS = (
-    "pos_world", "vel_world", "acc_meas_world", "acc_des_world", "acc_disturbance_world", "world_from_body",
-    "world_from_body_des", "plan_age_s", "thrust_norm", "hover_thrust",
+    "pos_world", "vel_world", "acc_meas_world", "acc_des_world", "acc_att_world", "acc_disturbance_world",
+    "world_from_body", "world_from_body_des", "plan_age_s", "thrust_norm", "hover_thrust",
 )  # fmt: skip
 AXES = ("east", "north", "up")
 ANGLES = ("roll", "pitch", "yaw")
@@ -147,6 +148,33 @@ def _times(a_M4: NDArray[Any], b_M4: NDArray[Any]) -> Array:
     )
 
 
+def _sigma(flight: Flight) -> Series:
+    """Along the longest axis of what the filter does not know of the target's place."""
+    target = flight.columns("target", [f"covariance.{6 * row + column}" for row in range(3) for column in range(3)])
+    cov_M33 = np.stack([*target.fields.values()], axis=1).reshape(-1, 3, 3)
+    known = np.isfinite(cov_M33).all(axis=(1, 2))
+    sigma_M = np.full(len(target), np.nan)
+    sigma_M[known] = np.sqrt(np.maximum(np.linalg.eigvalsh(cov_M33[known])[:, -1], 0.0))
+    return target.times_s, sigma_M
+
+
+def _target_error(flight: Flight) -> Series:
+    errors = target_errors(flight)
+    if errors is None:
+        return np.zeros(0), np.zeros(0)
+    return errors.times_s_M, np.hypot(errors.lateral_m_M, errors.longitudinal_m_M)
+
+
+def _battery(flight: Flight) -> Series:
+    told = flight.columns("controller_input", ["battery"])
+    return told.times_s, 100.0 * told["battery"]
+
+
+def _doubt(flight: Flight) -> Series:
+    told = flight.columns("control", ["odometry_doubt"])
+    return told.times_s, told["odometry_doubt"]
+
+
 def _cost(flight: Flight) -> Series:
     return flight.chosen_cost
 
@@ -163,12 +191,17 @@ DERIVED: Mapping[str, Derived] = {
     "thrust": Derived(unit="%", rgb=theme.VEHICLE, read=_scaled("thrust_norm", 100.0)),
     "hover thrust": Derived(unit="%", rgb=theme.TRUTH, read=_scaled("hover_thrust", 100.0), dashed=True),
     "attitude error": Derived(unit="°", rgb=theme.BAD, read=_attitude_error),
+    "battery": Derived(unit="%", rgb=theme.GOOD, read=_battery),
+    "doubt of the odometry": Derived(unit="of its gate", rgb=theme.WARN, read=_doubt),
+    "σ of the target's place": Derived(unit="m", rgb=theme.TARGET, read=_sigma, dashed=True),
+    "error of the target's place": Derived(unit="m", rgb=theme.TARGET, read=_target_error),
     **{
         f"{name} {axis}": Derived(unit="m/s²", rgb=rgb, read=partial(_acceleration, field, k))
         for k, axis in enumerate(AXES)
         for name, field, rgb in (
             ("measured acceleration", "acc_meas_world", theme.MEASURED),
             ("desired acceleration", "acc_des_world", theme.GOOD),
+            ("commanded acceleration", "acc_att_world", theme.BAD),
             ("disturbance", "acc_disturbance_world", theme.DISTURBANCE),
         )
     },

@@ -6,7 +6,7 @@ A signal's name is a derived one, or a channel and a path: "control.vel_world.x"
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -62,16 +62,17 @@ CHARTS = (
 class Signals:
     """A flight's signals, read when asked for and kept. For one thread at a time."""
 
-    def __init__(self, flight: Flight, replay: Flight | None = None) -> None:
-        """``replay`` holds what another policy made of the flight's frames."""
+    def __init__(self, flight: Flight, known: Mapping[str, Series] | None = None) -> None:
+        """``known`` is what was worked out elsewhere, and is shown under its name."""
         self._flight = flight
-        self._read: dict[str, Series] = {} if replay is None else {REPLAYED: replay.chosen_cost}
+        self._read: dict[str, Series] = dict(known or {})
+        self._known = tuple(self._read)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """All that can be read; of the derived ones those whose channels were logged."""
         raw = [f"{c}.{path}" for c in CHANNELS if c not in TIMELESS for path in self._paths(c)]
-        return (*DERIVED, *self._read.keys() & {REPLAYED}, *raw)
+        return (*dict.fromkeys((*DERIVED, *self._known)), *raw)
 
     def _paths(self, channel: str) -> Iterable[str]:
         count = self._flight.count(channel)

@@ -8,10 +8,13 @@ from html import escape
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.report.canvas import Figure
 from goshawk_dashboards.report.latency import Latencies
+from goshawk_dashboards.report.made import Report
+from goshawk_dashboards.report.over_time import over_time
+from goshawk_dashboards.report.parameters import changes
 from goshawk_dashboards.report.shell import document, panel, tiles
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, Figures, Spread
+from goshawk_dashboards.report.tracking import Tracking
 from goshawk_dashboards.state import words
 
 PHASE_COLORS = {
@@ -21,15 +24,23 @@ PHASE_COLORS = {
 }  # fmt: skip
 
 
-def page(flight: Flight, card: Card, numbers: Figures, figures: Sequence[Figure], latencies: Latencies) -> str:
+OVER_TIME = ("velocity", "disturbance", "clearance")
+"""Figures whose curves the page has as charts."""
+
+
+def page(report: Report) -> str:
     """The whole page."""
+    flight, card = report.flight, report.card
     parts = [
         _head(card),
-        _tiles(card, numbers),
+        _tiles(report),
+        _why(report.why),
         _phases(flight),
         _faults(card),
-        *(panel(figure) for figure in figures),
-        _told(latencies),
+        over_time(flight, report.seen, PHASE_COLORS),
+        *(panel(figure) for figure in report.figures if figure.name not in OVER_TIME),
+        _told(report.latencies),
+        _changes(report),
         _events(flight),
         _facts(flight, card),
     ]
@@ -42,10 +53,11 @@ def _head(card: Card) -> str:
     return f"<header><h1>{escape(card.path.name)}</h1><p class='soft'>{line}</p></header>"
 
 
-def _tiles(card: Card, n: Figures) -> str:
+def _tiles(report: Report) -> str:
+    card = report.card
     tone = "good" if card.outcome in GOOD_OUTCOMES and not card.faults else "bad"
     outcome = f"<div class='tile'><b class='{tone}'>{escape(card.outcome)}</b><span>outcome</span></div>"
-    return tiles(_numbers(card, n), outcome)
+    return tiles((*_numbers(card, report.numbers), *_held(report.tracking)), outcome)
 
 
 def _numbers(card: Card, n: Figures) -> Iterator[tuple[str, str, str]]:
@@ -77,6 +89,45 @@ def _numbers(card: Card, n: Figures) -> Iterator[tuple[str, str, str]]:
             yield name, _range(spread, digits), unit
     if n.frame_to_plan_ms is not None:
         yield "exposure to plan, median", f"{n.frame_to_plan_ms.p50:.1f}", "ms"
+
+
+def _held(t: Tracking) -> Iterator[tuple[str, str, str]]:
+    """The same of what it held and how near its limits it was."""
+    parts = (
+        ("attitude error, RMS", t.attitude_rms_deg, "°", 1.0, 1),
+        ("of the time at a thrust limit", t.thrust_at_limit_fraction, "%", 100.0, 1),
+        ("vibration, RMS", t.vibration_rms_mps2, "m/s²", 1.0, 2),
+        ("greatest doubt of the odometry", t.odometry_doubt_most, "of its gate", 1.0, 2),
+        ("target within 2 σ", t.target_within_2_sigma_fraction, "%", 100.0, 0),
+    )
+    for name, value, unit, scale, digits in parts:
+        if value is not None:
+            yield name, f"{scale * value:.{digits}f}", unit
+    if t.battery_start_fraction is not None and t.battery_end_fraction is not None:
+        yield "battery", f"{100.0 * t.battery_start_fraction:.0f} → {100.0 * t.battery_end_fraction:.0f}", "%"
+
+
+def _why(sentences: Sequence[str]) -> str:
+    if not sentences:
+        return ""
+    rows = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f"<section class='panel' id='why'><h2>Why it ended so</h2><ul>{rows}</ul></section>"
+
+
+def _changes(report: Report) -> str:
+    if report.before is None:
+        return ""
+    found = changes(report.before.header, report.flight.header)
+    head = f"<h2>Parameters since {escape(report.before.path.name)}</h2>"
+    if not found:
+        return f"<section class='panel' id='changes'>{head}<p class='soft'>None has changed.</p></section>"
+    rows = "".join(
+        f"<tr><td>{escape(c.name)}</td><td>{escape(c.before)}</td><td>{escape(c.now)}</td></tr>" for c in found
+    )
+    return (
+        f"<section class='panel' id='changes'>{head}<table><thead><tr><th></th><th>before</th><th>now</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table></section>"
+    )
 
 
 def _range(spread: Spread, digits: int) -> str:

@@ -13,8 +13,8 @@ import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.charts.clearance import Clearance
+from goshawk_dashboards.charts.errors import TargetErrors
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.report.errors import TargetErrors
 from goshawk_dashboards.report.latency import Latencies
 from goshawk_dashboards.state.views import Array, HealthView
 

@@ -18,7 +18,7 @@ from aiohttp import WSMsgType, web
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.charts.curves import drawn
-from goshawk_dashboards.charts.signals import CHARTS, Signals, looks_of, unit_of
+from goshawk_dashboards.charts.signals import CHARTS, REPLAYED, Signals, looks_of, unit_of
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark
 from goshawk_dashboards.page import theme
@@ -127,8 +127,8 @@ class Desk:
     def __init__(self, table: Table, seat_of: Callable[[int], Seat | None]) -> None:
         """``seat_of`` finds the seat of a viser client."""
         self._table, self._seat_of = table, seat_of
-        replays = (table.replay, *(None for _ in table.flights[1:]))
-        self._signals = [Signals(f, r) for f, r in zip(table.flights, replays, strict=True)]
+        replayed = None if table.replay is None else {REPLAYED: table.replay.chosen_cost}
+        self._signals = [Signals(table.flights[0], replayed), *(Signals(flight) for flight in table.flights[1:])]
         self._reading = threading.Lock()
         self._event_stops_s = np.unique([m.time_s for m in table.marks])
 
