@@ -336,7 +336,7 @@ class GoshawkCharts {
     const rows = chart.element.lastElementChild.querySelectorAll("output");
     chart.lines.forEach((line, k) => {
       const v = hovered ? plot.data[k + 1]?.[plot.cursor.idxs?.[k + 1]] : this.values[line.key];
-      if (rows[k]) rows[k].textContent = v == null ? "" : `${GoshawkCharts.digits(v)} ${line.unit}`;
+      if (rows[k]) rows[k].textContent = v == null ? line.unit : `${GoshawkCharts.digits(v)} ${line.unit}`;
     });
   }
 

@@ -81,13 +81,25 @@ def _clearance(flight: Flight) -> Series:
     return (np.zeros(0), np.zeros(0)) if seen is None else (seen.times_s_M, seen.nearest_m_M)
 
 
-def _acceleration(field: str, axis: int, flight: Flight) -> Series:
+def _along(field: str, axis: int, flight: Flight) -> Series:
     return _control(flight).times_s, _control(flight)[field][:, axis]
+
+
+def _commanded(axis: int, flight: Flight) -> Series:
+    own = _control(flight)
+    return own.times_s, np.where(own.times_s >= _lifted_s(flight), own["acc_att_world"][:, axis], np.nan)
 
 
 def _true_acceleration(axis: int, flight: Flight) -> Series:
     truth = flight.columns("sim_truth", ["acc_world"])
-    return truth.times_s, truth["acc_world"][:, axis]
+    return truth.times_s, np.where(truth.times_s >= _lifted_s(flight), truth["acc_world"][:, axis], np.nan)
+
+
+def _lifted_s(flight: Flight) -> float:
+    """When its thrust first carried it: before, thrust that ramps up on the ground looks like a fall."""
+    own = _control(flight)
+    carried = own["thrust_norm"] >= 0.9 * own["hover_thrust"]
+    return float(own.times_s[int(np.argmax(carried))]) if carried.any() else np.inf
 
 
 def _angle(field: str, axis: int, flight: Flight) -> Series:
@@ -196,14 +208,21 @@ DERIVED: Mapping[str, Derived] = {
     "σ of the target's place": Derived(unit="m", rgb=theme.TARGET, read=_sigma, dashed=True),
     "error of the target's place": Derived(unit="m", rgb=theme.TARGET, read=_target_error),
     **{
-        f"{name} {axis}": Derived(unit="m/s²", rgb=rgb, read=partial(_acceleration, field, k))
+        f"{name} {axis}": Derived(unit="m/s²", rgb=rgb, read=partial(_along, field, k))
         for k, axis in enumerate(AXES)
         for name, field, rgb in (
             ("measured acceleration", "acc_meas_world", theme.MEASURED),
             ("desired acceleration", "acc_des_world", theme.GOOD),
-            ("commanded acceleration", "acc_att_world", theme.BAD),
             ("disturbance", "acc_disturbance_world", theme.DISTURBANCE),
         )
+    },
+    **{
+        f"commanded acceleration {axis}": Derived(unit="m/s²", rgb=theme.BAD, read=partial(_commanded, k))
+        for k, axis in enumerate(AXES)
+    },
+    **{
+        f"velocity {axis}": Derived(unit="m/s", rgb=rgb, read=partial(_along, "vel_world", k))
+        for k, (axis, rgb) in enumerate(zip(AXES, (theme.VEHICLE, theme.BAD, theme.GOOD), strict=True))
     },
     **{
         f"true acceleration {axis}": Derived(

@@ -308,7 +308,7 @@ def vibration_figure(material: Material) -> Figure | None:
     return Figure(
         name="vibration",
         title="Vibration",
-        caption=f"Of the autopilot's IMU in the air. Above {SHAKING_HZ:g} Hz (dashed) nothing is flown: it shakes.",
+        caption=f"Of the autopilot's IMU in the air. What lies above {SHAKING_HZ:g} Hz (dashed) is vibration.",
         size_in=(10.0, 3.0),
         draw=draw,
         tables={"vibration": table},

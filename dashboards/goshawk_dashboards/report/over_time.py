@@ -20,7 +20,7 @@ COLUMNS = 500
 DIGITS = 4
 CHARTS: Mapping[str, tuple[str, ...]] = {
     "Speed": ("speed", "target speed"),
-    "Velocity": ("control.vel_world.x", "control.vel_world.y", "control.vel_world.z"),
+    "Velocity": ("velocity east", "velocity north", "velocity up"),
     "Target": ("distance to target", "true distance to target"),
     "Clearance": ("true clearance", "clearance by depth"),
     **{
@@ -43,7 +43,8 @@ CHARTS: Mapping[str, tuple[str, ...]] = {
     "Battery": ("battery",),
     "Odometry's consistency": ("doubt of the odometry",),
     "Target filter's consistency": ("error of the target's place", "σ of the target's place"),
-    "Planner": ("cost flown", "age of the plan"),
+    "Cost of what was flown": ("cost flown",),
+    "Age of what was flown": ("age of the plan",),
 }  # fmt: skip
 """Title and signals. What was not logged is left out."""
 _INKS = {

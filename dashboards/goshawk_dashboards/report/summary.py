@@ -22,7 +22,7 @@ PATH_HZ = 20.0
 """At this rate a path's length is that of the flight, not of the estimate's noise."""
 ON_TASK = ("tracking", "lost", "search", "navigation", "hold")
 LANDED = ("landed", "on the ground")
-GOOD_OUTCOMES = ("landed", "ended: tracking", "ended: navigation", "ended: hold")
+GOOD_OUTCOMES = ("success", "landed", "ended: tracking", "ended: navigation", "ended: hold")
 """A simulated trial ends in the air, on its task."""
 
 

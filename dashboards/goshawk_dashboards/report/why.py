@@ -25,9 +25,8 @@ def _end(flight: Flight) -> Iterator[str]:
     """The mode that it ended in, and what led there."""
     told = [e for e in flight.events if e.kind == "mode" and " → " in e.text]
     if told:
-        change, _, reason = told[-1].text.partition(": ")
         at_s = (told[-1].stamp_ns - flight.start_ns) * 1e-9
-        yield f"Its last change of mode came at {at_s:.2f} s: {change}" + (f", because {reason}." if reason else ".")
+        yield f"Its last change of mode came at {at_s:.2f} s. {told[-1].text}."
     elif flight.phases:
         yield f"It was in {flight.phases[-1].name} to the end, and told of no change of mode."
     if flight.missing:
@@ -79,7 +78,7 @@ def _joined(phases: tuple[Phase, ...]) -> tuple[Phase, ...]:
 
 
 def _apart(flight: Flight) -> Iterator[str]:
-    truth = flight.columns("sim_truth", ["target_distance_m", "clearance_m"])
+    truth = flight.columns("sim_truth", ["target_distance_m", "clearance_m", "target_visible"])
     flown = _within(truth.times_s, [p for p in flight.phases if p.name in ("tracking", "lost", "search", "navigation")])
     if not flown.any():
         return
@@ -89,7 +88,21 @@ def _apart(flight: Flight) -> Iterator[str]:
     distance = truth["target_distance_m"][flown]
     if len(flight.times_s("target")) and np.isfinite(distance).any():
         near_m, far_m = np.nanmin(distance), np.nanmax(distance)
-        yield f"The target was {near_m:.1f} to {far_m:.1f} m away, {distance[-1]:.1f} m at the end."
+        yield _in_view(truth.times_s[flown], truth["target_visible"][flown].astype(bool))
+        far_s = truth.times_s[flown][int(np.nanargmax(distance))]
+        yield (
+            f"The target was {near_m:.1f} to {far_m:.1f} m away, farthest at {far_s:.2f} s, and {distance[-1]:.1f} m "
+            "at the end."
+        )
+
+
+def _in_view(times_s: Array, visible: np.ndarray) -> str:
+    share = f"The target was in the camera's view {100.0 * float(np.mean(visible)):.0f} % of that time"
+    hidden = [p for p in Phase.runs(times_s, visible) if p.name == "False"]
+    if not hidden:
+        return f"{share}."
+    longest = max(hidden, key=lambda p: p.duration_s)
+    return f"{share}; the longest without was {longest.duration_s:.1f} s from {longest.start_s:.2f} s on."
 
 
 def _before_the_end(flight: Flight) -> Iterator[str]:
