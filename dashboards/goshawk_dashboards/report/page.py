@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from html import escape
 
+import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
+from goshawk_dashboards.instruments.panel import panel_html
+from goshawk_dashboards.instruments.track import Track
+from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.log.recorded import begins_s, snapshot_at
 from goshawk_dashboards.report.latency import Latencies
 from goshawk_dashboards.report.made import Report
 from goshawk_dashboards.report.over_time import over_time
 from goshawk_dashboards.report.parameters import changes
 from goshawk_dashboards.report.shell import document, panel, tiles
-from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, Figures, Spread
+from goshawk_dashboards.report.summary import GOOD_OUTCOMES, ON_TASK, Card, Figures, Spread
 from goshawk_dashboards.report.tracking import Tracking
 from goshawk_dashboards.state import words
 
@@ -24,6 +29,7 @@ PHASE_COLORS = {
 }  # fmt: skip
 
 
+ESTIMATE_ROWS = 600
 OVER_TIME = ("velocity", "disturbance", "clearance")
 """Figures whose curves the page has as charts."""
 
@@ -38,6 +44,7 @@ def page(report: Report) -> str:
         _phases(flight),
         _faults(card),
         over_time(flight, report.seen, PHASE_COLORS),
+        _estimates(flight),
         *(panel(figure) for figure in report.figures if figure.name not in OVER_TIME),
         _told(report.latencies),
         _changes(report),
@@ -152,6 +159,21 @@ def _faults(card: Card) -> str:
         return "<section class='panel'><h2>Faults</h2><p class='soft'>None was logged.</p></section>"
     rows = "".join(f"<li>{escape(fault)}</li>" for fault in card.faults)
     return f"<section class='panel'><h2 class='bad'>Faults</h2><ul>{rows}</ul></section>"
+
+
+def _estimates(flight: Flight) -> str:
+    """The instrument panel at the end of the flight's task, with all that came before."""
+    on_task = [p for p in flight.phases if p.name in ON_TASK]
+    if not on_task:
+        return ""
+    end_s, from_s = on_task[-1].end_s, begins_s(flight)
+    every_s = max((end_s - from_s) / ESTIMATE_ROWS, 0.05)
+    snaps = [snapshot_at(flight, float(t)) for t in np.append(np.arange(from_s, end_s, every_s), end_s)]
+    track = Track.of(snaps, Tuning.of_toml(flight.header.tuning_toml))
+    return (
+        f"<section class='panel' id='estimates'><h2>Estimates</h2><p class='soft'>At {end_s:.2f} s, the end of its task, "
+        f"and until then.</p>{panel_html(snaps[-1], track, window_s=end_s - from_s + 1.0)}</section>"
+    )
 
 
 def _told(latencies: Latencies) -> str:

@@ -18,6 +18,7 @@ from goshawk_dashboards.page.viewer import Viewer, Views
 from goshawk_dashboards.review.desk import PATH, Desk, Seat, Table
 from goshawk_dashboards.review.dock import foot_html
 from goshawk_dashboards.review.panels import ReviewPanels
+from goshawk_dashboards.review.past import Past
 from goshawk_dashboards.review.player import Player
 from goshawk_dashboards.review.scene import ReviewOptions, ReviewScene
 from goshawk_dashboards.scene.cameras import ViewerCamera, place_first
@@ -74,6 +75,7 @@ class ReviewView:
             has_replay=recording.replay is not None,
             has_others=len(recording.flights) > 1,
         )
+        self._past = Past(flight)
         self._camera = ViewerCamera(viewer) if isinstance(viewer, viser.ClientHandle) else None
         self.shown_s: float | None = None
         """The instant that was drawn last."""
@@ -89,7 +91,7 @@ class ReviewView:
             snap = recorded.snapshot_at(flight, time_s)
             replayed = None if replay is None else replay.plan_for(snap.plan)
             self.scene.update(snap, replayed, options, self.seat.by_s)
-            self.panels.update(snap, replayed)
+            self.panels.update(snap, replayed, self._past.until(time_s))
             self._shown, self.shown_s = (time_s, playing, options), time_s
         if self._camera is not None:
             self._camera.update(flight.control_at(time_s), self.panels.camera_mode)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import viser
 
+from goshawk_dashboards.instruments.panel import panel_html
+from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.live.candidates import picture_html
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark, lattice_columns
@@ -46,6 +48,8 @@ class ReviewPanels:
         self._status = gui.add_html("")
         self._marks_html = gui.add_html("")
         self._add_jump(gui)
+        with gui.add_folder("Estimates"):
+            self._instruments = gui.add_html("")
         with gui.add_folder("Candidates"):
             self._candidates = gui.add_html("")
         self._add_view(gui, has_replay, has_others)
@@ -115,11 +119,12 @@ class ReviewPanels:
         """How the viewer's camera moves."""
         return self._camera.value
 
-    def update(self, snap: Snapshot, replayed: PlanView | None) -> None:
+    def update(self, snap: Snapshot, replayed: PlanView | None, track: Track) -> None:
         """Shows one instant's figures; what did not change is not sent."""
         time_s = snap.now_s
         self._picture.content = picture_html(snap, fresh=snap.fresh("plan"))
         self._status.content = status_html(snap)
+        self._instruments.content = panel_html(snap, track)
         self._marks_html.content = tables.marks_html(self._marks, time_s)
         if self._columns is None and snap.plan is not None:
             self._columns = lattice_columns(self._flight, len(snap.plan.cost_N))
