@@ -171,8 +171,8 @@ def _estimates(flight: Flight) -> str:
     snaps = [snapshot_at(flight, float(t)) for t in np.append(np.arange(from_s, end_s, every_s), end_s)]
     track = Track.of(snaps, Tuning.of_toml(flight.header.tuning_toml))
     return (
-        f"<section class='panel' id='estimates'><h2>Estimates</h2><p class='soft'>At {end_s:.2f} s, the end of its task, "
-        f"and until then.</p>{panel_html(snaps[-1], track, window_s=end_s - from_s + 1.0)}</section>"
+        f"<section class='panel' id='estimates'><h2>Estimates</h2><p class='soft'>At {end_s:.2f} s, the end of its "
+        f"task, and until then.</p>{panel_html(snaps[-1], track, window_s=end_s - from_s + 1.0)}</section>"
     )
 
 
