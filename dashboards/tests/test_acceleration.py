@@ -16,6 +16,7 @@ from goshawk_dashboards.exports import Format, export_log
 from goshawk_dashboards.live import plots as live
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import Figure, svg
+from goshawk_dashboards.report.over_time import over_time
 from goshawk_dashboards.report.report import make_report
 from goshawk_dashboards.state import decode
 from goshawk_dashboards.state.snapshot import Snapshot
@@ -113,6 +114,7 @@ def test_the_report_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:
     figure = disturbance(unfelt)
     assert "no IMU" in figure.caption
     assert ">measured<" not in svg(figure)
+    assert "There was no IMU" in over_time(unfelt, None, {})
 
 
 def test_exports_leave_out_what_was_not_measured(felt: Flight, unfelt: Flight, tmp_path: Path) -> None:

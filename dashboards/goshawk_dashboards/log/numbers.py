@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import Message
 
 MOST_ITEMS = 256
@@ -17,8 +17,8 @@ MOST_ITEMS = 256
 _NO_NUMBER = (FieldDescriptor.CPPTYPE_STRING, FieldDescriptor.CPPTYPE_MESSAGE)
 
 
-def paths(kind: Descriptor, examples: Sequence[Message]) -> Iterator[str]:
-    """All paths of a message's kind; lists are as long as the longest of the examples'."""
+def paths(kind: Any, examples: Sequence[Message]) -> Iterator[str]:
+    """All paths of a message's kind, a descriptor; lists are as long as the longest of the examples'."""
     for field in kind.fields:
         if field.is_repeated:
             items = [item for example in examples for item in _named(getattr(example, field.name))]

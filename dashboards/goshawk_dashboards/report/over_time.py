@@ -70,11 +70,13 @@ def over_time(flight: Flight, seen: Clearance | None, phase_colors: Mapping[str,
     bands = [
         {"from_s": p.start_s, "to_s": p.end_s, "color": phase_colors.get(p.name, "#b3bac1")} for p in phases
     ]  # fmt: skip
+    felt = np.isfinite(signals.read(["measured acceleration up"])["measured acceleration up"][1]).any()
+    unfelt = "" if felt else " There was no IMU: no acceleration was measured."
     data = json.dumps({"bounds": bounds, "bands": bands, "charts": charts}, ensure_ascii=False, separators=(",", ":"))
     return (
         "<section class='panel' id='over-time'><h2>Over time</h2>"
         "<p class='soft'>A drag zooms all charts, a double-click shows the whole flight, a name hides its line. "
-        "Asked is what the controller sent; commanded what attitude and thrust alone would give.</p>"
+        f"Asked is what the controller sent; commanded what attitude and thrust alone would give.{unfelt}</p>"
         f"<div id='charts'></div></section>{script.styles()}"
         f'<script type="application/json" id="flown">{data.replace("<", chr(92) + "u003c")}</script>'
         f"{script.scripts('report', 'page.js')}"

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from goshawk_proto import goshawk_pb2 as pb
 
@@ -68,10 +68,11 @@ def _parameters(header: pb.LogHeader) -> dict[str, str]:
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     """Every value with its dotted name; tables in a list go by their ``name``, else by their place."""
     for name, value in table.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
-            for k, item in enumerate(value):
-                yield from _flat(item, f"{prefix}{name}.{item.get('name', k)}.")
-        else:
-            yield f"{prefix}{name}", str(value)
+        match value:
+            case dict():
+                yield from _flat(cast(Mapping[str, Any], value), f"{prefix}{name}.")
+            case [dict(), *_]:
+                for k, item in enumerate(cast(list[Mapping[str, Any]], value)):
+                    yield from _flat(item, f"{prefix}{name}.{item.get('name', k)}.")
+            case _:
+                yield f"{prefix}{name}", str(value)

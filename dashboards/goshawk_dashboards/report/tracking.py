@@ -100,7 +100,7 @@ def spectrum_of(flight: Flight) -> Spectrum | None:
     if samples < 8 or len(times_s) < 3 * samples:
         return None
     return Spectrum(
-        hz_F=np.fft.rfftfreq(samples, every_s),
+        hz_F=np.arange(samples // 2 + 1) / (samples * every_s),
         force_mps2_F3=_density(imu["specific_force_body"][flown], samples, every_s),
         rate_rps_F3=_density(imu["ang_vel_body"][flown], samples, every_s),
     )

@@ -115,8 +115,10 @@ class ReviewDashboard:
         self._thread: threading.Thread | None = None
 
     def _seat_of(self, client_id: int) -> Seat | None:
-        views = (v for v in self.views if isinstance(v.viewer, viser.ClientHandle))
-        return next((v.seat for v in views if v.viewer.client_id == client_id), None)
+        for view in self.views:
+            if isinstance(view.viewer, viser.ClientHandle) and view.viewer.client_id == client_id:
+                return view.seat
+        return None
 
     @property
     def views(self) -> tuple[ReviewView, ...]:

@@ -157,12 +157,7 @@ class Desk:
             seat = None if visit.viewer is None else self._seat_of(visit.viewer)
             if seat is None:
                 continue
-            now = (
-                seat.player.time_s,
-                seat.player.playing,
-                seat.aligned,
-                {k: tuple(s) for k, s in visit.signals.items()},
-            )
+            now = (seat.player.time_s, seat.player.playing, visit.answers)
             if now != visit.told:
                 visit.told = now
                 await browser.send_bytes(msgspec.json.encode(self._now(seat, visit)))
