@@ -252,10 +252,10 @@ def test_three_logs_lie_over_each_other_by_a_moment_that_all_of_them_had(
     eventually("a vehicle is elsewhere", lambda: np.allclose([s.vehicle.position[0] for s in scenes], x, atol=0.05))
 
 
-def test_play_steps_keys_and_jumps(review: Review, visit: Visit, trial: Path) -> None:
+def test_play_steps_keys_and_jumps(review: Review, plain: Visit, trial: Path) -> None:
     r = review(trial)
     flight = Flight.open(trial)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
     expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", re.compile(r"^0\.0"))
     # Slow enough that a machine with much else to do does not reach the end before it is asked to pause.
     page.get_by_label("Speed", exact=True).select_option("0.1")
@@ -286,13 +286,13 @@ def test_play_steps_keys_and_jumps(review: Review, visit: Visit, trial: Path) ->
     eventually("no jump to the event chosen", lambda: abs(view.player.time_s - confirmed_s) < 0.02)
 
 
-def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, plain: Visit, tmp_path: Path) -> None:
     # No policy bears such a storm.
     arguments = ("--speed", "14", "--spacing", "3", "--wind", "30", "--trials", "3", "--seed", "3", "--only", "0:2")
     (log,), cell = fly(tmp_path, *arguments)
     assert cell["successes"] == 0
     r = review(log)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
     marks = marks_of(Flight.open(log))
     expect(page.locator('[data-goshawk="marks"]')).to_contain_text(marks[0].text)
     view.player.seek(marks[-1].time_s)
@@ -301,23 +301,23 @@ def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, visi
     assert collisions[-1] == cell["failures"]["collision"]
 
 
-def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, visit: Visit, trial: Path, tmp_path: Path) -> None:
+def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, plain: Visit, trial: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     data = trial.read_bytes()
     cut.write_bytes(data[: len(data) * 2 // 3])
     r = review(cut)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
     assert view.player.duration_s > 5.0
     view.player.seek(view.player.duration_s)
     expect(page.locator('[data-goshawk="marks"]')).to_contain_text("the log was cut off here")
 
 
-def test_two_flights_and_a_replay_share_the_scene(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_two_flights_and_a_replay_share_the_scene(review: Review, plain: Visit, tmp_path: Path) -> None:
     first = rec.write_flight(tmp_path / "first.mcap")
     other = rec.write_flight(tmp_path / "other.mcap", 10.0, chosen=2)
     replay = rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3)
     r = review(first, other, replay=replay)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
     assert view.player.duration_s > 9.9
     view.player.seek(2.0)
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text("the other policy chose 4")
@@ -331,11 +331,11 @@ def test_two_flights_and_a_replay_share_the_scene(review: Review, visit: Visit, 
     assert np.allclose(beside.scene.vehicle.position, view.scene.first.vehicle.position)
 
 
-def test_each_browser_has_a_timeline_of_its_own(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_each_browser_has_a_timeline_of_its_own(review: Review, plain: Visit, tmp_path: Path) -> None:
     r = review(rec.write_flight(tmp_path / "flight.mcap"))
-    page = visit(r.url).page
+    page = plain(r.url).page
     first_view(r)
-    other = visit(r.url).page
+    other = plain(r.url).page
     cursor, other_cursor = page.locator('[data-goshawk="cursor"]'), other.locator('[data-goshawk="cursor"]')
     expect(other_cursor).to_have_attribute("data-time", re.compile(r"^0\.0"))
     page.keyboard.press("ArrowRight")
@@ -346,10 +346,10 @@ def test_each_browser_has_a_timeline_of_its_own(review: Review, visit: Visit, tm
     assert [view.player.playing for view in r.views][1:] == [False]
 
 
-def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, plain: Visit, tmp_path: Path) -> None:
     first = rec.write_flight(tmp_path / "first.mcap")
     r = review(first, rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3))
-    visit(r.url)
+    plain(r.url)
     view = first_view(r)
     assert view.scene.others == ()
     view.player.seek(2.0)
