@@ -73,8 +73,8 @@ class Commands:
         self._on_armed()
 
     def update(self, snap: Snapshot) -> None:
-        """Offers Start with the profiles of the vehicle shown, unless only Stop works."""
-        self._start.visible = self._profile.visible = not protocol.mismatch(snap.health)
+        """Offers Start with the profiles of the vehicle shown, unless it flies or only Stop works."""
+        self._start.visible = self._profile.visible = not snap.flying and not protocol.mismatch(snap.health)
         if snap.health is None:
             return
         profiles = (DEFAULT_PROFILE, *snap.health.profiles)

@@ -23,7 +23,7 @@ __all__ = ["LiveDashboard", "LiveView", "PortBusyError"]
 
 RATE_HZ = 15.0
 TEXT_HZ = 5.0
-PLOT_HZ = 4.0
+PLOT_HZ = 2.0
 
 
 class LiveView:

@@ -120,4 +120,8 @@ def _toast(snap: Snapshot) -> str:
 
 def _dimmed(snap: Snapshot) -> str:
     """Plots and picture of a silent vehicle lose their colour: they show what was."""
-    return "<style>.uplot, [data-goshawk=picture] {opacity:.35; filter:grayscale(1)}</style>" if snap.stale else ""
+    return (
+        "<style>[data-goshawk=charts], [data-goshawk=picture] {opacity:.35; filter:grayscale(1)}</style>"
+        if snap.stale
+        else ""
+    )
