@@ -54,6 +54,7 @@ def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:
     assert order == [7, *[k for k in range(15) if k != 7]]
     assert 'data-candidate="0" data-rejection="objectness"' in words
     assert "candidate 9: cost 2.14, objectness 1.00, dearer than the one flown" in words
+    assert "12 no target to chase, and it holds none; 2 dearer than the one flown" in words
 
 
 def test_a_strip_without_a_choice_says_so(snap: Make) -> None:

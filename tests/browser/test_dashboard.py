@@ -55,7 +55,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
 
     def drawn() -> bool:
-        return scene.remembered.cubes is not None
+        return scene.remembered.cubes.count > 0
 
     page.get_by_text("Candidates", exact=True).click()
     expect(page.locator('[data-goshawk="parts"]')).to_contain_text("+0.25 obstacle")
@@ -76,11 +76,10 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     assert {urlparse(u).hostname for u in seen.requests if u.startswith("http")} == {"127.0.0.1"}
 
 
-def test_what_the_controller_has_learnt_is_in_the_vehicles_folder(ground: Start, visit: Visit) -> None:
+def test_what_the_controller_has_learnt_is_among_the_instruments(ground: Start, visit: Visit) -> None:
     g = ground()
     page = visit(g.dashboard.url).page
     mode(page, "ready")
-    page.get_by_text("Vehicle", exact=True).click()
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text("31.4 %")
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text("84 ms")
 

@@ -57,6 +57,11 @@ class Commands:
         """Whether one more press stops all."""
         return time.monotonic() < self._armed_until_s
 
+    @property
+    def offers_start(self) -> bool:
+        """Whether there is a Start to press."""
+        return self._start.visible
+
     def _stop(self) -> None:
         self._shown().vehicle.on_stop()
 

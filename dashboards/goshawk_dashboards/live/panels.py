@@ -120,6 +120,16 @@ class LivePanels:
         instruments.set_width(340)
 
     @property
+    def offers_start(self) -> bool:
+        """Whether there is a Start to press."""
+        return self.commands is not None and self.commands.offers_start
+
+    @property
+    def shows_readiness(self) -> bool:
+        """Whether the checks are to be seen."""
+        return self._readiness_folder.visible
+
+    @property
     def options(self) -> ViewOptions:
         """What the viewer asked to see."""
         return ViewOptions(
