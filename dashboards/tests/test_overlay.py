@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from goshawk_dashboards.live import candidates, fleet, link, overlay
+from goshawk_dashboards.live import candidates, fleet, link, overlay, phone
 from goshawk_dashboards.state.alerts import Alert
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import AutopilotView, CommandView, PreviewView
@@ -46,6 +46,19 @@ def test_a_command_is_shown_from_the_press_to_the_reply(snap: Make) -> None:
 def test_what_a_silent_vehicle_showed_loses_its_colour(snap: Make) -> None:
     assert "grayscale" in over(snap(age_s=5.0), [])
     assert "grayscale" not in over(snap(), [])
+
+
+def test_a_phone_shows_the_state_and_on_the_ground_what_is_not_ready_in_flight_the_picture(snap: Make) -> None:
+    base = snap(preview=PICTURE)
+    assert base.health is not None and base.control is not None
+    check = replace(base.health.checks[0], ok=False, reason="no odometry yet")
+    standing = replace(
+        base, control=replace(base.control, mode=pb.MODE_IDLE), health=replace(base.health, checks=(check,))
+    )
+    shown = [phone.phone_html(s, "STATE", candidates.picture_html(s, fresh=True)) for s in (base, standing)]
+    assert all("STATE" in page for page in shown)
+    assert [("<img" in page, "no odometry yet" in page) for page in shown] == [(True, False), (False, True)]
+    assert shown[0] in overlay.overlay_html(base, [], stops=STOP, phone=shown[0])
 
 
 def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:

@@ -144,6 +144,29 @@ def test_a_silent_vehicle_is_marked_stale_and_stop_still_answers(ground: Start, 
     expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("Pilot: take over.")
 
 
+def test_stop_is_in_the_window_and_on_top_at_every_size_and_a_phone_shows_the_picture(
+    ground: Start, visit: Callable[..., Seen]
+) -> None:
+    g = ground()
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)
+    assert g.link.start().accepted
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 10)
+    page = visit(g.dashboard.url, 390, 844).page
+    expect(page.locator('[data-goshawk="phone"] [data-goshawk="picture"] img')).to_be_visible()
+    expect(page.locator('[data-goshawk="phone"] [data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    for width, height in ((390, 844), (844, 390), (1280, 720)):
+        page.set_viewport_size({"width": width, "height": height})
+        stop = page.locator(".goshawk-one")
+        expect(stop).to_be_in_viewport(ratio=1.0)
+        box = stop.bounding_box()
+        assert box is not None
+        on_top = "([x, y]) => document.elementFromPoint(x, y).closest('.goshawk-one') !== null"
+        assert page.evaluate(on_top, [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2])
+    expect(page.get_by_role("button", name="Start", exact=True)).to_be_hidden()
+    page.locator(".goshawk-one").click()
+    assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 30)
+
+
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:
     g = ground()
     assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)

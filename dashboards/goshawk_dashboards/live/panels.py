@@ -11,6 +11,7 @@ from goshawk_dashboards.live import overlay, plots
 from goshawk_dashboards.live.commands import Commands
 from goshawk_dashboards.live.feed import Feed, worst_alerts
 from goshawk_dashboards.live.fleet import fleet_html
+from goshawk_dashboards.live.phone import phone_html
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene.cameras import CameraMode
 from goshawk_dashboards.scene.scene import ViewOptions
@@ -31,15 +32,17 @@ class LivePanels:
         on_select: Callable[[], None],
         on_clear: Callable[[], None],
         on_armed: Callable[[], None],
+        narrow: Callable[[], bool] = lambda: False,
     ) -> None:
         """``commands``: with the buttons and keys that command; without them the viewer only looks.
 
         ``on_select``: another vehicle is shown; ``on_clear``: the trails are to be forgotten; ``on_armed``: what the
-        stop buttons say has changed.
+        stop buttons say has changed; ``narrow``: whether the window is a phone's.
         """
         self._viewer = viewer
         self._feeds = feeds
         self._on_select = on_select
+        self._narrow = narrow
         self.shown = 0
         """Index of the vehicle shown in full."""
         self._wanted = 0
@@ -185,6 +188,7 @@ class LivePanels:
             stops=self._stops(snap),
             visit=self._visit,
             vehicles=[f.vehicle.name for f in self._feeds],
+            phone=phone_html(snap, words.status, words.picture) if self._narrow() else "",
         )
         if self._fleet is not None:
             self._fleet.content = fleet_html([f.snap for f in self._feeds], snap.vehicle)
