@@ -13,7 +13,8 @@ import recordings as rec
 from goshawk_dashboards.charts.curves import drawn
 from goshawk_dashboards.charts.signals import Signals
 from goshawk_dashboards.exports import Format, export_log
-from goshawk_dashboards.live import plots as live
+from goshawk_dashboards.instruments.panel import panel_html
+from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import Figure, svg
 from goshawk_dashboards.report.over_time import over_time
@@ -56,30 +57,30 @@ def test_a_column_of_vectors_has_gaps_where_none_was_sent(felt: Flight) -> None:
     np.testing.assert_array_equal(known, columns.times_s < LOST_S)
 
 
-def row(snap: Snapshot) -> dict[str, float]:
-    """What the live plot of the northward acceleration takes of a snapshot, by line."""
-    plot = live.MOTION[1]
-    return dict(zip((name for name, _ in plot.lines), plot.values(snap), strict=True))
+def drawn(snap: Snapshot) -> dict[str, float]:
+    """What the instruments draw of a snapshot."""
+    track = Track.of([snap])
+    return {name: float(column[-1]) for name, column in track.window(1.0)[1].items()}
 
 
-def test_the_live_plots_have_a_gap_without_an_imu_and_say_so(snap: Make) -> None:
+def test_the_instruments_have_a_gap_without_an_imu_and_say_so(snap: Make) -> None:
     base = snap()
     assert base.control is not None
-    assert row(base)["measured"] == 1.0
-    assert "no IMU" not in live.legend_html(base)
+    assert drawn(base)["measured north"] == 1.0
+    assert "no IMU" not in panel_html(base, Track.of([base]))
     without = replace(base, control=replace(base.control, acc_meas_world_3=None))
-    assert np.isnan(row(without)["measured"])
-    assert row(without)["desired"] == 2.0
-    assert "measured (no IMU)" in live.legend_html(without)
+    assert np.isnan(drawn(without)["measured north"])
+    assert drawn(without)["desired north"] == 2.0
+    assert "measured (no IMU)" in panel_html(without, Track.of([without]))
 
 
-def test_the_live_plots_draw_the_truth_of_a_simulation_alone(snap: Make) -> None:
-    assert np.isnan(row(snap())["true"])
-    assert "true" not in live.legend_html(snap())
+def test_the_instruments_draw_the_truth_of_a_simulation_alone(snap: Make) -> None:
+    assert np.isnan(drawn(snap())["true north"])
+    assert "true" not in panel_html(snap(), Track.of([snap()]))
     simulated = snap(truth=decode.truth(rec.truth(1.0)))
-    assert row(simulated)["true"] == pytest.approx(-2.0 * np.sin(1.0))
-    assert "true" in live.legend_html(simulated)
-    assert np.isnan(row(snap(age_s=5.0, truth=decode.truth(rec.truth(1.0))))["true"])
+    assert drawn(simulated)["true north"] == pytest.approx(-2.0 * np.sin(1.0))
+    assert "true" in panel_html(simulated, Track.of([simulated]))
+    assert np.isnan(drawn(snap(age_s=5.0, truth=decode.truth(rec.truth(1.0))))["true north"])
 
 
 def test_the_review_has_measured_and_true_and_a_gap_after_the_imu_was_lost(felt: Flight) -> None:
@@ -106,8 +107,8 @@ def test_the_report_has_a_gap_after_the_imu_was_lost_and_the_truth(felt: Flight)
     table = figure.tables["disturbance"]
     np.testing.assert_array_equal(np.isfinite(table["measured_up_mps2"]), table["time_s"] < LOST_S)
     assert set(figure.tables["disturbance_true"]["true_up_mps2"]) == {0.05}
-    drawn = svg(figure)
-    assert ">measured<" in drawn and ">true<" in drawn
+    page = svg(figure)
+    assert ">measured<" in page and ">true<" in page
 
 
 def test_the_report_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:

@@ -138,10 +138,10 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     measured = flight.columns("control", ["acc_meas_world"])["acc_meas_world"][flight.index_at("control", 9.0) or 0, 1]
     expect(north).to_have_text(re.compile(f"{abs(measured):.2f} m/s²"))
     remembered = flight.remembered_at(9.0)
-    assert remembered is not None and scene.remembered.cubes is not None
-    assert len(scene.remembered.cubes.batched_positions) == len(remembered.cells_V3)
+    assert remembered is not None
+    assert scene.remembered.cubes.count == len(remembered.cells_V3)
     page.get_by_label("Remembered obstacles").dispatch_event("click")
-    eventually("the toggle hid nothing", lambda: scene.remembered.cubes is None)
+    eventually("the toggle hid nothing", lambda: scene.remembered.cubes.count == 0)
     assert seen.errors == []
     assert flight.world is not None, "a trial's log holds its forest"
     assert view.viewer.scene.get_handle_by_name("/first/world/trunks") is not None

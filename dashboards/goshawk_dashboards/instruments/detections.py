@@ -85,5 +85,6 @@ def _sigmas_N(
     larger_N = (1.0 + (far_N / tuning.variance_distance_m) ** 2)[:, None, None]
     across, along = tuning.lateral_variance_m2, tuning.range_variance_m2
     detection_N33 = larger_N * (across * np.eye(3) + (along - across) * line_N3[:, :, None] * line_N3[:, None, :])
-    weighed_N3: Array = np.linalg.solve(predicted_33 + detection_N33, innovation_N3[:, :, None])[:, :, 0]
-    return np.sqrt((innovation_N3 * weighed_N3).sum(axis=1))
+    total_N33: Array = predicted_33 + detection_N33
+    precision_N33 = np.linalg.inv(total_N33)
+    return np.sqrt(np.einsum("ni,nij,nj->n", innovation_N3, precision_N33, innovation_N3))

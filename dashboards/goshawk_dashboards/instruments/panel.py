@@ -14,7 +14,8 @@ from goshawk_dashboards.instruments.disturbance import disturbance_charts, distu
 from goshawk_dashboards.instruments.target import target_charts, target_html
 from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.page import theme
-from goshawk_dashboards.page.html import DIM, TEXT, faded
+from goshawk_dashboards.page.html import TEXT, faded
+from goshawk_dashboards.page.status import learnt_html
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import Array
 
@@ -41,7 +42,7 @@ def panel_html(
         + disturbance_charts(time_S, columns, now_s)
         + _part("Target filter", faded(target_html(snap, track), stale))
         + target_charts(time_S, columns, gate and gate.gate_sigmas, now_s)
-        + _part("Learnt in flight", faded(_learnt_html(snap), stale))
+        + _part("Learnt in flight", learnt_html(snap))
         + _learnt_charts(time_S, columns, now_s)
         + "</div>"
     )
@@ -49,18 +50,6 @@ def panel_html(
 
 def _part(title: str, body: str) -> str:
     return f'<div style="font-weight:600;color:#fff;margin:8px 0 4px;font-size:13px">{title}</div>{body}'
-
-
-def _learnt_html(snap: Snapshot) -> str:
-    control = snap.control
-    thrust, lag_s = (None, None) if control is None else (control.hover_thrust, control.attitude_lag_s)
-    if thrust is None and lag_s is None:
-        return f'<div style="{DIM}">the vehicle does not say</div>'
-    words = (
-        "" if thrust is None else f"hover thrust <b>{100.0 * thrust:.1f} %</b>",
-        "" if lag_s is None else f"attitude lag <b>{1e3 * lag_s:.0f} ms</b>",
-    )
-    return f"<div>{', '.join(filter(None, words))}</div>"
 
 
 def _learnt_charts(time_S: Array, columns: dict[str, Array], now_s: float | None) -> str:

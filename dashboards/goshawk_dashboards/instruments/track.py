@@ -15,7 +15,7 @@ from goshawk_dashboards.instruments.detections import Seen, seen
 from goshawk_dashboards.instruments.history import SAMPLES, History
 from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.state.snapshot import FLYING, Snapshot
-from goshawk_dashboards.state.views import Array, TargetView
+from goshawk_dashboards.state.views import Array, ControlView, TargetView
 
 AXES = ("east", "north", "up")
 ACCELERATIONS = ("desired", "commanded", "measured", "disturbance", "true")
@@ -40,12 +40,15 @@ class Track:
         self.tuning = tuning or Tuning()
         self._history = History(len(COLUMNS), capacity)
         self._last_ns: int | None = None
+        self._flew: bool | None = None
         self._before: TargetView | None = None
         self._plan_seq: int | None = None
         self.seen: Seen | None = None
         """The newest plan's detections, against the estimate before; None: there was none, or no plan."""
         self.stood_z_m: float | None = None
         """Height of the ground that it took off from, in the world frame; None: it was not seen to stand."""
+        self.took_off_ns: int | None = None
+        """When it began to fly, by its own clock; None: that was not seen."""
 
     @staticmethod
     def of(snaps: Iterable[Snapshot], tuning: Tuning | None = None) -> Track:
@@ -66,10 +69,24 @@ class Track:
         control = snap.control
         if control is None or control.stamp_ns == self._last_ns:
             return
+        if self._last_ns is not None and control.stamp_ns < self._last_ns:
+            self.stood_z_m = self.took_off_ns = None  # another clock: it was started anew
         self._last_ns = control.stamp_ns
+        self._watch(control)
         if control.mode not in FLYING or (self.stood_z_m is None and control.mode == pb.MODE_TAKEOFF):
             self.stood_z_m = float(control.pos_world_3[2])
         self._history.add(control.stamp_ns * 1e-9, np.array([*self._accelerations(snap), *self._target(snap)]))
+
+    def _watch(self, control: ControlView) -> None:
+        """Notices a take-off; the time stays after the landing, for what happened is told by it."""
+        flies = control.mode in FLYING
+        if flies and self._flew is False:
+            self.took_off_ns = control.stamp_ns
+        self._flew = flies
+
+    def flight_s(self, stamp_ns: int) -> float | None:
+        """Seconds since the last take-off; None: it was not seen."""
+        return None if self.took_off_ns is None else (stamp_ns - self.took_off_ns) * 1e-9
 
     def airborne(self, snap: Snapshot) -> bool:
         """Whether it has left the ground, and has not come back to it."""
