@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
-from goshawk_dashboards.charts.curves import drawn
+from goshawk_dashboards.charts import curves
 from goshawk_dashboards.charts.signals import Signals
 from goshawk_dashboards.exports import Format, export_log
 from goshawk_dashboards.instruments.panel import panel_html
@@ -93,7 +93,7 @@ def test_the_review_has_measured_and_true_and_a_gap_after_the_imu_was_lost(felt:
 
 def test_the_review_of_a_flight_without_an_imu_has_no_measured_acceleration(unfelt: Flight) -> None:
     times_s, values = Signals(unfelt).read(["measured acceleration north"])["measured acceleration north"]
-    assert len(drawn(times_s, values, 0.0, 8.0, 300)[0]) == 0
+    assert len(curves.drawn(times_s, values, 0.0, 8.0, 300)[0]) == 0
 
 
 def disturbance(flight: Flight) -> Figure:

@@ -10,7 +10,7 @@ from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.live.candidates import picture_html
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark, lattice_columns
-from goshawk_dashboards.page.status import learnt_html, status_html, vehicle_html
+from goshawk_dashboards.page.status import status_html, vehicle_html
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.review import dock, tables
 from goshawk_dashboards.review.player import Player
@@ -55,7 +55,6 @@ class ReviewPanels:
         self._add_view(gui, has_replay, has_others)
         with gui.add_folder("Flight", expand_by_default=False):
             gui.add_html(tables.flight_html(flight))
-            self._learnt = gui.add_html("")
             self._vehicle = gui.add_html("")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)
@@ -130,5 +129,4 @@ class ReviewPanels:
             self._columns = lattice_columns(self._flight, len(snap.plan.cost_N))
         plan = snap.plan if snap.fresh("plan") else None
         self._candidates.content = tables.candidates_html(plan, self._columns or 1, replayed)
-        self._learnt.content = learnt_html(snap)
         self._vehicle.content = vehicle_html(snap) if snap.health is not None else ""
