@@ -9,7 +9,7 @@ from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.live.candidates import picture_html
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.log.recorded import Mark, lattice_columns
+from goshawk_dashboards.log.recorded import Mark, lattice_columns, takeoff_s
 from goshawk_dashboards.page.status import status_html, vehicle_html
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.review import dock, tables
@@ -38,7 +38,7 @@ class ReviewPanels:
         has_others: bool,
     ) -> None:
         self._player, self._flight, self._marks = player, flight, marks
-        self._stops_s = stops_s
+        self._stops_s, self._takeoff_s = stops_s, takeoff_s(flight)
         self._mark_stops_s = np.unique([m.time_s for m in marks])
         self._columns: int | None = None
         gui = viewer.gui
@@ -122,7 +122,10 @@ class ReviewPanels:
         """Shows one instant's figures; what did not change is not sent."""
         time_s = snap.now_s
         self._picture.content = picture_html(snap, fresh=snap.fresh("plan"))
-        self._status.content = status_html(snap)
+        flight_s = time_s - self._takeoff_s
+        self._status.content = status_html(
+            snap, flight_s=flight_s if flight_s >= 0.0 else None, ground_z_m=track.stood_z_m
+        )
         self._instruments.content = panel_html(snap, track)
         self._marks_html.content = tables.marks_html(self._marks, time_s)
         if self._columns is None and snap.plan is not None:
