@@ -224,7 +224,7 @@ def test_the_page_has_its_courses_as_charts_and_the_other_figures_drawn(page: st
     links.feed(page)
     names = [figure.name for figure in report.figures]
     assert names == ["path", "velocity", "disturbance", "clearance", "target_error", "vibration", "latency"]
-    assert page.count("<svg ") == len(names) - 3
+    assert page.count("<figure class='panel'>") == len(names) - 3
     assert len(links.ids) == len(set(links.ids))
     assert set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", page)) <= set(links.ids)
     flown = data_of(page)
