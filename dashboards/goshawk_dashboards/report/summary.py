@@ -22,8 +22,8 @@ PATH_HZ = 20.0
 """At this rate a path's length is that of the flight, not of the estimate's noise."""
 ON_TASK = ("tracking", "lost", "search", "navigation", "hold")
 LANDED = ("landed", "on the ground")
-GOOD_OUTCOMES = ("success", "landed", "ended: tracking", "ended: navigation", "ended: hold")
-"""A simulated trial ends in the air, on its task."""
+GOOD_OUTCOMES = ("landed", "success", "ended: tracking", "ended: navigation", "ended: hold")
+"""A simulated trial ends in the air, on its task, with a verdict or without."""
 
 
 @dataclass(frozen=True, kw_only=True)
