@@ -20,6 +20,8 @@ CONTROL_HZ, FRAME_HZ, TRUTH_HZ = 200, 30, 20
 TAKEOFF_S, LOST_S, SEARCH_S, FOUND_S = 1.0, 3.0, 4.0, 5.0
 """When the made-up flight's phases begin; it lands in its last second."""
 WIDTH, HEIGHT = 160, 96
+VIBRATES_HZ, VIBRATES_MPS2 = 40.0, 3.0
+"""Of the IMU along the body's x, where a flight vibrates."""
 
 
 def descriptor_set(kind: type[Message]) -> bytes:
@@ -193,11 +195,12 @@ def write_flight(
     told: str = "",
     collides_s: float = math.inf,
     imu_until_s: float = math.inf,
+    vibrates: bool = False,
 ) -> Path:
     """A whole flight. A few pictures are made and used again, so that a long log is written in bearable time.
 
     ``told`` is what the vehicle says as its take-off ends; from ``collides_s`` on the simulator counts a collision;
-    after ``imu_until_s`` the autopilot sends no IMU any more.
+    after ``imu_until_s`` the autopilot sends no IMU any more; ``vibrates``: its IMU is logged, and it shakes.
     """
     log = LogFile(path, chunk_bytes=chunk_bytes)
     noise = np.random.default_rng(1)
@@ -216,6 +219,9 @@ def write_flight(
         time_s = step / CONTROL_HZ
         stamp_ns = START_NS + round(time_s * 1e9)
         log.write("control", stamp_ns, control(time_s, step, duration_s, imu=time_s < imu_until_s))
+        if vibrates:
+            shaken = VIBRATES_MPS2 * math.sin(2.0 * math.pi * VIBRATES_HZ * time_s)
+            log.write("imu", stamp_ns, pb.Imu(stamp_ns=stamp_ns, specific_force_body=pb.Vec3(x=shaken, z=9.81)))
         if step % CONTROL_HZ == 0:
             log.write("map", stamp_ns, remembered(time_s, step // CONTROL_HZ))
         if step % (CONTROL_HZ // TRUTH_HZ) == 0:

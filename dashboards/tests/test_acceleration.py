@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recordings as rec
+from goshawk_dashboards.charts import curves
+from goshawk_dashboards.charts.signals import Signals
 from goshawk_dashboards.exports import Format, export_log
-from goshawk_dashboards.live import plots as live
+from goshawk_dashboards.instruments.panel import panel_html
+from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import Figure, svg
+from goshawk_dashboards.report.over_time import over_time
 from goshawk_dashboards.report.report import make_report
-from goshawk_dashboards.review import html
-from goshawk_dashboards.review.html import Window
-from goshawk_dashboards.review.plots import Plot, plots_of
 from goshawk_dashboards.state import decode
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import goshawk_pb2 as pb
@@ -56,54 +57,43 @@ def test_a_column_of_vectors_has_gaps_where_none_was_sent(felt: Flight) -> None:
     np.testing.assert_array_equal(known, columns.times_s < LOST_S)
 
 
-def row(snap: Snapshot) -> dict[str, float]:
-    """What the live plot of the northward acceleration takes of a snapshot, by line."""
-    plot = live.MOTION[1]
-    return dict(zip((name for name, _ in plot.lines), plot.values(snap), strict=True))
+def drawn(snap: Snapshot) -> dict[str, float]:
+    """What the instruments draw of a snapshot."""
+    track = Track.of([snap])
+    return {name: float(column[-1]) for name, column in track.window(1.0)[1].items()}
 
 
-def test_the_live_plots_have_a_gap_without_an_imu_and_say_so(snap: Make) -> None:
+def test_the_instruments_have_a_gap_without_an_imu_and_say_so(snap: Make) -> None:
     base = snap()
     assert base.control is not None
-    assert row(base)["measured"] == 1.0
-    assert "no IMU" not in live.legend_html(base)
+    assert drawn(base)["measured north"] == 1.0
+    assert "no IMU" not in panel_html(base, Track.of([base]))
     without = replace(base, control=replace(base.control, acc_meas_world_3=None))
-    assert np.isnan(row(without)["measured"])
-    assert row(without)["desired"] == 2.0
-    assert "measured (no IMU)" in live.legend_html(without)
+    assert np.isnan(drawn(without)["measured north"])
+    assert drawn(without)["desired north"] == 2.0
+    assert "measured (no IMU)" in panel_html(without, Track.of([without]))
 
 
-def test_the_live_plots_draw_the_truth_of_a_simulation_alone(snap: Make) -> None:
-    assert np.isnan(row(snap())["true"])
-    assert "true" not in live.legend_html(snap())
+def test_the_instruments_draw_the_truth_of_a_simulation_alone(snap: Make) -> None:
+    assert np.isnan(drawn(snap())["true north"])
+    assert "true" not in panel_html(snap(), Track.of([snap()]))
     simulated = snap(truth=decode.truth(rec.truth(1.0)))
-    assert row(simulated)["true"] == pytest.approx(-2.0 * np.sin(1.0))
-    assert "true" in live.legend_html(simulated)
-    assert np.isnan(row(snap(age_s=5.0, truth=decode.truth(rec.truth(1.0))))["true"])
+    assert drawn(simulated)["true north"] == pytest.approx(-2.0 * np.sin(1.0))
+    assert "true" in panel_html(simulated, Track.of([simulated]))
+    assert np.isnan(drawn(snap(age_s=5.0, truth=decode.truth(rec.truth(1.0))))["true north"])
 
 
-def north(flight: Flight) -> Plot:
-    """The review's plot of the northward acceleration."""
-    (plot,) = (p for p in plots_of(flight, None, None, 0.0) if p.title.startswith("acc. north"))
-    return plot
+def test_the_review_has_measured_and_true_and_a_gap_after_the_imu_was_lost(felt: Flight) -> None:
+    signals = Signals(felt)
+    signals.read(["measured acceleration north", "true acceleration north"])
+    assert signals.at("measured acceleration north", 2.0) == pytest.approx(-2.0 * np.sin(2.0), abs=0.05)
+    assert signals.at("measured acceleration north", 5.0) is None
+    assert signals.at("true acceleration north", 5.0) == pytest.approx(-2.0 * np.sin(5.0), abs=0.1)
 
 
-def test_the_review_draws_measured_and_true_and_a_gap_after_the_imu_was_lost(felt: Flight) -> None:
-    plot = north(felt)
-    curves = {c.label: c for c in plot.curves}
-    assert curves["measured"].at(2.0) == pytest.approx(-2.0 * np.sin(2.0), abs=0.05)
-    assert curves["measured"].at(5.0) is None
-    assert curves["true"].at(5.0) == pytest.approx(-2.0 * np.sin(5.0), abs=0.1)
-    assert "no IMU" not in plot.title
-    drawn = html.plots_html([plot], felt.phases, Window.around(0.0, None, felt.duration_s))
-    assert drawn.count("stroke-dasharray") == 1
-    assert "nan" not in drawn
-
-
-def test_the_review_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:
-    plot = north(unfelt)
-    assert plot.title.endswith("no IMU")
-    assert [c.label for c in plot.curves] == ["des.", "dist.", "true"]
+def test_the_review_of_a_flight_without_an_imu_has_no_measured_acceleration(unfelt: Flight) -> None:
+    times_s, values = Signals(unfelt).read(["measured acceleration north"])["measured acceleration north"]
+    assert len(curves.drawn(times_s, values, 0.0, 8.0, 300)[0]) == 0
 
 
 def disturbance(flight: Flight) -> Figure:
@@ -117,14 +107,15 @@ def test_the_report_has_a_gap_after_the_imu_was_lost_and_the_truth(felt: Flight)
     table = figure.tables["disturbance"]
     np.testing.assert_array_equal(np.isfinite(table["measured_up_mps2"]), table["time_s"] < LOST_S)
     assert set(figure.tables["disturbance_true"]["true_up_mps2"]) == {0.05}
-    drawn = svg(figure)
-    assert ">measured<" in drawn and ">true<" in drawn
+    page = svg(figure)
+    assert ">measured<" in page and ">true<" in page
 
 
 def test_the_report_of_a_flight_without_an_imu_says_so(unfelt: Flight) -> None:
     figure = disturbance(unfelt)
     assert "no IMU" in figure.caption
     assert ">measured<" not in svg(figure)
+    assert "There was no IMU" in over_time(unfelt, None, {})
 
 
 def test_exports_leave_out_what_was_not_measured(felt: Flight, unfelt: Flight, tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ from contextlib import ExitStack, suppress
 import numpy as np
 import pytest
 import zstandard
-from goshawk_dashboards.gate import Access, Gate, Role, UnguardedError, doors
+from aiohttp import web
+from goshawk_dashboards.gate import Access, Addition, Gate, Role, UnguardedError, doors
 from goshawk_dashboards.gate.client import cookie_for, viser_protocol
 from goshawk_dashboards.page.serving import close_server, open_server
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -22,12 +23,19 @@ PASSWORD = "correct horse battery"
 VISER = [viser_protocol()]
 
 
+async def echo(browser: web.WebSocketResponse) -> None:
+    """Says what it hears."""
+    async for message in browser:
+        await browser.send_str(message.data)
+
+
 class House:
     """A gate, the viser server behind it, and how one comes to it."""
 
     def __init__(self) -> None:
         self.gate = Gate(host="127.0.0.1", port=0, access=Access(passwords={Role.OPERATOR: PASSWORD}))
-        self.server = open_server(self.gate, Role.OPERATOR, "test")
+        addition = Addition(foot="<script>// ours</script>", path="/own", talk=echo)
+        self.server = open_server(self.gate, Role.OPERATOR, "test", addition)
         self.host = f"127.0.0.1:{self.gate.port}"
 
     def ask(
@@ -46,11 +54,11 @@ class House:
         """Of a session that the operator's link began."""
         return cookie_for(self.gate.link(Role.OPERATOR))
 
-    def open(self, cookie: str, queue: int = 16, **changes: str) -> ClientConnection:
+    def open(self, cookie: str, queue: int = 16, path: str = "/", **changes: str) -> ClientConnection:
         """A WebSocket as the dashboard's page opens it."""
         shown = {"Cookie": cookie, **changes}
         return connect(
-            f"ws://{self.host}/",
+            f"ws://{self.host}{path}",
             origin=Origin(shown.pop("Origin", f"http://{self.host}")),
             subprotocols=VISER,
             additional_headers=shown,
@@ -78,6 +86,19 @@ def test_the_page_and_its_websocket_need_a_session(house: House) -> None:
     assert (status, "viser" in text.lower()) == (200, True)
     with house.open(cookie) as page:
         assert len(page.recv(timeout=20)) > 16
+
+
+def test_what_a_dashboard_adds_stands_at_the_end_of_the_page_and_behind_the_same_door(house: House) -> None:
+    cookie = house.cookie()
+    _, text, _ = house.ask(Cookie=cookie)
+    assert text.index('<div id="root">') < text.index("<script>// ours</script></body>")
+    with house.open(cookie, path="/own") as own:
+        own.send("well?")
+        assert own.recv(timeout=20) == "well?"
+    with pytest.raises(InvalidStatus, match="401"):
+        house.open("", path="/own")
+    with pytest.raises(InvalidStatus, match="403"):
+        house.open(cookie, path="/own", Origin="http://evil.example")
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1:1", "null"])

@@ -13,11 +13,12 @@ from goshawk_dashboards.gate import Access, Gate, PortBusyError, Role
 from goshawk_dashboards.live.dashboard import LiveDashboard, LiveView
 from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.page import theme
+from goshawk_dashboards.scene.relief import Relief
+from goshawk_dashboards.scene.world import NEAR_M
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import BoxesView, CommandView, PreviewView, TruthView, WorldView
 from goshawk_proto import goshawk_pb2 as pb
 from PIL import Image
-from viser import BatchedMeshHandle
 
 Make = Callable[..., Snapshot]
 
@@ -161,12 +162,60 @@ def test_trees_appear_and_go_with_the_simulator(live: Live, snap: Make) -> None:
         seed=1,
         spacing_m=4.0,
     )
-    scene = live.server.scene
+    drawn = live.scene.world
     live.tick(snap(world=world))
-    assert scene.get_handle_by_name("/world/trunks") is not None
-    assert scene.get_handle_by_name("/world/foliage") is not None
+    assert (drawn.trunks.count, drawn.foliage.count) == (3, 2)
+    node = drawn.trunks.node
+    assert node is not None and node.visible
     live.tick(snap())
-    assert scene.get_handle_by_name("/world/trunks") is None
+    assert (drawn.trunks.count, drawn.foliage.count) == (0, 0)
+    assert drawn.trunks.node is node and not node.visible, "a node made anew costs a browser its shaders"
+
+
+def forest(rows: int, slope: float = 0.0) -> WorldView:
+    """A tree each 4 m along the way east and beside it, on ground that rises to the east."""
+    x, y = (v.ravel() for v in np.meshgrid(4.0 * np.arange(rows), 4.0 * np.arange(-2, 3)))
+    base_K3 = np.stack([x, y, slope * x], axis=1)
+    return WorldView(
+        base_world_K3=base_K3,
+        top_world_K3=base_K3 + (0.0, 0.0, 6.0),
+        radius_m_K=np.full(len(x), 0.2),
+        foliage_radius_m_K=np.ones(len(x)),
+        boxes=boxes(0),
+        seed=1,
+        spacing_m=4.0,
+    )
+
+
+def test_of_a_forest_only_what_is_near_the_vehicle_is_drawn_and_it_follows(live: Live, snap: Make) -> None:
+    base, world = snap(), forest(rows=100)
+    assert base.control is not None
+    for x_m in (0.0, 200.0):
+        control = replace(base.control, pos_world_3=np.array([x_m, 0.0, 2.0]))
+        live.tick(replace(base, control=control, world=world))
+        trunks = live.scene.world.trunks
+        assert trunks.node is not None
+        shown_B3 = trunks.node.batched_positions[: trunks.count]
+        assert 0 < trunks.count < len(world.radius_m_K)
+        assert np.abs(shown_B3[:, 0] - x_m).max() < NEAR_M
+        assert not trunks.node.batched_scales[trunks.count :].any(), "what is left over has a size"
+
+
+def test_the_ground_rises_where_its_trees_stand_higher(live: Live, snap: Make) -> None:
+    world = forest(rows=20, slope=0.1)
+    relief = Relief(world)
+    np.testing.assert_allclose(relief.height_M(np.array([[20.0, 4.0], [42.0, 2.0]])), [2.0, 4.2], atol=0.02)
+    vertices, faces = relief.mesh()
+    assert faces.max() == len(vertices) - 1
+    live.tick(snap(world=world))
+    assert live.server.scene.get_handle_by_name("/world/ground") is not None
+    grid = live.server.scene.get_handle_by_name("/ground")
+    assert grid is not None and not grid.visible
+    words = live.dashboard.feeds[0].words.status
+    assert ">1.0 m<" in words, "the vehicle at 10 m east is 1 m above its ground"
+    live.tick(snap())
+    assert grid.visible
+    assert live.server.scene.get_handle_by_name("/world/ground") is None
 
 
 def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, snap: Make) -> None:
@@ -180,19 +229,18 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, sn
         seed=1,
         spacing_m=0.0,
     )
-    scene = live.server.scene
+    drawn = live.scene.world
     live.tick(snap(world=world, truth=truth(boxes(2, x_m=5.0))))
-    walls = scene.get_handle_by_name("/world/boxes")
-    assert isinstance(walls, BatchedMeshHandle)
-    assert len(walls.batched_positions) == 300
-    assert scene.get_handle_by_name("/world/trunks") is None
-    moving = live.scene.world.moving
+    assert drawn.boxes.node is not None
+    assert len(drawn.boxes.node.batched_positions) == drawn.boxes.count == 300
+    assert drawn.trunks.node is None
+    moving = drawn.moving.node
     assert moving is not None
     live.tick(snap(world=world, truth=truth(boxes(2, x_m=6.5))))
-    assert live.scene.world.moving is moving
+    assert drawn.moving.node is moving
     np.testing.assert_allclose(moving.batched_positions[:, 0], 6.5)
     live.tick(snap(world=world, truth=truth(boxes(2, x_m=6.5)), age_s=5.0))
-    assert scene.get_handle_by_name("/truth/moving") is None
+    assert drawn.moving.count == 0 and not moving.visible
 
 
 def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
@@ -291,14 +339,23 @@ def test_memory_of_the_plots_is_constant(live: Live, snap: Make) -> None:
     assert [curves.nbytes for curves in feed.curves] == before
 
 
-def test_a_plot_whose_range_grows_keeps_its_place(live: Live, snap: Make) -> None:
+def test_the_charts_hold_what_was_flown_and_grow_with_it(live: Live, snap: Make) -> None:
     base = snap()
     assert base.control is not None
-    group = live.panels.plots[0]
-    speed, place = group.handles[3], group.handles[3].order
+    charts = live.dashboard.feeds[0].curves[0]
     for k, speed_mps in enumerate((3.0, 3.0, 12.0)):
         fast = replace(base.control, stamp_ns=int(2e9) + k * 50_000_000, vel_world_3=np.array([speed_mps, 0.0, 0.0]))
         live.tick(replace(base, control=fast))
-    assert group.handles[3] is not speed
-    assert group.handles[3].order == place
-    np.testing.assert_allclose(group.handles[3].data[1], [3.0, 3.0, 12.0])
+    assert ">15</text>" in charts.charts_html()
+    assert "nan" not in charts.charts_html()
+
+
+def test_start_is_offered_on_the_ground_alone_and_readiness_too(live: Live, snap: Make) -> None:
+    base = snap()
+    assert base.control is not None and base.health is not None
+    ready = replace(base.control, mode=pb.MODE_READY)
+    gui = live.panels
+    for control, offered in ((ready, True), (base.control, False), (ready, True)):
+        live.tick(replace(base, control=control))
+        assert gui.offers_start is offered
+        assert gui.shows_readiness is offered

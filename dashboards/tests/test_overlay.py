@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from goshawk_dashboards.live import candidates, fleet, link, overlay
+from goshawk_dashboards.live import candidates, fleet, link, overlay, phone
 from goshawk_dashboards.state.alerts import Alert
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import AutopilotView, CommandView, PreviewView
@@ -48,12 +48,26 @@ def test_what_a_silent_vehicle_showed_loses_its_colour(snap: Make) -> None:
     assert "grayscale" not in over(snap(), [])
 
 
+def test_a_phone_shows_the_state_and_on_the_ground_what_is_not_ready_in_flight_the_picture(snap: Make) -> None:
+    base = snap(preview=PICTURE)
+    assert base.health is not None and base.control is not None
+    check = replace(base.health.checks[0], ok=False, reason="no odometry yet")
+    standing = replace(
+        base, control=replace(base.control, mode=pb.MODE_IDLE), health=replace(base.health, checks=(check,))
+    )
+    shown = [phone.phone_html(s, "STATE", candidates.picture_html(s, fresh=True)) for s in (base, standing)]
+    assert all("STATE" in page for page in shown)
+    assert [("<img" in page, "no odometry yet" in page) for page in shown] == [(True, False), (False, True)]
+    assert shown[0] in overlay.overlay_html(base, [], stops=STOP, phone=shown[0])
+
+
 def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:
     words = candidates.strip_html(snap(), fresh=True)
     order = [int(part.split('"')[0]) for part in words.split('data-candidate="')[1:]]
     assert order == [7, *[k for k in range(15) if k != 7]]
     assert 'data-candidate="0" data-rejection="objectness"' in words
     assert "candidate 9: cost 2.14, objectness 1.00, dearer than the one flown" in words
+    assert "12 no target to chase, and it holds none; 2 dearer than the one flown" in words
 
 
 def test_a_strip_without_a_choice_says_so(snap: Make) -> None:

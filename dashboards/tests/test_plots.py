@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from goshawk_dashboards.live.history import History
+from goshawk_dashboards.instruments.history import History
 
 
 def test_memory_is_constant_however_long_it_runs() -> None:

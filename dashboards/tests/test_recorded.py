@@ -11,9 +11,7 @@ from goshawk_dashboards.log import recorded
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark, Replay
 from goshawk_dashboards.page.status import learnt_html
-from goshawk_dashboards.review import html, tables
-from goshawk_dashboards.review.html import Window
-from goshawk_dashboards.review.plots import Curve, plots_of
+from goshawk_dashboards.review import tables
 from goshawk_proto import goshawk_pb2 as pb
 from made_up import make_plan
 
@@ -116,49 +114,6 @@ def test_only_the_chosen_trajectory_is_left_of_a_plan() -> None:
     assert one.chosen == 0
     assert np.array_equal(one.end_pos_world_N3[0], make_plan().end_pos_world_N3[7])
     assert recorded.only_chosen(make_plan(chosen=None)) is None
-
-
-def test_a_curve_keeps_its_extremes_however_few_columns_there_are() -> None:
-    times_s = np.linspace(0.0, 600.0, 120_000, endpoint=False)
-    values = np.sin(times_s)
-    values[77_777] = 9.0
-    curve = Curve(label="x", rgb=(1, 2, 3), times_s=times_s, values=values)
-    columns_s, least, most = curve.envelope(0.0, 600.0, 300)
-    assert len(columns_s) == 300
-    assert most.max() == 9.0
-    assert least.min() == pytest.approx(-1.0, abs=1e-3)
-
-
-def test_a_curve_has_no_value_long_after_its_last_sample_nor_where_there_is_none() -> None:
-    curve = Curve(label="x", rgb=(1, 2, 3), times_s=np.array([1.0, 2.0]), values=np.array([5.0, np.nan]))
-    assert curve.at(0.9) is None
-    assert curve.at(1.5) == 5.0
-    assert curve.at(2.5) is None
-    assert curve.shifted(10.0).at(11.5) == 5.0
-
-
-def test_plots_are_drawn_for_a_page_and_the_cursor_carries_the_values(flight: Flight) -> None:
-    plots = plots_of(flight, None, None, 0.0)
-    window = Window.around(6.1, 5.0, DURATION_S)
-    assert (window.from_s, window.to_s) == (5.0, 10.0)
-    drawn = html.plots_html(plots, flight.phases, window)
-    assert drawn.count("<svg") == len(plots) == 7
-    assert "nan" not in drawn
-    cursor = html.cursor_html(plots, 6.1, window)
-    assert 'data-time="6.100"' in cursor and "left:22.000%" in cursor
-    assert len(cursor) < 4000
-
-
-def test_the_whole_flight_is_one_page() -> None:
-    assert Window.around(3.0, None, 8.0) == Window(from_s=0.0, to_s=8.0)
-    assert Window.around(3.0, 20.0, 8.0) == Window(from_s=0.0, to_s=8.0)
-    assert Window.around(8.0, 4.0, 8.0) == Window(from_s=4.0, to_s=8.0)
-
-
-def test_the_band_names_the_phases_in_order(flight: Flight) -> None:
-    whole = Window.around(0.0, None, flight.duration_s)
-    drawn = html.band_html(flight.phases, flight.fallbacks, recorded.marks_of(flight), whole)
-    assert 'data-phases="take-off|tracking|lost|search|tracking|landing"' in drawn
 
 
 def test_candidates_are_laid_out_as_the_lattice_and_say_what_was_flown() -> None:

@@ -127,3 +127,31 @@ def test_a_refused_command_shows_why(snap: Make) -> None:
     words = status.command_html(snap(command=command))
     assert "start refused" in words
     assert "no camera" in words
+
+
+def event(at_s: float, text: str) -> EventView:
+    """Told at a time of the vehicle's."""
+    return EventView(stamp_ns=round(at_s * 1e9), severity=pb.SEVERITY_INFO, kind="mode", text=text)
+
+
+def test_modes_that_flap_are_two_lines_counted_and_not_a_list(snap: Make) -> None:
+    flapping = tuple(event(float(k), ("mode: search", "mode: track")[k % 2]) for k in range(20))
+    groups = status.grouped((event(0.0, "mode: takeoff"), *flapping, event(30.0, "target unseen for 3.5 s"),
+                             event(31.0, "target unseen for 4.5 s")))  # fmt: skip
+    assert [(e.text, count) for e, count in groups] == [
+        ("target unseen for 4.5 s", 2), ("mode: track", 10), ("mode: search", 10), ("mode: takeoff", 1)
+    ]  # fmt: skip
+    assert "&times;&thinsp;10" in status.events_html(snap(events=flapping))
+
+
+def test_an_event_is_told_by_the_flights_time_and_before_it_by_how_long_ago_it_was(snap: Make) -> None:
+    told = snap(events=(event(0.2, "mode: ready"), event(0.9, "mode: track")))
+    assert "1 s ago" in status.events_html(told)
+    words = status.events_html(replace(told, events=(event(90.5, "mode: track"),)), took_off_ns=20_000_000_000)
+    assert "1:10" in words
+
+
+def test_height_is_above_the_ground_where_that_is_known_and_says_where_it_is_not(snap: Make) -> None:
+    known = status.status_html(snap(), ground_z_m=-0.5, flight_s=65.0)
+    assert "above ground" in known and ">2.5 m<" in known and ">1:05<" in known
+    assert "height, from its origin" in status.status_html(snap())

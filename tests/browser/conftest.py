@@ -28,6 +28,11 @@ FLAGS = [
 ]
 
 
+NO_SCENE = """for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"])
+  WebGL2RenderingContext.prototype[name] = () => {};
+window.requestAnimationFrame = (callback) => setTimeout(() => callback(performance.now()), 250);"""
+"""The 3-D view stays empty, and is left so: what is beside it answers at once."""
+
 # The software renderer of a busy machine draws a frame or two a second.
 expect.set_options(timeout=60_000)
 
@@ -85,8 +90,10 @@ def visit(browser: Browser) -> Iterator[Callable[..., Seen]]:
     """Opens an address in a fresh page, small, for the software renderer's sake."""
     pages: list[Page] = []
 
-    def open_page(url: str, width: int = 1100, height: int = 640) -> Seen:
+    def open_page(url: str, width: int = 1100, height: int = 640, *, scene: bool = True) -> Seen:
         page = browser.new_page(viewport={"width": width, "height": height})
+        if not scene:
+            page.add_init_script(NO_SCENE)
         pages.append(page)
         page.set_default_timeout(60_000)
         seen = Seen(page=page)

@@ -55,7 +55,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
 
     def drawn() -> bool:
-        return scene.remembered.cubes is not None
+        return scene.remembered.cubes.count > 0
 
     page.get_by_text("Candidates", exact=True).click()
     expect(page.locator('[data-goshawk="parts"]')).to_contain_text("+0.25 obstacle")
@@ -76,11 +76,10 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     assert {urlparse(u).hostname for u in seen.requests if u.startswith("http")} == {"127.0.0.1"}
 
 
-def test_what_the_controller_has_learnt_is_in_the_vehicles_folder(ground: Start, visit: Visit) -> None:
+def test_what_the_controller_has_learnt_is_among_the_instruments(ground: Start, visit: Visit) -> None:
     g = ground()
     page = visit(g.dashboard.url).page
     mode(page, "ready")
-    page.get_by_text("Vehicle", exact=True).click()
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text("31.4 %")
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text("84 ms")
 
@@ -143,6 +142,29 @@ def test_a_silent_vehicle_is_marked_stale_and_stop_still_answers(ground: Start, 
     stop.click()
     expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("STOP PENDING")
     expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("Pilot: take over.")
+
+
+def test_stop_is_in_the_window_and_on_top_at_every_size_and_a_phone_shows_the_picture(
+    ground: Start, visit: Callable[..., Seen]
+) -> None:
+    g = ground()
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)
+    assert g.link.start().accepted
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 10)
+    page = visit(g.dashboard.url, 390, 844).page
+    expect(page.locator('[data-goshawk="phone"] [data-goshawk="picture"] img')).to_be_visible()
+    expect(page.locator('[data-goshawk="phone"] [data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    for width, height in ((390, 844), (844, 390), (1280, 720)):
+        page.set_viewport_size({"width": width, "height": height})
+        stop = page.locator(".goshawk-one")
+        expect(stop).to_be_in_viewport(ratio=1.0)
+        box = stop.bounding_box()
+        assert box is not None
+        on_top = "([x, y]) => document.elementFromPoint(x, y).closest('.goshawk-one') !== null"
+        assert page.evaluate(on_top, [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2])
+    expect(page.get_by_role("button", name="Start", exact=True)).to_be_hidden()
+    page.locator(".goshawk-one").click()
+    assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 30)
 
 
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:

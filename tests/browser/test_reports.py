@@ -1,15 +1,19 @@
-"""A campaign's page in a real browser: wide and narrow, light and dark."""
+"""A campaign's page and a flight's in a real browser: wide and narrow, light and dark; a flight's charts zoom."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
 import pytest
+import recordings as rec
+from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.campaign.data import load
 from goshawk_dashboards.report.campaign.page import page as campaign_page
 from goshawk_dashboards.report.campaign.report import make_campaign_report
-from playwright.sync_api import Browser, Page
+from goshawk_dashboards.report.report import make_report, write_page
+from playwright.sync_api import Browser, Page, expect
 
 ROOT = Path(__file__).resolve().parents[2]
 CHASE = ["--task", "track", "--speed", "4,14", "--spacing", "3", "--trials", "1", "--seed", "3"]
@@ -74,4 +78,44 @@ def test_the_page_asks_for_nothing_but_itself(browser: Browser, file: Path) -> N
     tab.on("request", lambda request: asked.append(request.url))
     tab.goto(file.as_uri())
     assert asked == [file.as_uri()]
+    tab.close()
+
+
+@pytest.fixture(scope="module")
+def flight_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a made-up flight."""
+    folder = tmp_path_factory.mktemp("flight")
+    write_page(make_report(Flight.open(rec.write_flight(folder / "flight.mcap"))), folder / "flight.html")
+    return folder / "flight.html"
+
+
+def test_a_flights_charts_zoom_together_tell_values_and_ask_for_nothing(browser: Browser, flight_page: Path) -> None:
+    tab = browser.new_page(viewport={"width": 1200, "height": 1100})
+    asked, errors = list[str](), list[str]()
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.goto(flight_page.as_uri())
+    tab.locator("#charts").scroll_into_view_if_needed()
+    box = tab.locator("#charts .u-over").first.bounding_box()
+    assert box is not None
+    speed = tab.locator('#charts [data-line="speed"] output').first
+    tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 10)
+    expect(speed).to_have_text(re.compile(r"^4\.\d\d m/s$"))
+    tab.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 10)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20, steps=4)
+    tab.mouse.up()
+    windows = tab.evaluate("goshawkReport.charts.map(({ plot }) => [plot.scales.x.min, plot.scales.x.max])")
+    assert len(windows) >= 8
+    assert all(window == pytest.approx([2.0, 4.0], abs=0.1) for window in windows)
+    tab.locator('#charts [data-line="speed"] button').first.click()
+    assert tab.evaluate("goshawkReport.charts[0].plot.series[1].show") is False
+    assert (asked, errors) == ([flight_page.as_uri()], [])
+    tab.close()
+
+
+@pytest.mark.parametrize("width", [360, 1200])
+def test_a_flights_page_never_scrolls_sideways(browser: Browser, flight_page: Path, width: int) -> None:
+    tab = opened(browser, flight_page, width, "dark")
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
     tab.close()

@@ -1,5 +1,5 @@
-"""The review in a real browser, of a real trial's log: timeline, play, steps and jumps move the scene; what is cut off
-opens, and what is no log is refused."""
+"""The review in a real browser, of real trials' logs: timeline, play, steps and jumps move the scene; charts zoom
+together and take any signal; flights lie over each other; what is cut off opens."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import re
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,22 @@ from stage import Seen
 ROOT = Path(__file__).resolve().parents[2]
 SIM = ROOT / "target/release/goshawk-sim"
 
+SCENE_PX = 200
+"""Of the page's picture, above the charts."""
+
 Visit = Callable[[str], Seen]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A part of the page, pixels."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
 Review = Callable[..., ReviewDashboard]
 
 
@@ -56,6 +72,12 @@ def review() -> Iterator[Review]:
     yield start
     for dashboard in started:
         dashboard.close()
+
+
+@pytest.fixture
+def plain(visit: Callable[..., Seen]) -> Visit:
+    """Opens an address in a page that draws no scene, high enough for some charts."""
+    return lambda url: visit(url, height=1100, scene=False)
 
 
 def eventually(what: str, true: Callable[[], bool], limit_s: float = 60.0) -> None:
@@ -92,12 +114,7 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", re.compile("idle|ready|takeoff"))
     expect(page.locator('[data-goshawk="band"]')).to_have_attribute("data-phases", re.compile("take-off.*tracking"))
 
-    track = page.locator(".mantine-Slider-root").bounding_box()
-    assert track is not None
-    page.mouse.click(track["x"] + 0.5 * track["width"], track["y"] + 0.5 * track["height"])
-    middle_s = 0.5 * view.player.duration_s
-    eventually("the slider did not seek", lambda: view.shown_s is not None and abs(view.shown_s - middle_s) < 0.5)
-    number = page.locator('input[inputmode="decimal"]')
+    number = page.get_by_label("Time, s")
     number.fill("9")
     number.press("Enter")
     eventually("the timeline did not move", lambda: view.shown_s == 9.0)
@@ -107,38 +124,143 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     expect(page.locator('[data-goshawk="candidates"]')).to_have_attribute("data-seq", str(plan.seq))
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "track")
     assert control.hover_thrust is not None
-    page.get_by_text("Flight", exact=True).dispatch_event("click")  # the timeline may lie over it
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text(f"{100 * control.hover_thrust:.1f} %")
     scene = view.scene.first
     assert np.allclose(scene.vehicle.position, control.pos_world_3, atol=1e-5)
     assert scene.candidates is not None
     assert scene.candidates.points.shape[0] == 15 * 23
     assert np.allclose(scene.candidates.position, plan.start_pos_world_3, atol=1e-5)
-    eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)) > 40)
+    eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)[:SCENE_PX]) > 40)
     assert plan.chosen is not None
     flown = page.locator(f'[data-goshawk="parts"] tr[data-candidate="{plan.chosen}"]')
     expect(flown).to_contain_text(f"{plan.cost_N[plan.chosen]:.2f}")
     expect(flown).to_contain_text("flown")
-    expect(page.locator('[data-goshawk="plots"]')).to_contain_text("measured")
-    expect(page.locator('[data-goshawk="plots"]')).to_contain_text("true")
+    expect(page.locator('[data-goshawk="picture"] [data-candidate]')).to_have_count(15)
+    north = page.locator('[data-line="0/measured acceleration north"] output')
+    measured = flight.columns("control", ["acc_meas_world"])["acc_meas_world"][flight.index_at("control", 9.0) or 0, 1]
+    expect(north).to_have_text(re.compile(f"{abs(measured):.2f} m/s²"))
     remembered = flight.remembered_at(9.0)
-    assert remembered is not None and scene.remembered.cubes is not None
-    assert len(scene.remembered.cubes.batched_positions) == len(remembered.cells_V3)
+    assert remembered is not None
+    assert scene.remembered.cubes.count == len(remembered.cells_V3)
     page.get_by_label("Remembered obstacles").dispatch_event("click")
-    eventually("the toggle hid nothing", lambda: scene.remembered.cubes is None)
+    eventually("the toggle hid nothing", lambda: scene.remembered.cubes.count == 0)
     assert seen.errors == []
     assert flight.world is not None, "a trial's log holds its forest"
     assert view.viewer.scene.get_handle_by_name("/first/world/trunks") is not None
 
 
-def test_play_steps_keys_and_jumps(review: Review, visit: Visit, trial: Path) -> None:
+def over(page: Page, chart: int) -> Box:
+    """Where a chart's lines are, once all charts are there: they are as wide as each other."""
+    page.wait_for_function("goshawkReview.charts.length > 5 && goshawkReview.charts.every(({ plot }) => plot)")
+    box = page.locator('[data-goshawk="charts"] .u-over').nth(chart).bounding_box()
+    assert box is not None
+    return Box(**box)
+
+
+def window_s(page: Page) -> tuple[float, float]:
+    """What the charts show."""
+    text = page.locator('[data-goshawk="charts"]').get_attribute("data-window") or "nan nan"
+    from_s, to_s = (float(word) for word in text.split())
+    return from_s, to_s
+
+
+def scales_s(page: Page) -> list[list[float]]:
+    """The same by each chart's own account."""
+    return page.evaluate("goshawkReview.charts.map(({ plot }) => [plot.scales.x.min, plot.scales.x.max])")
+
+
+def test_a_click_or_a_drag_on_phases_and_a_click_on_a_chart_seek(review: Review, plain: Visit, trial: Path) -> None:
     r = review(trial)
     flight = Flight.open(trial)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
+    tracking = next(p for p in flight.phases if p.name == "tracking")
+    page.locator('[data-phase="tracking"]').first.click()
+    middle_s = 0.5 * (tracking.start_s + tracking.end_s)
+    eventually("a click on a phase did not seek", lambda: abs(view.player.time_s - middle_s) < 0.2)
+    band = page.locator('[data-goshawk="band"]').bounding_box()
+    assert band is not None
+    row = band["y"] + 0.5 * band["height"]
+    page.mouse.move(band["x"] + 0.5 * band["width"], row)
+    page.mouse.down()
+    page.mouse.move(band["x"] + 0.25 * band["width"], row, steps=3)
+    quarter_s = 0.25 * view.player.duration_s
+    eventually("a drag did not scrub", lambda: abs(view.player.time_s - quarter_s) < 0.2)
+    page.mouse.up()
+    chart = over(page, 0)
+    page.mouse.click(chart.x + 0.75 * chart.width, chart.y + 0.5 * chart.height)
+    later_s = 0.75 * view.player.duration_s
+    eventually("a click on a chart did not seek", lambda: abs(view.player.time_s - later_s) < 0.2)
+
+
+def test_a_drag_zooms_all_charts_and_a_double_click_shows_the_whole_flight(
+    review: Review, plain: Visit, trial: Path
+) -> None:
+    r = review(trial)
+    page, view = plain(r.url).page, first_view(r)
+    duration_s = view.player.duration_s
+    chart = over(page, 1)
+    page.mouse.move(chart.x + 0.25 * chart.width, chart.y + 20)
+    page.mouse.down()
+    page.mouse.move(chart.x + 0.5 * chart.width, chart.y + 30, steps=4)
+    page.mouse.up()
+    eventually("nothing was zoomed", lambda: window_s(page)[1] < 0.9 * duration_s)
+    assert np.allclose(window_s(page), [0.25 * duration_s, 0.5 * duration_s], atol=0.01 * duration_s)
+    assert len(scales_s(page)) > 5
+    assert np.allclose(scales_s(page), [list(window_s(page))] * len(scales_s(page)), atol=1e-3)
+    page.mouse.dblclick(chart.x + 0.5 * chart.width, chart.y + 30)
+    eventually("the whole flight did not come back", lambda: window_s(page) == (0.0, round(duration_s, 3)))
+
+
+def test_any_signal_is_found_by_its_words_and_shares_a_chart_by_an_axis_of_its_own(
+    review: Review, plain: Visit, trial: Path
+) -> None:
+    r = review(trial)
+    flight = Flight.open(trial)
+    seen = plain(r.url)
+    page, view = seen.page, first_view(r)
+    over(page, 0)
+    page.get_by_role("button", name="+ signal").click()
+    page.get_by_label("Add to").select_option("0")
+    page.get_by_label("Search a signal").fill("candidates.3 cost")
+    expect(page.locator("#goshawk-picker li")).to_have_count(1)
+    page.get_by_label("Search a signal").press("Enter")
+    view.player.seek(9.0)
+    plan = flight.plan_at(9.0)
+    assert plan is not None
+    row = page.locator('[data-goshawk="charts"] section').nth(0).locator('[data-line="0/plan.candidates.3.cost"]')
+    expect(row.locator("output")).to_have_text(re.compile(rf"^{plan.cost_N[3]:.2f}"))
+    axes = "goshawkReview.charts[0].plot.axes.map((axis) => axis.scale)"
+    assert page.evaluate(axes) == ["x", "y m/s", "y "]
+    row.get_by_label("take away").click()
+    expect(row).to_have_count(0)
+    assert seen.errors == []
+
+
+def test_three_logs_lie_over_each_other_by_a_moment_that_all_of_them_had(
+    review: Review, plain: Visit, tmp_path: Path
+) -> None:
+    logs = [rec.write_flight(tmp_path / f"flown-{k}.mcap", 6.0 + k) for k in range(3)]
+    r = review(*logs)
+    page, view = plain(r.url).page, first_view(r)
+    speeds = page.locator('[data-goshawk="charts"] section').nth(0).locator("[data-line]")
+    expect(speeds).to_have_count(3)
+    assert [row.inner_text().split()[0] for row in speeds.all()] == ["0", "1", "2"]
+    assert len(view.scene.others) == 2
+    page.get_by_label("Aligned by").select_option("landing")
+    eventually("nothing was aligned", lambda: np.allclose(view.seat.by_s, [0.0, -1.0, -2.0]))
+    view.player.seek(3.0)
+    x = [4.0 * (3.0 + k) for k in range(3)]
+    scenes = [view.scene.first, *(other.scene for other in view.scene.others)]
+    eventually("a vehicle is elsewhere", lambda: np.allclose([s.vehicle.position[0] for s in scenes], x, atol=0.05))
+
+
+def test_play_steps_keys_and_jumps(review: Review, plain: Visit, trial: Path) -> None:
+    r = review(trial)
+    flight = Flight.open(trial)
+    page, view = plain(r.url).page, first_view(r)
     expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", re.compile(r"^0\.0"))
     # Slow enough that a machine with much else to do does not reach the end before it is asked to pause.
-    page.get_by_label("Speed").click()
-    page.get_by_role("option", name="0.1 ×", exact=True).click()
+    page.get_by_label("Speed", exact=True).select_option("0.1")
     press(page, "Play")
     eventually("it did not play", lambda: view.player.playing and view.player.time_s > 0.1)
     press(page, "Pause")
@@ -166,13 +288,13 @@ def test_play_steps_keys_and_jumps(review: Review, visit: Visit, trial: Path) ->
     eventually("no jump to the event chosen", lambda: abs(view.player.time_s - confirmed_s) < 0.02)
 
 
-def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, plain: Visit, tmp_path: Path) -> None:
     # No policy bears such a storm.
     arguments = ("--speed", "14", "--spacing", "3", "--wind", "30", "--trials", "3", "--seed", "3", "--only", "0:2")
     (log,), cell = fly(tmp_path, *arguments)
     assert cell["successes"] == 0
     r = review(log)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
     marks = marks_of(Flight.open(log))
     expect(page.locator('[data-goshawk="marks"]')).to_contain_text(marks[0].text)
     view.player.seek(marks[-1].time_s)
@@ -181,41 +303,41 @@ def test_a_trial_that_failed_is_flown_again_alone_and_opens(review: Review, visi
     assert collisions[-1] == cell["failures"]["collision"]
 
 
-def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, visit: Visit, trial: Path, tmp_path: Path) -> None:
+def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, plain: Visit, trial: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     data = trial.read_bytes()
     cut.write_bytes(data[: len(data) * 2 // 3])
     r = review(cut)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
     assert view.player.duration_s > 5.0
     view.player.seek(view.player.duration_s)
     expect(page.locator('[data-goshawk="marks"]')).to_contain_text("the log was cut off here")
 
 
-def test_two_flights_and_a_replay_share_the_scene(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_two_flights_and_a_replay_share_the_scene(review: Review, plain: Visit, tmp_path: Path) -> None:
     first = rec.write_flight(tmp_path / "first.mcap")
     other = rec.write_flight(tmp_path / "other.mcap", 10.0, chosen=2)
     replay = rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3)
     r = review(first, other, replay=replay)
-    page, view = visit(r.url).page, first_view(r)
+    page, view = plain(r.url).page, first_view(r)
     assert view.player.duration_s > 9.9
     view.player.seek(2.0)
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text("the other policy chose 4")
-    assert view.scene.second is not None
-    assert view.scene.second.chosen.visible
+    (beside,) = view.scene.others
+    assert beside.scene.chosen.visible
     assert view.scene.replayed.visible
     ends = view.scene.replayed.points[-1, 1]
     plan = Flight.open(first).plan_at(2.0)
     assert plan is not None
     assert np.allclose(ends, plan.end_pos_world_N3[3], atol=1e-4)
-    assert np.allclose(view.scene.second.vehicle.position, view.scene.first.vehicle.position)
+    assert np.allclose(beside.scene.vehicle.position, view.scene.first.vehicle.position)
 
 
-def test_each_browser_has_a_timeline_of_its_own(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_each_browser_has_a_timeline_of_its_own(review: Review, plain: Visit, tmp_path: Path) -> None:
     r = review(rec.write_flight(tmp_path / "flight.mcap"))
-    page = visit(r.url).page
+    page = plain(r.url).page
     first_view(r)
-    other = visit(r.url).page
+    other = plain(r.url).page
     cursor, other_cursor = page.locator('[data-goshawk="cursor"]'), other.locator('[data-goshawk="cursor"]')
     expect(other_cursor).to_have_attribute("data-time", re.compile(r"^0\.0"))
     page.keyboard.press("ArrowRight")
@@ -226,11 +348,11 @@ def test_each_browser_has_a_timeline_of_its_own(review: Review, visit: Visit, tm
     assert [view.player.playing for view in r.views][1:] == [False]
 
 
-def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, visit: Visit, tmp_path: Path) -> None:
+def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, plain: Visit, tmp_path: Path) -> None:
     first = rec.write_flight(tmp_path / "first.mcap")
     r = review(first, rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3))
-    visit(r.url)
+    plain(r.url)
     view = first_view(r)
-    assert view.scene.second is None
+    assert view.scene.others == ()
     view.player.seek(2.0)
     eventually("the other policy's choice was not drawn", lambda: view.scene.replayed.visible)

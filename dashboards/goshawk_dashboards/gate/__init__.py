@@ -7,6 +7,17 @@ session (`access`), and hands on what is allowed (`relay`). `doors` bounds who s
 
 from goshawk_dashboards.gate.access import Access, Role, SecretError
 from goshawk_dashboards.gate.certificate import CertificateError, Tls
+from goshawk_dashboards.gate.relay import Addition
 from goshawk_dashboards.gate.server import Gate, PortBusyError, UnguardedError
 
-__all__ = ["Access", "CertificateError", "Gate", "PortBusyError", "Role", "SecretError", "Tls", "UnguardedError"]
+__all__ = [
+    "Access",
+    "Addition",
+    "CertificateError",
+    "Gate",
+    "PortBusyError",
+    "Role",
+    "SecretError",
+    "Tls",
+    "UnguardedError",
+]

@@ -7,7 +7,10 @@ and nobody else's.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 
 import aiohttp
 import msgspec
@@ -35,6 +38,18 @@ class _Kind(msgspec.Struct):
 _decode_kind = msgspec.msgpack.Decoder(_Kind).decode
 
 
+@dataclass(frozen=True, kw_only=True)
+class Addition:
+    """What a dashboard has of its own beside viser's page."""
+
+    foot: str
+    """HTML at the end of the page."""
+    path: str
+    """Where its script opens a WebSocket."""
+    talk: Callable[[web.WebSocketResponse], Awaitable[None]]
+    """Speaks over one that has been opened, in the gate's loop, until it ends."""
+
+
 class RefusedError(Exception):
     """A message that this browser may not send."""
 
@@ -42,7 +57,8 @@ class RefusedError(Exception):
 class Upstream:
     """A viser server behind the gate. Made and used in the gate's loop."""
 
-    def __init__(self, socket_path: str) -> None:
+    def __init__(self, socket_path: str, addition: Addition | None = None) -> None:
+        self._addition = addition
         self._client = aiohttp.ClientSession(
             connector=aiohttp.UnixConnector(socket_path, limit=0, force_close=True), auto_decompress=False
         )
@@ -53,10 +69,32 @@ class Upstream:
 
     async def get(self, request: web.BaseRequest) -> web.Response:
         """One of viser's files."""
-        wanted = {"Accept-Encoding": "gzip" if "gzip" in request.headers.get("Accept-Encoding", "") else "identity"}
+        ours = self._addition if request.path == "/" else None
+        packed = ours is None and "gzip" in request.headers.get("Accept-Encoding", "")
+        wanted = {"Accept-Encoding": "gzip" if packed else "identity"}
         async with self._client.get(f"http://viser{request.rel_url.raw_path}", headers=wanted) as found:
             kept = {k: found.headers[k] for k in ("Content-Type", "Content-Encoding") if k in found.headers}
-            return web.Response(status=found.status, body=await found.read(), headers=kept)
+            body = await found.read()
+        if ours is not None:
+            before, end, after = body.rpartition(b"</body>")
+            body = before + ours.foot.encode() + end + after
+        answer = web.Response(status=found.status, body=body, headers=kept)
+        if not packed:
+            answer.enable_compression()
+        return answer
+
+    async def talk(self, request: web.BaseRequest, session: Session) -> web.StreamResponse | None:
+        """The dashboard's own WebSocket, until it or the session ends; None: the browser asks for another one."""
+        if self._addition is None or request.path != self._addition.path:
+            return None
+        browser = web.WebSocketResponse(
+            max_msg_size=MOST_MESSAGE_BYTES, compress=False, heartbeat=HEARTBEAT_S, timeout=2.0
+        )
+        await browser.prepare(request)
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._addition.talk(browser), session.until_s - time.time())
+        await browser.close()
+        return browser
 
     async def pair(self, request: web.BaseRequest, session: Session) -> web.StreamResponse:
         """Joins the browser's WebSocket to viser's until one of them ends, or the session does."""

@@ -20,7 +20,7 @@ from goshawk_dashboards.gate import headers, pages
 from goshawk_dashboards.gate.access import SESSION_S, Access, Attempts, Role, Session
 from goshawk_dashboards.gate.certificate import Tls
 from goshawk_dashboards.gate.doors import Doors, FullError
-from goshawk_dashboards.gate.relay import Upstream
+from goshawk_dashboards.gate.relay import Addition, Upstream
 
 ANSWER_WITHIN_S = 30.0
 MOST_FORM_BYTES = 2048
@@ -47,6 +47,7 @@ class Gate:
         self.folder = Path(tempfile.mkdtemp(prefix="goshawk-"))
         """Where the dashboards' socket files are: no other user can enter it."""
         self._sockets: dict[Role, str] = {}
+        self._additions: dict[Role, Addition] = {}
         self._upstreams: dict[Role, Upstream] = {}
         own = socket.gethostname().lower()
         self._names = {"localhost", own, f"{own}.local", *(() if tls is None else tls.names)}
@@ -72,8 +73,10 @@ class Gate:
         """What lets a browser in as ``role``."""
         return f"{self.address}?token={quote(self._access.token(role))}"
 
-    def lead_to(self, role: Role, socket_path: Path) -> None:
-        """Whoever comes as ``role`` gets the viser server that listens there."""
+    def lead_to(self, role: Role, socket_path: Path, addition: Addition | None = None) -> None:
+        """Whoever comes as ``role`` gets the viser server that listens there, and what the dashboard adds to it."""
+        if addition is not None:
+            self._additions[role] = addition
         self._sockets[role] = str(socket_path)
 
     def close(self) -> None:
@@ -139,10 +142,12 @@ class Gate:
             with_password = bool(self._access.passwords)
             return _page(HTTPStatus.UNAUTHORIZED, pages.sign_in(with_password=with_password))
         with self._doors.opened(session.role, address):
+            upstream = self._upstream(session.role)
             if socket_wanted:
-                return await self._upstream(session.role).pair(request, session)
+                own = await upstream.talk(request, session)
+                return await upstream.pair(request, session) if own is None else own
             async with asyncio.timeout(ANSWER_WITHIN_S):
-                return await self._upstream(session.role).get(request)
+                return await upstream.get(request)
 
     def _by_link(self, request: web.BaseRequest) -> web.StreamResponse:
         """Takes the token off the address. viser would take orders from other words there: they lead to a bare page."""
@@ -194,7 +199,7 @@ class Gate:
 
     def _upstream(self, role: Role) -> Upstream:
         if role not in self._upstreams:
-            self._upstreams[role] = Upstream(self._sockets[role])
+            self._upstreams[role] = Upstream(self._sockets[role], self._additions.get(role))
         return self._upstreams[role]
 
 

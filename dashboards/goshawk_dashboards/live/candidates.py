@@ -6,6 +6,7 @@ What the mouse is over shows its figures by style alone, so the words may be rep
 from __future__ import annotations
 
 import base64
+from collections import Counter
 from html import escape
 
 import numpy as np
@@ -27,43 +28,35 @@ _DIM = "#8b95a5"
 
 
 def strip_html(snap: Snapshot, *, fresh: bool) -> str:
-    """One column a candidate, the one flown first, then by cost: bar, cost, reason."""
+    """A bar a candidate, the one flown first, then by cost; below, in words, what is flown and why the rest is not."""
     plan = snap.plan
     if plan is None or len(plan.cost_N) == 0:
-        return f'<div data-goshawk="strip" style="font:11px system-ui;color:{_DIM};padding:2px 8px">no plan yet</div>'
+        return f'<div data-goshawk="strip" style="font:12px system-ui;color:{_DIM};padding:2px 8px">no plan yet</div>'
     top = max(float(plan.cost_N.max()), 1e-9)
     colors = [(int(r), int(g), int(b)) for r, g, b in curves.colors_N3(plan)]
     columns = "".join(
-        _column(plan, k, 4.0 + 34.0 * max(0.0, float(plan.cost_N[k])) / top, colors[k]) for k in ranked(plan)
+        _column(plan, k, 4.0 + 26.0 * max(0.0, float(plan.cost_N[k])) / top, colors[k]) for k in ranked(plan)
     )
     chosen = words_of(plan, plan.chosen) if plan.chosen is not None else "nothing was eligible: what there is, is held"
+    others = Counter(reason(why) for k, why in enumerate(plan.rejections) if k != plan.chosen)
     faded = "" if fresh else "opacity:.35;filter:grayscale(1);"
     return (
         f'<div data-goshawk="strip" data-chosen="{"" if plan.chosen is None else plan.chosen}" '
-        f'style="{faded}position:relative;padding:2px 8px 18px;font:9px/1.3 system-ui;color:{_DIM}">'
-        f'<div style="display:flex;align-items:flex-end;gap:1px">{columns}</div>'
-        f'<div style="position:absolute;left:8px;right:8px;bottom:2px;font-size:11px;color:#d7dde6;white-space:nowrap;'
-        f'overflow:hidden;text-overflow:ellipsis">{escape(chosen)}</div></div>'
+        f'style="{faded}position:relative;padding:2px 8px 4px;font:12px/1.35 system-ui;color:{_DIM}">'
+        f'<div style="display:flex;align-items:flex-end;gap:2px;height:32px">{columns}</div>'
+        f'<div style="color:#fff;margin-top:3px">{escape(chosen)}</div>'
+        f"<div>{escape('; '.join(f'{count} {why}' for why, count in others.most_common()))}</div></div>"
     )
 
 
 def _column(plan: PlanView, k: int, height_px: float, color: theme.Rgb) -> str:
-    letter = reason(plan.rejections[k])[0]
-    flown = k == plan.chosen
     return (
         f'<div class="goshawk-hover" data-candidate="{k}" data-rejection="{words.rejection(plan.rejections[k])}" '
-        f'style="flex:1;min-width:0;text-align:center;cursor:help">'
-        f'<div style="height:{height_px:.0f}px;border-radius:2px;background:{theme.css(color)};'
-        f'{"outline:1px solid #fff" if flown else ""}"></div>'
-        f'<div style="color:{"#fff" if flown else "inherit"}">{_short(float(plan.cost_N[k]))}</div>'
-        f'<div style="height:1.3em;color:{"#fff" if flown else "inherit"}">{"&#9650;" if flown else letter}</div>'
-        f'<div class="goshawk-tip" style="position:absolute;left:0;right:0;bottom:0;z-index:5;background:#11141a;'
-        f'color:#fff;font-size:11px;padding:2px 8px;text-align:left">{escape(words_of(plan, k))}</div></div>'
+        f'style="flex:1;min-width:0;cursor:help"><div style="height:{height_px:.0f}px;border-radius:2px;'
+        f'background:{theme.css(color)};{"outline:2px solid #fff" if k == plan.chosen else ""}"></div>'
+        f'<div class="goshawk-tip" style="position:absolute;left:0;right:0;top:36px;bottom:0;z-index:5;'
+        f'background:#11141a;color:#fff;padding:2px 8px">{escape(words_of(plan, k))}</div></div>'
     )
-
-
-def _short(value: float) -> str:
-    return f"{value:.1f}" if abs(value) < 99.95 else f"{value:.0f}"
 
 
 def picture_html(snap: Snapshot, *, fresh: bool) -> str:

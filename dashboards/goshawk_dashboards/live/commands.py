@@ -57,6 +57,11 @@ class Commands:
         """Whether one more press stops all."""
         return time.monotonic() < self._armed_until_s
 
+    @property
+    def offers_start(self) -> bool:
+        """Whether there is a Start to press."""
+        return self._start.visible
+
     def _stop(self) -> None:
         self._shown().vehicle.on_stop()
 
@@ -73,8 +78,8 @@ class Commands:
         self._on_armed()
 
     def update(self, snap: Snapshot) -> None:
-        """Offers Start with the profiles of the vehicle shown, unless only Stop works."""
-        self._start.visible = self._profile.visible = not protocol.mismatch(snap.health)
+        """Offers Start with the profiles of the vehicle shown, unless it flies or only Stop works."""
+        self._start.visible = self._profile.visible = not snap.flying and not protocol.mismatch(snap.health)
         if snap.health is None:
             return
         profiles = (DEFAULT_PROFILE, *snap.health.profiles)

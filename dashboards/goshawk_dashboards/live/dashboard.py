@@ -23,7 +23,7 @@ __all__ = ["LiveDashboard", "LiveView", "PortBusyError"]
 
 RATE_HZ = 15.0
 TEXT_HZ = 5.0
-PLOT_HZ = 4.0
+PLOT_HZ = 2.0
 
 
 class LiveView:
@@ -45,9 +45,15 @@ class LiveView:
             on_select=self._select,
             on_clear=self.scene.clear_trails,
             on_armed=self._words_now,
+            narrow=self._narrow,
         )
         self._camera = ViewerCamera(viewer) if isinstance(viewer, viser.ClientHandle) else None
         self._late = True
+
+    def _narrow(self) -> bool:
+        """Whether the browser's window may be a phone's, upright: panels are folded away there."""
+        viewer = self.viewer
+        return isinstance(viewer, viser.ClientHandle) and viewer.camera.aspect < 1.0
 
     def _select(self) -> None:
         self.scene.forget()

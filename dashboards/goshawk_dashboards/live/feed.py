@@ -6,6 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from goshawk_dashboards.instruments.panel import panel_html
+from goshawk_dashboards.instruments.track import Track
+from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live import plots
 from goshawk_dashboards.live.candidates import picture_html, strip_html
 from goshawk_dashboards.live.link import link_html, radio_html
@@ -13,14 +16,14 @@ from goshawk_dashboards.page.candidates import table_html
 from goshawk_dashboards.page.status import (
     command_html,
     events_html,
-    learnt_html,
     readiness_html,
     status_html,
     vehicle_html,
 )
+from goshawk_dashboards.scene.relief import Relief
 from goshawk_dashboards.state.alerts import Alert, AlertBoard
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import CommandView
+from goshawk_dashboards.state.views import CommandView, WorldView
 
 MAX_ALERTS = 4
 """Lines of the banner; the worst come first, and the rest is counted."""
@@ -38,19 +41,25 @@ class Watched:
     """Asks until the vehicle confirms."""
     on_cancel: Callable[[], object]
     """Takes a Stop back that is not confirmed."""
+    tuning: Tuning | None = None
+    """Of its tuning file, where the ground has that; None: it does not."""
 
 
 class Words:
     """What the panels say of one snapshot, each part made when somebody first shows it."""
 
-    def __init__(self, snap: Snapshot) -> None:
+    def __init__(self, snap: Snapshot, track: Track, ground_z_m: float | None) -> None:
         self._snap = snap
+        self._track = track
+        self._ground_z_m = ground_z_m
         self._fresh = snap.fresh("plan")
 
     @cached_property
     def status(self) -> str:
         """The card at the top."""
-        return status_html(self._snap)
+        control = self._snap.control
+        flight_s = None if control is None else self._track.flight_s(control.stamp_ns)
+        return status_html(self._snap, flight_s=flight_s, ground_z_m=self._ground_z_m)
 
     @cached_property
     def command(self) -> str:
@@ -73,11 +82,6 @@ class Words:
         return radio_html(self._snap)
 
     @cached_property
-    def learnt(self) -> str:
-        """What the controller has learnt."""
-        return learnt_html(self._snap)
-
-    @cached_property
     def vehicle(self) -> str:
         """The heartbeat's figures."""
         return vehicle_html(self._snap)
@@ -85,7 +89,7 @@ class Words:
     @cached_property
     def events(self) -> str:
         """The newest events."""
-        return events_html(self._snap)
+        return events_html(self._snap, took_off_ns=self._track.took_off_ns)
 
     @cached_property
     def picture(self) -> str:
@@ -93,9 +97,9 @@ class Words:
         return picture_html(self._snap, fresh=self._fresh)
 
     @cached_property
-    def accelerations(self) -> str:
-        """What the plots' colours mean."""
-        return plots.legend_html(self._snap)
+    def instruments(self) -> str:
+        """Both estimates, in numbers and charts."""
+        return panel_html(self._snap, self._track)
 
     @cached_property
     def candidates(self) -> str:
@@ -114,16 +118,27 @@ class Feed:
     def __init__(self, vehicle: Watched) -> None:
         self.vehicle = vehicle
         self.snap = vehicle.latest()
-        self.words = Words(self.snap)
+        self.track = Track(vehicle.tuning)
+        self._relief: tuple[WorldView, Relief] | None = None
+        self.words = Words(self.snap, self.track, None)
         self.curves = tuple(plots.Curves(kind) for kind in plots.KINDS)
         self.alerts: list[Alert] = []
         self._board = AlertBoard()
 
     def take(self, snap: Snapshot) -> None:
         """Goes on to a snapshot."""
-        self.snap, self.words = snap, Words(snap)
+        self.track.add(snap)
+        self.snap, self.words = snap, Words(snap, self.track, self._ground_z_m(snap))
         for curves in self.curves:
             curves.sample(snap)
+
+    def _ground_z_m(self, snap: Snapshot) -> float | None:
+        """Of the ground below it in a simulated world, else of the ground that it took off from."""
+        if snap.world is not None and (self._relief is None or self._relief[0] is not snap.world):
+            self._relief = (snap.world, Relief(snap.world))
+        if self._relief is None or snap.control is None or not self._relief[1].known:
+            return self.track.stood_z_m
+        return float(self._relief[1].height_M(snap.control.pos_world_3[None, :2])[0])
 
     def judge(self) -> None:
         """Works out the alerts, as often as they are shown."""

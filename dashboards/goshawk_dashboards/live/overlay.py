@@ -48,12 +48,13 @@ def overlay_html(
     stops: Stops,
     visit: str = "",
     vehicles: Sequence[str] = (),
+    phone: str = "",
 ) -> str:
     """Alerts, each with the name of its vehicle (empty: the only one), the red edge, the last command's outcome, and
     the buttons.
 
     ``visit`` names this connection and ``vehicles`` are all there are: a page that is connected anew, where viser
-    begins anew, asks for the vehicle that it showed before.
+    begins anew, asks for the vehicle that it showed before. ``phone`` is for a narrow window alone.
     """
     severe = any(alert.severe and not alert.over for _, alert in shown)
     edge = (
@@ -63,7 +64,7 @@ def overlay_html(
         else ""
     )
     lines = "".join(_alert(name, alert) for name, alert in shown)
-    news = f'{edge}<div data-goshawk="alerts" class="goshawk-top">{lines}</div>{_toast(snap)}{_dimmed(snap)}'
+    news = f'{phone}{edge}<div data-goshawk="alerts" class="goshawk-top">{lines}</div>{_toast(snap)}{_dimmed(snap)}'
     facts = {
         "stop": stops.one,
         "all": stops.every,
@@ -120,4 +121,8 @@ def _toast(snap: Snapshot) -> str:
 
 def _dimmed(snap: Snapshot) -> str:
     """Plots and picture of a silent vehicle lose their colour: they show what was."""
-    return "<style>.uplot, [data-goshawk=picture] {opacity:.35; filter:grayscale(1)}</style>" if snap.stale else ""
+    return (
+        "<style>[data-goshawk=charts], [data-goshawk=picture] {opacity:.35; filter:grayscale(1)}</style>"
+        if snap.stale
+        else ""
+    )

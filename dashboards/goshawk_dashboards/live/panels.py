@@ -11,6 +11,7 @@ from goshawk_dashboards.live import overlay, plots
 from goshawk_dashboards.live.commands import Commands
 from goshawk_dashboards.live.feed import Feed, worst_alerts
 from goshawk_dashboards.live.fleet import fleet_html
+from goshawk_dashboards.live.phone import phone_html
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene.cameras import CameraMode
 from goshawk_dashboards.scene.scene import ViewOptions
@@ -31,15 +32,17 @@ class LivePanels:
         on_select: Callable[[], None],
         on_clear: Callable[[], None],
         on_armed: Callable[[], None],
+        narrow: Callable[[], bool] = lambda: False,
     ) -> None:
         """``commands``: with the buttons and keys that command; without them the viewer only looks.
 
         ``on_select``: another vehicle is shown; ``on_clear``: the trails are to be forgotten; ``on_armed``: what the
-        stop buttons say has changed.
+        stop buttons say has changed; ``narrow``: whether the window is a phone's.
         """
         self._viewer = viewer
         self._feeds = feeds
         self._on_select = on_select
+        self._narrow = narrow
         self.shown = 0
         """Index of the vehicle shown in full."""
         self._wanted = 0
@@ -54,17 +57,17 @@ class LivePanels:
             Commands(viewer, feeds, shown=lambda: feeds[self.shown], on_armed=on_armed) if commands else None
         )
         self._command = gui.add_html("")
-        with gui.add_folder("Readiness"):
+        self._readiness_folder = gui.add_folder("Readiness")
+        with self._readiness_folder:
             self._readiness = gui.add_html("")
+        with gui.add_folder("Events"):
+            self._events = gui.add_html("")
         with gui.add_folder("Link"):
             self._link = gui.add_html("")
         self._radio_folder = gui.add_folder("Autopilot by radio", visible=False)
         with self._radio_folder:
             self._radio = gui.add_html("")
-        with gui.add_folder("Events"):
-            self._events = gui.add_html("")
         with gui.add_folder("Vehicle", expand_by_default=False):
-            self._learnt = gui.add_html("")
             self._vehicle = gui.add_html("")
         self._make_view_options(on_clear)
         gui.main_panel.dock_right()
@@ -107,18 +110,27 @@ class LivePanels:
     def _make_instruments(self) -> None:
         gui = self._viewer.gui
         instruments = gui.add_panel()
-        first = instruments.add_tab("Instruments", viser.Icon.CHART_LINE)
-        with first:
+        with instruments.add_tab("Instruments", viser.Icon.CHART_LINE):
             self._picture = gui.add_html("")
             self._strip = gui.add_html("")
             with gui.add_folder("Candidates", expand_by_default=False):
                 self._candidates = gui.add_html("")
-            self._accelerations = gui.add_html("")
-        second = instruments.add_tab("Timing", viser.Icon.CLOCK)
-        tabs = (first, second, second)
-        self.plots = [plots.PlotGroup(self._viewer, t, kind) for t, kind in zip(tabs, plots.KINDS, strict=True)]
+            self._estimates = gui.add_html("")
+            motion = gui.add_html("")
+        with instruments.add_tab("Timing", viser.Icon.CLOCK):
+            self._charts = (motion, *(gui.add_html("") for _ in plots.KINDS[1:]))
         instruments.dock_left()
         instruments.set_width(340)
+
+    @property
+    def offers_start(self) -> bool:
+        """Whether there is a Start to press."""
+        return self.commands is not None and self.commands.offers_start
+
+    @property
+    def shows_readiness(self) -> bool:
+        """Whether the checks are to be seen."""
+        return self._readiness_folder.visible
 
     @property
     def options(self) -> ViewOptions:
@@ -148,14 +160,13 @@ class LivePanels:
         if wanted == self.shown:
             return
         self.shown = wanted
-        for group in self.plots:
-            group.clear()
         self._on_select()
 
     def draw_plots(self) -> None:
-        """Sends the curves of the vehicle shown."""
-        for group, curves in zip(self.plots, self._feeds[self.shown].curves, strict=True):
-            group.draw(curves)
+        """Sends the curves and estimates of the vehicle shown."""
+        self._estimates.content = self._feeds[self.shown].words.instruments
+        for handle, curves in zip(self._charts, self._feeds[self.shown].curves, strict=True):
+            handle.content = curves.charts_html()
 
     def _stops(self, snap: Snapshot) -> overlay.Stops:
         """What the buttons over the window say."""
@@ -177,6 +188,7 @@ class LivePanels:
             stops=self._stops(snap),
             visit=self._visit,
             vehicles=[f.vehicle.name for f in self._feeds],
+            phone=phone_html(snap, words.status, words.picture) if self._narrow() else "",
         )
         if self._fleet is not None:
             self._fleet.content = fleet_html([f.snap for f in self._feeds], snap.vehicle)
@@ -184,14 +196,14 @@ class LivePanels:
         if self.commands is not None:
             self.commands.update(snap)
         self._command.content = words.command
+        # In the air a failing check is a fault, and an alert says so.
+        self._readiness_folder.visible = not snap.flying
         self._readiness.content = words.readiness
         self._link.content = words.link
         self._radio_folder.visible = snap.autopilot is not None
         self._radio.content = words.radio
-        self._learnt.content = words.learnt
         self._vehicle.content = words.vehicle
         self._events.content = words.events
         self._picture.content = words.picture
         self._strip.content = words.strip
         self._candidates.content = words.candidates
-        self._accelerations.content = words.accelerations

@@ -10,6 +10,7 @@ import numpy as np
 from google.protobuf.message import DecodeError, Message
 from numpy.typing import NDArray
 
+from goshawk_dashboards.log import numbers
 from goshawk_dashboards.state.views import Array
 
 _VECTORS = {"Vec3": "xyz", "Vec3f": "xyz", "Quat": "wxyz"}
@@ -70,6 +71,8 @@ def _spaced(times_s: Array, max_hz: float | None) -> Sequence[int]:
 
 def _getter(kind: type[Message], field: str) -> tuple[Callable[[Any], Any], NDArray[Any]]:
     """How to read a field of a message, and what the column of no records is."""
+    if "." in field:
+        return numbers.getter(field), np.zeros(0)
     descriptor = kind.DESCRIPTOR.fields_by_name[field]
     if descriptor.message_type is not None:
         parts = _VECTORS.get(descriptor.message_type.name)

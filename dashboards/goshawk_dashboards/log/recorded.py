@@ -195,7 +195,7 @@ def begins_s(flight: Flight) -> float:
 
 
 def takeoff_s(flight: Flight) -> float:
-    """When the take-off began: where two flights are laid over each other; 0 if it was not recorded."""
+    """When the take-off began; 0 if it was not recorded."""
     return next((p.start_s for p in flight.phases if p.name == "take-off"), 0.0)
 
 

@@ -11,20 +11,20 @@ from goshawk_dashboards.page.html import DIM, NUM
 from goshawk_dashboards.state import words
 from goshawk_dashboards.state.views import ADDED, PlanView
 
-REASONS: dict[pb.Rejection, tuple[str, str]] = {
-    pb.REJECTION_NONE: ("", "flown"),
-    pb.REJECTION_COST: ("$", "dearer than the one flown"),
-    pb.REJECTION_OBJECTNESS: ("o", "no target to chase, and it holds none"),
-    pb.REJECTION_GATE: ("g", "its detection is not confirmed or not consistent"),
-    pb.REJECTION_BLOCKED: ("x", "cheaper alone: what is added decides"),
-    pb.REJECTION_INVALID: ("!", "its network values are not finite"),
+REASONS: dict[pb.Rejection, str] = {
+    pb.REJECTION_NONE: "flown",
+    pb.REJECTION_COST: "dearer than the one flown",
+    pb.REJECTION_OBJECTNESS: "no target to chase, and it holds none",
+    pb.REJECTION_GATE: "its detection is not confirmed or not consistent",
+    pb.REJECTION_BLOCKED: "cheaper alone: what is added decides",
+    pb.REJECTION_INVALID: "its network values are not finite",
 }
-"""A letter for the strip, and the words, for each rejection."""
+"""The words for each rejection."""
 
 
-def reason(why: pb.Rejection) -> tuple[str, str]:
-    """The letter and the words of a rejection, known or not."""
-    return REASONS.get(why, ("?", words.rejection(why)))
+def reason(why: pb.Rejection) -> str:
+    """The words of a rejection, known or not."""
+    return REASONS.get(why, words.rejection(why))
 
 
 def ranked(plan: PlanView) -> list[int]:
@@ -40,7 +40,7 @@ def added_words(plan: PlanView, k: int) -> str:
 def words_of(plan: PlanView, k: int) -> str:
     """All about one candidate, in a line."""
     cost = f"{plan.cost_N[k]:.2f} {added_words(plan, k)}".rstrip()
-    return f"candidate {k + 1}: cost {cost}, objectness {plan.objectness_N[k]:.2f}, {reason(plan.rejections[k])[1]}"
+    return f"candidate {k + 1}: cost {cost}, objectness {plan.objectness_N[k]:.2f}, {reason(plan.rejections[k])}"
 
 
 def table_html(plan: PlanView | None) -> str:
@@ -60,5 +60,5 @@ def _row(plan: PlanView, k: int) -> str:
     return (
         f'<tr data-candidate="{k}" style="vertical-align:top{flown}"><td style="{NUM}">{k + 1}</td>'
         f'<td style="{NUM}">{plan.cost_N[k]:.2f}</td><td>{added_words(plan, k)}</td>'
-        f"<td>{escape(reason(plan.rejections[k])[1])}</td></tr>"
+        f"<td>{escape(reason(plan.rejections[k]))}</td></tr>"
     )

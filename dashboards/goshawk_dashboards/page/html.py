@@ -8,6 +8,7 @@ from goshawk_dashboards.page import theme
 
 TEXT = "font:13px/1.45 system-ui,sans-serif;color:#d7dde6"
 DIM = "color:#8b95a5"
+TABLE = "width:100%;border-collapse:collapse;font:inherit;color:inherit"
 NUM = "text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap"
 
 

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import viser
 import websockets.asyncio.server
 
-from goshawk_dashboards.gate import Gate, Role
+from goshawk_dashboards.gate import Addition, Gate, Role
 from goshawk_dashboards.page import theme
 
 LONGEST_PATH = 100
@@ -20,7 +20,7 @@ LONGEST_PATH = 100
 _one_at_a_time = threading.Lock()
 
 
-def open_server(gate: Gate, role: Role, label: str) -> viser.ViserServer:
+def open_server(gate: Gate, role: Role, label: str, addition: Addition | None = None) -> viser.ViserServer:
     """A server for whoever comes through ``gate`` as ``role``; it listens on no port."""
     path = gate.folder / f"{role}.socket"
     if len(str(path)) > LONGEST_PATH:
@@ -35,7 +35,7 @@ def open_server(gate: Gate, role: Role, label: str) -> viser.ViserServer:
     server.gui.configure_theme(
         dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.VEHICLE, control_width="large"
     )
-    gate.lead_to(role, path)
+    gate.lead_to(role, path, addition)
     return server
 
 

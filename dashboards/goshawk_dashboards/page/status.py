@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
 import numpy as np
@@ -10,7 +11,9 @@ from goshawk_proto import goshawk_pb2 as pb
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.html import DIM, NUM, TEXT, faded, pill, table
 from goshawk_dashboards.state import words
+from goshawk_dashboards.state.alerts import age_words
 from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import EventView
 
 MODE_COLORS: dict[pb.Mode, theme.Rgb] = {
     pb.MODE_IDLE: theme.STALE,
@@ -28,8 +31,11 @@ MODE_COLORS: dict[pb.Mode, theme.Rgb] = {
 _MARKS = {True: "&#10003;", False: "&#10007;"}
 
 
-def status_html(snap: Snapshot) -> str:
-    """The card at the top: vehicle, link, mode, and the numbers an operator glances at."""
+def status_html(snap: Snapshot, *, flight_s: float | None = None, ground_z_m: float | None = None) -> str:
+    """The card at the top: vehicle, link, mode, and the numbers an operator glances at.
+
+    ``flight_s`` since the take-off, ``ground_z_m`` the ground's height in the world frame; None: they are not known.
+    """
     age_s = snap.heard_age_s
     stale = snap.stale
     mode = snap.mode
@@ -60,20 +66,29 @@ def status_html(snap: Snapshot) -> str:
         f'<div style="display:flex;justify-content:space-between;align-items:center"><div>{head}</div>'
         f'<div style="text-align:right;{DIM}"><b style="color:#fff">{escape(snap.vehicle)}</b><br>'
         f"{escape(health.autopilot if health is not None else '')}</div></div>"
-        f"{faults}{faded(_figures(snap), stale)}</div>"
+        f"{faults}{faded(_figures(snap, flight_s, ground_z_m), stale)}</div>"
     )
 
 
-def _figures(snap: Snapshot) -> str:
+def clock_words(seconds: float) -> str:
+    """Minutes and seconds: 1:05."""
+    whole = max(0, int(seconds))
+    return f"{whole // 60}:{whole % 60:02d}"
+
+
+def _figures(snap: Snapshot, flight_s: float | None, ground_z_m: float | None) -> str:
     control, target, health, truth = snap.control, snap.target, snap.health, snap.truth
     cells: list[tuple[str, str]] = []
     if control is not None:
         cells.append(("speed", f"{float(np.linalg.norm(control.vel_world_3)):.1f} m/s"))
-        cells.append(("height", f"{control.pos_world_3[2]:.1f} m"))
+        height = "height, from its origin" if ground_z_m is None else "above ground"
+        cells.append((height, f"{control.pos_world_3[2] - (ground_z_m or 0.0):.1f} m"))
     if control is not None and target is not None and target.confirmed:
         cells.append(("target", f"{float(np.linalg.norm(target.pos_world_3 - control.pos_world_3)):.1f} m"))
     else:
         cells.append(("target", "&ndash;"))
+    if flight_s is not None and snap.flying:
+        cells.append(("flight time", clock_words(flight_s)))
     if snap.plan is not None and snap.fresh("plan"):
         cells.append(("time scale &alpha;", f"{snap.plan.alpha:.2f}"))
     if health is not None and health.battery_fraction is not None:
@@ -188,12 +203,40 @@ def vehicle_html(snap: Snapshot) -> str:
     return faded(table("vehicle", rows), snap.stale)
 
 
-def events_html(snap: Snapshot, newest: int = 12) -> str:
-    """The newest events, newest first, by the vehicle's clock."""
+def events_html(snap: Snapshot, *, took_off_ns: int | None = None, newest: int = 10) -> str:
+    """The newest events, newest first: by the flight's time, or how long ago where no take-off was seen.
+
+    What comes again and again, as of two modes that flap, is one line, counted.
+    """
     colors = {pb.SEVERITY_WARNING: theme.css(theme.WARN), pb.SEVERITY_ERROR: theme.css(theme.BAD)}
+    now_ns = max((view.stamp_ns for view in (snap.control, snap.health) if view is not None), default=0)
     rows = "".join(
-        f'<tr><td style="{NUM};{DIM};padding-right:8px">{e.stamp_ns * 1e-9:.1f} s</td>'
-        f'<td style="color:{colors.get(e.severity, "inherit")}">{escape(e.text)}</td></tr>'
-        for e in reversed(snap.events[-newest:])
+        f'<tr style="vertical-align:top"><td style="{NUM};{DIM};padding-right:8px">'
+        f"{_when(event.stamp_ns, now_ns, took_off_ns)}</td>"
+        f'<td style="color:{colors.get(event.severity, "inherit")}">{escape(event.text)}'
+        f"{f' <b>&times;&thinsp;{count}</b>' if count > 1 else ''}</td></tr>"
+        for event, count in grouped(snap.events)[:newest]
     )
     return table("events", rows or f'<tr><td style="{DIM}">none yet</td></tr>')
+
+
+FLAPPING = 4
+"""An event like one of so many before it is the same one again."""
+_FIGURE = re.compile(r"[0-9]+(\.[0-9]+)?")
+
+
+def grouped(events: tuple[EventView, ...]) -> list[tuple[EventView, int]]:
+    """The newest of each group of like events, the newest first, and how many there are. Their figures may differ."""
+    groups: dict[tuple[str, int], tuple[EventView, int]] = {}
+    for event in events:
+        like = [key for key in list(groups)[-FLAPPING:] if key[0] == _FIGURE.sub("#", event.text)]
+        key = like[-1] if like else (_FIGURE.sub("#", event.text), event.stamp_ns)
+        _, count = groups.pop(key, (event, 0))
+        groups[key] = (event, count + 1)
+    return list(reversed(groups.values()))
+
+
+def _when(stamp_ns: int, now_ns: int, took_off_ns: int | None) -> str:
+    if took_off_ns is not None and stamp_ns >= took_off_ns:
+        return clock_words((stamp_ns - took_off_ns) * 1e-9)
+    return f"{age_words(max(0.0, (now_ns - stamp_ns) * 1e-9))} ago"

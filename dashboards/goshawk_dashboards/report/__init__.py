@@ -1,1 +1,1 @@
-"""A flight's report: its numbers (summary), its figures (figures), one offline page (page), put together in report."""
+"""A flight's report: worked out in `made`, a page (`page`) with charts (`over_time`) and figures (`figures`)."""

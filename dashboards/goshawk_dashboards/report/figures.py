@@ -10,12 +10,13 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
+from goshawk_dashboards.charts.clearance import Clearance
+from goshawk_dashboards.charts.errors import TargetErrors
 from goshawk_dashboards.exports.drawing import speed_colors_P3
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.canvas import Figure, Palette, columns_of, legend, mark_phases
-from goshawk_dashboards.report.clearance import Clearance
-from goshawk_dashboards.report.errors import TargetErrors
 from goshawk_dashboards.report.latency import Latencies
+from goshawk_dashboards.report.tracking import SHAKING_HZ, Spectrum
 
 AXES = ("east", "north", "up")
 MOST_ROWS = 2000
@@ -32,11 +33,20 @@ class Material:
     seen: Clearance | None
     errors: TargetErrors | None
     latencies: Latencies
+    spectrum: Spectrum | None
 
 
 def figures(material: Material) -> list[Figure]:
     """All that the log allows, in the order of reading."""
-    makers = (path_figure, velocity_figure, disturbance_figure, clearance_figure, target_figure, latency_figure)
+    makers = (
+        path_figure,
+        velocity_figure,
+        disturbance_figure,
+        clearance_figure,
+        target_figure,
+        vibration_figure,
+        latency_figure,
+    )
     found = (make(material) for make in makers)
     return [figure for figure in found if figure is not None]
 
@@ -267,6 +277,41 @@ def target_figure(material: Material) -> Figure | None:
         size_in=(10.0, 3.2),
         draw=draw,
         tables={"target_error": table},
+    )
+
+
+def vibration_figure(material: Material) -> Figure | None:
+    """What the IMU felt by frequency."""
+    found = material.spectrum
+    if found is None:
+        return None
+    parts = (("specific force, m/s²/√Hz", found.force_mps2_F3), ("angular rate, rad/s/√Hz", found.rate_rps_F3))
+
+    def draw(canvas: Canvas, palette: Palette) -> None:
+        for axes, (title, values_F3) in zip(canvas.subplots(1, 2), parts, strict=True):
+            for k, (name, color) in enumerate(
+                zip(("forward", "left", "up"), (palette.east, palette.north, palette.up), strict=True)
+            ):
+                axes.plot(found.hz_F[1:], np.maximum(values_F3[1:, k], 1e-6), color=color, label=name)
+            axes.axvline(SHAKING_HZ, color=palette.rule, lw=1.0, ls="--")
+            axes.set_yscale("log")
+            axes.set_title(title)
+            axes.set_xlabel("Hz")
+            axes.legend(loc="upper right", ncols=3)
+
+    table = {"hz": found.hz_F}
+    for prefix, unit, values_F3 in (
+        ("force", "mps2_per_rthz", found.force_mps2_F3),
+        ("rate", "rps_per_rthz", found.rate_rps_F3),
+    ):
+        table |= {f"{prefix}_{axis}_{unit}": values_F3[:, k] for k, axis in enumerate(("forward", "left", "up"))}
+    return Figure(
+        name="vibration",
+        title="Vibration",
+        caption=f"Of the autopilot's IMU in the air. What lies above {SHAKING_HZ:g} Hz (dashed) is vibration.",
+        size_in=(10.0, 3.0),
+        draw=draw,
+        tables={"vibration": table},
     )
 
 

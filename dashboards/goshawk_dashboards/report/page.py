@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from html import escape
 
+import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
+from goshawk_dashboards.instruments.panel import panel_html
+from goshawk_dashboards.instruments.track import Track
+from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.report.canvas import Figure
+from goshawk_dashboards.log.recorded import begins_s, snapshot_at
 from goshawk_dashboards.report.latency import Latencies
+from goshawk_dashboards.report.made import Report
+from goshawk_dashboards.report.over_time import over_time
+from goshawk_dashboards.report.parameters import changes
 from goshawk_dashboards.report.shell import document, panel, tiles
-from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, Figures, Spread
+from goshawk_dashboards.report.summary import GOOD_OUTCOMES, ON_TASK, Card, Figures, Spread
+from goshawk_dashboards.report.tracking import Tracking
 from goshawk_dashboards.state import words
 
 PHASE_COLORS = {
@@ -21,15 +29,25 @@ PHASE_COLORS = {
 }  # fmt: skip
 
 
-def page(flight: Flight, card: Card, numbers: Figures, figures: Sequence[Figure], latencies: Latencies) -> str:
+ESTIMATE_ROWS = 600
+OVER_TIME = ("velocity", "disturbance", "clearance")
+"""Figures whose curves the page has as charts."""
+
+
+def page(report: Report) -> str:
     """The whole page."""
+    flight, card = report.flight, report.card
     parts = [
         _head(card),
-        _tiles(card, numbers),
+        _tiles(report),
+        _why(report.why),
         _phases(flight),
         _faults(card),
-        *(panel(figure) for figure in figures),
-        _told(latencies),
+        over_time(flight, report.seen, PHASE_COLORS),
+        _estimates(flight),
+        *(panel(figure) for figure in report.figures if figure.name not in OVER_TIME),
+        _told(report.latencies),
+        _changes(report),
         _events(flight),
         _facts(flight, card),
     ]
@@ -42,10 +60,11 @@ def _head(card: Card) -> str:
     return f"<header><h1>{escape(card.path.name)}</h1><p class='soft'>{line}</p></header>"
 
 
-def _tiles(card: Card, n: Figures) -> str:
+def _tiles(report: Report) -> str:
+    card = report.card
     tone = "good" if card.outcome in GOOD_OUTCOMES and not card.faults else "bad"
     outcome = f"<div class='tile'><b class='{tone}'>{escape(card.outcome)}</b><span>outcome</span></div>"
-    return tiles(_numbers(card, n), outcome)
+    return tiles((*_numbers(card, report.numbers), *_held(report.tracking)), outcome)
 
 
 def _numbers(card: Card, n: Figures) -> Iterator[tuple[str, str, str]]:
@@ -79,6 +98,45 @@ def _numbers(card: Card, n: Figures) -> Iterator[tuple[str, str, str]]:
         yield "exposure to plan, median", f"{n.frame_to_plan_ms.p50:.1f}", "ms"
 
 
+def _held(t: Tracking) -> Iterator[tuple[str, str, str]]:
+    """The same of what it held and how near its limits it was."""
+    parts = (
+        ("attitude error, RMS", t.attitude_rms_deg, "°", 1.0, 1),
+        ("of the time at a thrust limit", t.thrust_at_limit_fraction, "%", 100.0, 1),
+        ("vibration, RMS", t.vibration_rms_mps2, "m/s²", 1.0, 2),
+        ("greatest doubt of the odometry", t.odometry_doubt_most, "of its gate", 1.0, 2),
+        ("target within 2 σ", t.target_within_2_sigma_fraction, "%", 100.0, 0),
+    )
+    for name, value, unit, scale, digits in parts:
+        if value is not None:
+            yield name, f"{scale * value:.{digits}f}", unit
+    if t.battery_start_fraction is not None and t.battery_end_fraction is not None:
+        yield "battery", f"{100.0 * t.battery_start_fraction:.0f} → {100.0 * t.battery_end_fraction:.0f}", "%"
+
+
+def _why(sentences: Sequence[str]) -> str:
+    if not sentences:
+        return ""
+    rows = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f"<section class='panel' id='why'><h2>Why it ended so</h2><ul>{rows}</ul></section>"
+
+
+def _changes(report: Report) -> str:
+    if report.before is None:
+        return ""
+    found = changes(report.before.header, report.flight.header)
+    head = f"<h2>Parameters since {escape(report.before.path.name)}</h2>"
+    if not found:
+        return f"<section class='panel' id='changes'>{head}<p class='soft'>None has changed.</p></section>"
+    rows = "".join(
+        f"<tr><td>{escape(c.name)}</td><td>{escape(c.before)}</td><td>{escape(c.now)}</td></tr>" for c in found
+    )
+    return (
+        f"<section class='panel' id='changes'>{head}<table><thead><tr><th></th><th>before</th><th>now</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table></section>"
+    )
+
+
 def _range(spread: Spread, digits: int) -> str:
     return f"{spread.p5:+.{digits}f} … {spread.p95:+.{digits}f}".replace("-", "−")
 
@@ -101,6 +159,21 @@ def _faults(card: Card) -> str:
         return "<section class='panel'><h2>Faults</h2><p class='soft'>None was logged.</p></section>"
     rows = "".join(f"<li>{escape(fault)}</li>" for fault in card.faults)
     return f"<section class='panel'><h2 class='bad'>Faults</h2><ul>{rows}</ul></section>"
+
+
+def _estimates(flight: Flight) -> str:
+    """The instrument panel at the end of the flight's task, with all that came before."""
+    on_task = [p for p in flight.phases if p.name in ON_TASK]
+    if not on_task:
+        return ""
+    end_s, from_s = on_task[-1].end_s, begins_s(flight)
+    every_s = max((end_s - from_s) / ESTIMATE_ROWS, 0.05)
+    snaps = [snapshot_at(flight, float(t)) for t in np.append(np.arange(from_s, end_s, every_s), end_s)]
+    track = Track.of(snaps, Tuning.of_toml(flight.header.tuning_toml))
+    return (
+        f"<section class='panel' id='estimates'><h2>Estimates</h2><p class='soft'>At {end_s:.2f} s, the end of its "
+        f"task, and until then.</p>{panel_html(snaps[-1], track, window_s=end_s - from_s + 1.0)}</section>"
+    )
 
 
 def _told(latencies: Latencies) -> str:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
+from goshawk_dashboards.charts.clearance import Clearance
+from goshawk_dashboards.charts.errors import TargetErrors
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.report.clearance import Clearance
-from goshawk_dashboards.report.errors import TargetErrors
 from goshawk_dashboards.report.latency import Latencies
 from goshawk_dashboards.state.views import Array, HealthView
 
@@ -22,8 +22,8 @@ PATH_HZ = 20.0
 """At this rate a path's length is that of the flight, not of the estimate's noise."""
 ON_TASK = ("tracking", "lost", "search", "navigation", "hold")
 LANDED = ("landed", "on the ground")
-GOOD_OUTCOMES = ("landed", "ended: tracking", "ended: navigation", "ended: hold")
-"""A simulated trial ends in the air, on its task."""
+GOOD_OUTCOMES = ("landed", "success", "ended: tracking", "ended: navigation", "ended: hold")
+"""A simulated trial ends in the air, on its task, with a verdict or without."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,26 +1,28 @@
-"""The review: a recorded flight, or two, in the live view's scene, on a timeline that each viewer has of their own."""
+"""The review: recorded flights in the live view's scene, on a timeline that each viewer has of their own."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import viser
 
-from goshawk_dashboards.gate import Gate, Role
-from goshawk_dashboards.log import recorded
+from goshawk_dashboards.gate import Addition, Gate, Role
+from goshawk_dashboards.log import align, recorded
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.log.recorded import Mark, Replay
+from goshawk_dashboards.log.recorded import Replay
 from goshawk_dashboards.page.serving import close_server, open_server
 from goshawk_dashboards.page.viewer import Viewer, Views
+from goshawk_dashboards.review.desk import PATH, Desk, Seat, Table
+from goshawk_dashboards.review.dock import foot_html
 from goshawk_dashboards.review.panels import ReviewPanels
+from goshawk_dashboards.review.past import Past
 from goshawk_dashboards.review.player import Player
-from goshawk_dashboards.review.plots import Plot, plots_of
 from goshawk_dashboards.review.scene import ReviewOptions, ReviewScene
 from goshawk_dashboards.scene.cameras import ViewerCamera, place_first
 from goshawk_dashboards.scene.scene import prepare
-from goshawk_dashboards.state.views import Array
 
 RATE_HZ = 15.0
 
@@ -29,30 +31,26 @@ RATE_HZ = 15.0
 class Recording:
     """What is reviewed, with all that is worked out of it once."""
 
-    flight: Flight
+    flights: tuple[Flight, ...]
+    """The one that is reviewed, and others beside it."""
     replay: Replay | None
-    second: Flight | None
-    by_s: float
-    """How much the second flight is delayed, so that both take off at once."""
-    duration_s: float
-    plots: tuple[Plot, ...]
-    marks: tuple[Mark, ...]
-    stops_s: Array
+    table: Table
+    aligned: str
 
     @staticmethod
-    def of(flight: Flight, replay: Replay | None, second: Flight | None) -> Recording:
+    def of(flights: Sequence[Flight], replay: Replay | None) -> Recording:
         """Reads what is needed of the flights."""
-        by_s = 0.0 if second is None else recorded.takeoff_s(flight) - recorded.takeoff_s(second)
-        return Recording(
-            flight=flight,
-            replay=replay,
-            second=second,
-            by_s=by_s,
-            duration_s=flight.duration_s if second is None else max(flight.duration_s, second.duration_s + by_s),
-            plots=plots_of(flight, replay, second, by_s),
-            marks=recorded.marks_of(flight),
-            stops_s=recorded.stops_s(flight),
+        alignments = align.common(flights)
+        again = tuple(Flight.open(flight.path) for flight in flights)
+        table = Table(
+            flights=again,
+            replay=None if replay is None else Flight.open(replay.log.path, start_ns=again[0].start_ns),
+            marks=recorded.marks_of(flights[0]),
+            stops_s=recorded.stops_s(flights[0]),
+            alignments=alignments,
         )
+        aligned = align.TAKE_OFF if align.TAKE_OFF in alignments else align.START
+        return Recording(flights=tuple(flights), replay=replay, table=table, aligned=aligned)
 
 
 class ReviewView:
@@ -62,20 +60,22 @@ class ReviewView:
         """``wake`` is set when the viewer has done something."""
         self.viewer = viewer
         self._recording = recording
-        flight = recording.flight
-        self.player = Player(recording.duration_s, wake)
+        flight, table = recording.flights[0], recording.table
+        by_s = table.alignments[recording.aligned]
+        self.player = Player(table.duration_s(by_s), wake)
         self.player.seek(recorded.begins_s(flight))
-        self.scene = ReviewScene(viewer, flight, recording.replay, recording.second, recording.by_s)
+        self.seat = Seat(player=self.player, aligned=recording.aligned, by_s=by_s)
+        self.scene = ReviewScene(viewer, recording.flights, recording.replay)
         self.panels = ReviewPanels(
             viewer,
             self.player,
             flight,
-            marks=recording.marks,
-            stops_s=recording.stops_s,
-            plots=recording.plots,
+            marks=table.marks,
+            stops_s=table.stops_s,
             has_replay=recording.replay is not None,
-            has_second=recording.second is not None,
+            has_others=len(recording.flights) > 1,
         )
+        self._past = Past(flight)
         self._camera = ViewerCamera(viewer) if isinstance(viewer, viser.ClientHandle) else None
         self.shown_s: float | None = None
         """The instant that was drawn last."""
@@ -86,33 +86,39 @@ class ReviewView:
         again = self.player.moved.is_set()
         self.player.moved.clear()
         time_s, playing, options = self.player.time_s, self.player.playing, self.panels.options
-        flight, replay = self._recording.flight, self._recording.replay
+        flight, replay = self._recording.flights[0], self._recording.replay
         if again or (time_s, playing, options) != self._shown:
             snap = recorded.snapshot_at(flight, time_s)
             replayed = None if replay is None else replay.plan_for(snap.plan)
-            self.scene.update(snap, replayed, options)
-            self.panels.update(snap, replayed)
+            self.scene.update(snap, replayed, options, self.seat.by_s)
+            self.panels.update(snap, replayed, self._past.until(time_s))
             self._shown, self.shown_s = (time_s, playing, options), time_s
         if self._camera is not None:
             self._camera.update(flight.control_at(time_s), self.panels.camera_mode)
 
 
 class ReviewDashboard:
-    """Serves a review. Everything of the flights is read by one thread, its own once it has started."""
+    """Serves a review. What is drawn of the flights is read by one thread, its own once it has started."""
 
-    def __init__(
-        self, *, gate: Gate, flight: Flight, replay: Replay | None = None, second: Flight | None = None
-    ) -> None:
-        """``second`` is laid over the first such that both take off at once. It closes the gate with itself."""
+    def __init__(self, *, gate: Gate, flights: Sequence[Flight], replay: Replay | None = None) -> None:
+        """The first flight is reviewed, the others lie over it. It closes the gate with itself."""
         self._gate = gate
-        self._recording = Recording.of(flight, replay, second)
-        self.server = open_server(gate, Role.OPERATOR, "Goshawk review")
+        self._recording = Recording.of(flights, replay)
+        desk = Desk(self._recording.table, self._seat_of)
+        addition = Addition(foot=foot_html(), path=PATH, talk=desk.talk)
+        self.server = open_server(gate, Role.OPERATOR, "Goshawk review", addition)
         prepare(self.server)
         place_first(self.server)
         self._wake = threading.Event()
         self._views = Views(self.server, lambda client: ReviewView(client, self._recording, self._wake))
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
+
+    def _seat_of(self, client_id: int) -> Seat | None:
+        for view in self.views:
+            if isinstance(view.viewer, viser.ClientHandle) and view.viewer.client_id == client_id:
+                return view.seat
+        return None
 
     @property
     def views(self) -> tuple[ReviewView, ...]:

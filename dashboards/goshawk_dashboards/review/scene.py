@@ -1,8 +1,9 @@
 """A recorded instant in 3-D: the live view's own scene, with the way that is flown, what the camera measured, what
-another policy would have flown, and a second flight beside or over the first."""
+another policy would have flown, and other flights beside or over the first."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,11 +20,12 @@ from goshawk_dashboards.scene.scene import SAMPLES, LiveScene, ViewOptions
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import Array, PlanView
 
-SECOND_ROOT = "/second"
 SIDE_GAP_M = 12.0
-"""Between two flights that are shown side by side."""
+"""Between flights that are shown side by side."""
+COLORS: tuple[theme.Rgb, ...] = (theme.VEHICLE, theme.SECOND, theme.TARGET, theme.GOOD, theme.DISTURBANCE, theme.REPLAY)
+"""By a flight's place among several, in the scene and in the charts."""
 
-SecondMode = Literal["Overlaid", "Side by side", "Hidden"]
+OthersMode = Literal["Overlaid", "Side by side", "Hidden"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,25 +35,33 @@ class ReviewOptions:
     view: ViewOptions
     depth: bool
     replay: bool
-    second: SecondMode
+    others: OthersMode
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Other:
+    """A flight beside the first one."""
+
+    flight: Flight
+    scene: LiveScene
+    root: viser.FrameHandle
+
+
+def color_of(place: int) -> theme.Rgb:
+    """Of a flight among several."""
+    return COLORS[place % len(COLORS)]
 
 
 class ReviewScene:
-    """Draws instants of one flight, or of two, into a viewer's scene, on the ground that ``prepare`` made."""
+    """Draws instants of one flight, or of several, into a viewer's scene, on the ground that ``prepare`` made."""
 
-    def __init__(
-        self, viewer: Viewer, flight: Flight, replay: Replay | None, second: Flight | None, by_s: float
-    ) -> None:
-        """The second flight's own time is ``by_s`` less than the first one's."""
+    def __init__(self, viewer: Viewer, flights: Sequence[Flight], replay: Replay | None) -> None:
+        """The others are drawn beside the first of ``flights``."""
         self._viewer = viewer
-        self._flight, self._replay, self._second, self._by_s = flight, replay, second, by_s
+        self._flight, self._replay = flights[0], replay
         self.first = LiveScene(viewer, "/first")
-        self._add_way("/first", flight, theme.VEHICLE)
-        self.second: LiveScene | None = None
-        if second is not None:
-            self._second_root = viewer.scene.add_frame(SECOND_ROOT, show_axes=False)
-            self.second = LiveScene(viewer, SECOND_ROOT, theme.SECOND, theme.SECOND)
-            self._add_way(SECOND_ROOT, second, theme.SECOND)
+        self._add_way("/first", self._flight, theme.VEHICLE)
+        self.others = tuple(self._other(k, flight) for k, flight in enumerate(flights[1:], start=1))
         self.depth: viser.PointCloudHandle | None = None
         self.replayed = viewer.scene.add_line_segments(
             "/replay/chosen",
@@ -61,6 +71,13 @@ class ReviewScene:
             thickness_units="screen",
             visible=False,
         )
+
+    def _other(self, place: int, flight: Flight) -> Other:
+        name, rgb = f"/other{place}", color_of(place)
+        root = self._viewer.scene.add_frame(name, show_axes=False)
+        scene = LiveScene(self._viewer, name, rgb, rgb)
+        self._add_way(name, flight, rgb)
+        return Other(flight=flight, scene=scene, root=root)
 
     def _add_way(self, root: str, flight: Flight, rgb: theme.Rgb) -> None:
         way_N3 = recorded.path_N3(flight)
@@ -75,15 +92,24 @@ class ReviewScene:
             thickness_units="screen",
         )
 
-    def update(self, snap: Snapshot, replayed: PlanView | None, options: ReviewOptions) -> None:
-        """Shows the instant of ``snap``, and what the other policy made of its frame."""
+    def update(self, snap: Snapshot, replayed: PlanView | None, options: ReviewOptions, by_s: Sequence[float]) -> None:
+        """Shows the instant of ``snap``, and what the other policy made of its frame.
+
+        A flight's own time is less by its ``by_s``.
+        """
         time_s = snap.now_s
         self.first.retrace(*recorded.trails_at(self._flight, time_s))
         self.first.update(snap, options.view)
         self._draw_depth(time_s, options.depth)
         self._draw_replayed(snap, replayed if options.replay else None)
-        if self._second is not None and self.second is not None:
-            self._draw_second(self._second, self.second, time_s - self._by_s, options)
+        south_m = 0.0
+        above_N3 = recorded.path_N3(self._flight)
+        for other, later_s in zip(self.others, by_s[1:], strict=True):
+            if options.others == "Side by side":
+                way_N3 = recorded.path_N3(other.flight)
+                south_m += _highest_north_m(way_N3) - _lowest_north_m(above_N3) + SIDE_GAP_M
+                above_N3 = way_N3
+            self._draw_other(other, time_s - later_s, options, south_m)
 
     def _draw_depth(self, time_s: float, shown: bool) -> None:
         found = recorded.depth_points(self._flight, time_s) if shown else None
@@ -104,23 +130,18 @@ class ReviewScene:
         if chosen is not None:
             self.replayed.points = curves.segments_M23(curves.plan_curves_NS3(chosen, SAMPLES)).astype(np.float32)
 
-    def _draw_second(self, flight: Flight, scene: LiveScene, time_s: float, options: ReviewOptions) -> None:
-        self._second_root.visible = options.second != "Hidden"
-        if options.second == "Hidden":
+    def _draw_other(self, other: Other, time_s: float, options: ReviewOptions, south_m: float) -> None:
+        other.root.visible = options.others != "Hidden"
+        if options.others == "Hidden":
             return
-        beside = options.second == "Side by side"
-        self._second_root.position = (0.0, -self._side_m() if beside else 0.0, 0.0)
-        snap = recorded.snapshot_at(flight, time_s)
+        other.root.position = (0.0, -south_m, 0.0)
+        snap = recorded.snapshot_at(other.flight, time_s)
         # Only what it flew: two fans of candidates over each other cannot be read. Its world is drawn where it is seen
         # apart from the first one's.
         snap = replace(snap, plan=recorded.only_chosen(snap.plan), preview=None)
-        scene.retrace(*recorded.trails_at(flight, time_s))
-        scene.update(snap, replace(options.view, frustum=False, world=options.view.world and beside))
-
-    def _side_m(self) -> float:
-        """How far to the south the second flight is moved such that the two do not meet."""
-        first_N3, second_N3 = recorded.path_N3(self._flight), recorded.path_N3(self._second or self._flight)
-        return _highest_north_m(second_N3) - _lowest_north_m(first_N3) + SIDE_GAP_M
+        other.scene.retrace(*recorded.trails_at(other.flight, time_s))
+        beside = options.others == "Side by side"
+        other.scene.update(snap, replace(options.view, frustum=False, world=options.view.world and beside))
 
 
 def _highest_north_m(way_N3: Array) -> float:

@@ -12,9 +12,12 @@ from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Mark
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.candidates import table_html, words_of
-from goshawk_dashboards.review.html import DIM, FONT, MARK_COLORS
+from goshawk_dashboards.review.timeline import MARK_COLORS
 from goshawk_dashboards.scene import curves
 from goshawk_dashboards.state.views import PlanView
+
+DIM = "#8b95a5"
+FONT = "font:11px/16px system-ui,sans-serif;font-variant-numeric:tabular-nums"
 
 
 def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | None) -> str:

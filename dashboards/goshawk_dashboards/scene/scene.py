@@ -16,7 +16,7 @@ from goshawk_dashboards.scene import curves, shapes
 from goshawk_dashboards.scene.picture import decode_preview
 from goshawk_dashboards.scene.remembered import RememberedScene
 from goshawk_dashboards.scene.target import TargetScene
-from goshawk_dashboards.scene.world import WorldScene
+from goshawk_dashboards.scene.world import GRID, NEAR_M, WorldScene
 from goshawk_dashboards.state.snapshot import MAP_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array, ControlView, PlanView
 
@@ -42,28 +42,18 @@ class ViewOptions:
 
 
 def prepare(server: viser.ViserServer) -> None:
-    """Light, ground and background, once for a server."""
+    """Light, fog and background, once for a server."""
     scene = server.scene
     scene.set_up_direction("+z")
     scene.world_axes.visible = False
-    scene.configure_fog(45.0, 130.0, color=theme.BACKGROUND)
+    scene.configure_fog(0.5 * NEAR_M, 1.1 * NEAR_M, color=theme.BACKGROUND)
     scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
     scene.configure_default_lights(True, cast_shadow=False)
     scene.add_light_hemisphere("/light", sky_color=(210, 222, 255), ground_color=(70, 66, 60), intensity=0.7)
-    scene.add_grid(
-        "/ground",
-        infinite_grid=True,
-        cell_size=1.0,
-        section_size=5.0,
-        cell_color=theme.GRID,
-        section_color=theme.GRID_SECTION,
-        cell_thickness=0.6,
-        fade_distance=90.0,
-    )
 
 
 class LiveScene:
-    """Draws snapshots into a viewer's scene, on the ground that ``prepare`` made."""
+    """Draws snapshots into a viewer's scene, in the light that ``prepare`` made."""
 
     def __init__(
         self,
@@ -78,6 +68,16 @@ class LiveScene:
         self._vehicle_rgb, self._flown_rgb = theme.vivid(vehicle_rgb), theme.vivid(flown_rgb)
         self._plan_drawn: tuple[int, bool] | None = None
         self._preview_seq: int | None = None
+        viewer.scene.add_grid(
+            GRID,
+            infinite_grid=True,
+            cell_size=1.0,
+            section_size=5.0,
+            cell_color=theme.GRID,
+            section_color=theme.GRID_SECTION,
+            cell_thickness=0.6,
+            fade_distance=90.0,
+        )
         self.world = WorldScene(viewer, root)
         self.remembered = RememberedScene(viewer, root)
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
@@ -165,7 +165,9 @@ class LiveScene:
         self.target.update(snap.target if snap.fresh("target") else None, trail=options.trails)
         truth = snap.truth if snap.fresh("sim_truth") else None
         self.target.show_truth(truth if options.truth else None)
-        self.world.update(snap.world, truth.moving if truth is not None else None, shown=options.world)
+        about_3 = None if snap.control is None else snap.control.pos_world_3
+        moving = None if truth is None else truth.moving
+        self.world.update(snap.world, moving, shown=options.world, about_3=about_3)
 
     def retrace(self, vehicle_N3: Array, target_N3: Array) -> None:
         """Where vehicle and target have been, oldest first, in place of what was seen here."""

@@ -1,17 +1,28 @@
-"""The simulator's world in the 3-D view: trees, walls, scans, moving obstacles, each kind one batched mesh."""
+"""The simulator's world in the 3-D view: ground, trees, walls, scans, moving obstacles, each kind one batched mesh.
+
+Of the trees only those near the vehicle are drawn, and fog hides where they end: a forest of thousands is more than a
+laptop's own graphics can draw thirty times a second.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-import viser
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
-from goshawk_dashboards.state.views import BoxesView, WorldView
+from goshawk_dashboards.scene.batch import Batch
+from goshawk_dashboards.scene.relief import Relief
+from goshawk_dashboards.state.views import Array, BoxesView, WorldView
 
 WALL_OPACITY = 0.4
 """What flies inside a house is to be seen from outside."""
+NEAR_M = 50.0
+"""Trees farther off than this are not drawn."""
+RENEW_M = 6.0
+"""The choice of trees is made anew when the vehicle has flown this far."""
+GRID = "/ground"
+"""The node of the flat grid, which is drawn where no relief is known."""
 
 
 class WorldScene:
@@ -20,91 +31,67 @@ class WorldScene:
     def __init__(self, viewer: Viewer, root: str = "") -> None:
         """``root`` is the scene node that it is drawn under; empty: the world frame."""
         self._scene = viewer.scene
-        self._root = root
-        self._fixed = tuple(f"{root}/world/{what}" for what in ("trunks", "foliage", "boxes"))
+        self._ground = f"{root}/world/ground"
+        self.trunks = Batch(viewer, f"{root}/world/trunks", shapes.trunk(), theme.TRUNK, flat=False)
+        self.foliage = Batch(viewer, f"{root}/world/foliage", shapes.foliage(), theme.FOLIAGE, opacity=WALL_OPACITY)
+        self.boxes = Batch(viewer, f"{root}/world/boxes", shapes.box(), theme.WALL, opacity=WALL_OPACITY)
+        self.moving = Batch(viewer, f"{root}/truth/moving", shapes.box(), theme.vivid(theme.MOVING))
         self._world: WorldView | None = None
-        self.moving: viser.BatchedMeshHandle | None = None
+        self._about_2: Array | None = None
 
-    def update(self, world: WorldView | None, moving: BoxesView | None, *, shown: bool) -> None:
-        """Draws a new world once, and the moving obstacles where they are now; None: there are none."""
+    def update(self, world: WorldView | None, moving: BoxesView | None, *, shown: bool, about_3: Array | None) -> None:
+        """Draws a new world once, the trees about ``about_3`` (None: all), and the moving obstacles where they are now;
+        None: there are none."""
+        world, moving = (world, moving) if shown else (None, None)
+        about_2 = None if about_3 is None else about_3[:2]
         if world is not self._world:
+            self._world, self._about_2 = world, about_2
             self._draw(world)
-        for name in self._fixed:
-            node = self._scene.get_handle_by_name(name)
-            if node is not None:
-                node.visible = shown
-        self._move(moving if shown else None)
+            self._draw_trees(world, about_2)
+        elif about_2 is not None and (
+            self._about_2 is None or float(np.linalg.norm(about_2 - self._about_2)) > RENEW_M
+        ):
+            self._about_2 = about_2
+            self._draw_trees(world, about_2)
+        _place_boxes(self.moving, moving)
 
     def _draw(self, world: WorldView | None) -> None:
-        self._world = world
-        for name in self._fixed:
-            self._scene.remove_by_name(name)
-        if world is None:
+        """What stays: the ground and the walls."""
+        _place_boxes(self.boxes, None if world is None else world.boxes)
+        relief = None if world is None else Relief(world)
+        hilly = relief is not None and relief.known
+        grid = self._scene.get_handle_by_name(GRID)
+        if grid is not None:
+            grid.visible = not hilly
+        self._scene.remove_by_name(self._ground)
+        if relief is None or not hilly:
             return
-        if len(world.radius_m_K) > 0:
-            self._add_trees(world)
-        if len(world.boxes) > 0:
-            self._add_boxes(f"{self._root}/world/boxes", world.boxes, theme.WALL, WALL_OPACITY)
+        vertices, faces = relief.mesh()
+        add = self._scene.add_mesh_simple
+        add(self._ground, vertices, faces, color=theme.GROUND, flat_shading=True, side="double", cast_shadow=False)
+        lines = vertices + (0.0, 0.0, 0.03)
+        add(f"{self._ground}/lines", lines, faces, color=theme.GRID_SECTION, wireframe=True, cast_shadow=False)
 
-    def _move(self, boxes: BoxesView | None) -> None:
-        count = 0 if boxes is None else len(boxes)
-        if self.moving is not None and count != len(self.moving.batched_positions):
-            self.moving.remove()
-            self.moving = None
-        if boxes is None or count == 0:
+    def _draw_trees(self, world: WorldView | None, about_2: Array | None) -> None:
+        if world is None or len(world.radius_m_K) == 0:
+            self.trunks.hide()
+            self.foliage.hide()
             return
-        if self.moving is None:
-            self.moving = self._add_boxes(f"{self._root}/truth/moving", boxes, theme.vivid(theme.MOVING))
-        # Only places change: an obstacle keeps its size and heading.
-        self.moving.batched_positions = boxes.centre_world_B3.astype(np.float32)
+        base_K3, top_K3 = world.base_world_K3, world.top_world_K3
+        near_K = np.full(len(base_K3), True)
+        if about_2 is not None:
+            near_K = np.linalg.norm(base_K3[:, :2] - about_2, axis=1) < NEAR_M
+        axis_K3 = top_K3 - base_K3
+        wxyz_K4, height_K = shapes.wxyz_from_up_K4(axis_K3), np.linalg.norm(axis_K3, axis=1)
+        size_K3 = np.stack([world.radius_m_K, world.radius_m_K, height_K], axis=1)
+        leafy_K = near_K & (world.foliage_radius_m_K > 0.0)
+        leaves_K3 = np.repeat(world.foliage_radius_m_K[:, None], 3, axis=1)
+        self.trunks.place(base_K3[near_K], size_K3[near_K], wxyz_K4[near_K])
+        self.foliage.place(top_K3[leafy_K], leaves_K3[leafy_K], wxyz_K4[leafy_K])
 
-    def _add_boxes(
-        self, name: str, boxes: BoxesView, color: theme.Rgb, opacity: float | None = None
-    ) -> viser.BatchedMeshHandle:
-        cube = shapes.box()
-        return self._scene.add_batched_meshes_simple(
-            name,
-            cube.vertices,
-            cube.faces,
-            shapes.wxyz_from_yaw_B4(boxes.yaw_rad_B),
-            boxes.centre_world_B3,
-            batched_scales=boxes.size_m_B3,
-            batched_colors=color,
-            opacity=opacity,
-            flat_shading=True,
-            lod="off",
-            cast_shadow=False,
-        )
 
-    def _add_trees(self, world: WorldView) -> None:
-        axis_K3 = world.top_world_K3 - world.base_world_K3
-        height_K = np.linalg.norm(axis_K3, axis=1)
-        wxyz_K4 = shapes.wxyz_from_up_K4(axis_K3)
-        trunk = shapes.trunk()
-        self._scene.add_batched_meshes_simple(
-            f"{self._root}/world/trunks",
-            trunk.vertices,
-            trunk.faces,
-            wxyz_K4,
-            world.base_world_K3,
-            batched_scales=np.stack([world.radius_m_K, world.radius_m_K, height_K], axis=1),
-            batched_colors=theme.TRUNK,
-            lod="off",
-            cast_shadow=False,
-        )
-        leafy_K = world.foliage_radius_m_K > 0.0
-        if leafy_K.any():
-            ball = shapes.foliage()
-            self._scene.add_batched_meshes_simple(
-                f"{self._root}/world/foliage",
-                ball.vertices,
-                ball.faces,
-                wxyz_K4[leafy_K],
-                world.top_world_K3[leafy_K],
-                batched_scales=world.foliage_radius_m_K[leafy_K],
-                batched_colors=theme.FOLIAGE,
-                opacity=0.4,
-                flat_shading=True,
-                lod="off",
-                cast_shadow=False,
-            )
+def _place_boxes(batch: Batch, boxes: BoxesView | None) -> None:
+    if boxes is None or len(boxes) == 0:
+        batch.hide()
+    else:
+        batch.place(boxes.centre_world_B3, boxes.size_m_B3, shapes.wxyz_from_yaw_B4(boxes.yaw_rad_B))

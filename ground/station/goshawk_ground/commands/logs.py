@@ -30,11 +30,15 @@ def report(
     log: LogFile,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="The page; default: beside the log.")] = None,
     figures: Annotated[Path | None, typer.Option(help="A folder for the figures as PNG and CSV.")] = None,
+    against: Annotated[
+        Path | None, typer.Option(help="The log whose parameters are compared; default: the one before, beside it.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a flight's report as one offline HTML page: summary, path, speeds, disturbance, clearance, faults …"""
+    """Write a flight's report as one offline HTML page: why it ended so, charts, path, vibration, faults …"""
     # matplotlib takes a second
     from goshawk_dashboards.report.canvas import write
+    from goshawk_dashboards.report.parameters import flight_before
     from goshawk_dashboards.report.report import make_report, write_page
 
     target = output or log.with_suffix(".html")
@@ -42,16 +46,20 @@ def report(
         fail(f"{target} is no name for a page: let -o end in .html", NO_REPLY)
     try:
         with Console(stderr=True).status(f"reading {log}"):
-            made = make_report(open_flight(log))
+            flight = open_flight(log)
+            made = make_report(flight, flight_before(log) if against is None else open_flight(against))
             write_page(made, target)
             written = [] if figures is None else write(made.figures, figures)
     except OSError as error:
         fail(f"cannot write {error.filename or target}: {error.strerror}", NO_REPLY)
     if as_json:
         facts = {"flight": dataclasses.asdict(made.card), "numbers": dataclasses.asdict(made.numbers)}
+        facts |= {"tracking": dataclasses.asdict(made.tracking), "why": made.why}
         print_json({"report": target, "figures": written, **facts})
         return
     typer.echo(f"{made.card.path.name}: {made.card.outcome}, {made.card.duration_s:.1f} s")
+    for sentence in made.why:
+        typer.echo(f"why: {sentence}")
     for fault in made.card.faults:
         typer.echo(f"fault: {fault}")
     if figures is not None:

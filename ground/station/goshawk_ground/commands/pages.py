@@ -142,7 +142,7 @@ def demo(
 
 
 def review(
-    logs: Annotated[list[Path], typer.Argument(help="A flight log, or two to compare; also one that was cut off.")],
+    logs: Annotated[list[Path], typer.Argument(help="Flight logs, up to six to compare; also one that was cut off.")],
     replay: Annotated[
         Path | None, typer.Option(help="What another policy made of it: a log that goshawk-air replay wrote.")
     ] = None,
@@ -153,7 +153,7 @@ def review(
     key: KeyFile = None,
     operator_password_file: OperatorPassword = None,
 ) -> None:
-    """Serve recorded flights on a timeline until Ctrl-C: scrub, play, step, jump, compare."""
+    """Serve recorded flights on a timeline until Ctrl-C: charts of any signal, play, step, compare."""
     from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
     from goshawk_ground.pages.review import LogError, open_review
 
@@ -186,6 +186,6 @@ def register(app: typer.Typer) -> None:
     )(demo)
     app.command(
         epilog="Examples: goshawk review logs/goshawk-2026-05-01T093000123Z.mcap | "
-        "goshawk review before.mcap after.mcap | goshawk review flight.mcap --replay other-policy.mcap | "
+        "goshawk review before.mcap after.mcap third.mcap | goshawk review flight.mcap --replay other-policy.mcap | "
         "goshawk review flight.mcap --host 0.0.0.0"
     )(review)

@@ -12,6 +12,9 @@ from goshawk_dashboards.review.dashboard import ReviewDashboard
 
 __all__ = ["LogError", "open_review"]
 
+MOST_LOGS = 6
+"""As many as have a colour of their own."""
+
 
 def open_review(
     logs: Sequence[Path],
@@ -22,24 +25,24 @@ def open_review(
     access: Access | None = None,
     tls: Tls | None = None,
 ) -> ReviewDashboard:
-    """A running review of one flight or of two, and of a replay: named as such, or the second log if it is one.
+    """A running review of flights, the first with the others beside it, and of a replay: named as such, or the second
+    log if it is one.
 
     Raises LogError (one line) for a file that is no log or does not belong here, PortBusyError (an OSError) if the
     port is taken, UnguardedError (an OSError) for a host that other machines reach, without ``tls``.
     """
-    if len(logs) > 2:
-        raise LogError(f"{len(logs)} logs are too many: review one flight, or two to compare them")
-    flight = Flight.open(logs[0])
-    if not flight.count("control"):
-        raise LogError(f"{logs[0]} holds no flight: nothing of the controller is in it; name a flight's log first")
-    second = Flight.open(logs[1]) if len(logs) == 2 else None
-    if second is not None and not second.count("control"):
-        if replay is not None:
-            raise LogError(f"{logs[1]} is a replay as {replay} is: name one of them")
-        second, replay = None, logs[1]
-    answers = None if replay is None else _replay_of(flight, replay)
+    if len(logs) > MOST_LOGS:
+        raise LogError(f"{len(logs)} logs are too many: review {MOST_LOGS} at once at most")
+    flights = [Flight.open(log) for log in logs]
+    if replay is None and len(flights) == 2 and not flights[1].count("control"):
+        replay = logs[1]
+        del flights[1]
+    for flight in flights:
+        if not flight.count("control"):
+            raise LogError(f"{flight.path} holds no flight: nothing of the controller is in it; name flights only")
+    answers = None if replay is None else _replay_of(flights[0], replay)
     gate = Gate(host=host, port=port, access=access or Access(), tls=tls)
-    dashboard = ReviewDashboard(gate=gate, flight=flight, replay=answers, second=second)
+    dashboard = ReviewDashboard(gate=gate, flights=flights, replay=answers)
     dashboard.start()
     return dashboard
 
