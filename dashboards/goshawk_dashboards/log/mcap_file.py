@@ -62,6 +62,10 @@ class LogError(ValueError):
     """The file cannot be read as a flight log; one line that names it."""
 
 
+class ForeignLogError(LogError):
+    """It is whole and MCAP, but another program's: an export lies beside its log."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Damage:
     """A part of a file that cannot be read."""
