@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -163,10 +163,10 @@ def _faults(flight: Flight) -> tuple[str, ...]:
     return tuple(text if n == 1 else f"{text} ({n} times)" for text, n in found.most_common())
 
 
-def healths(flight: Flight) -> list[HealthView]:
+def healths(flight: Flight) -> Iterator[HealthView]:
     """Every heartbeat."""
     found = (flight.health_at(float(t)) for t in flight.times_s("health"))
-    return [h for h in found if h is not None]
+    return (h for h in found if h is not None)
 
 
 def figures(flight: Flight, seen: Clearance | None, errors: TargetErrors | None, latencies: Latencies) -> Figures:
