@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,13 +28,13 @@ def rows(path: Path, cache: Path) -> list[Row | None]:
     return list(gather([path], cache))
 
 
-def row(number: int, **facts: object) -> Row:
+def row(number: int, **facts: Any) -> Row:
     """A flight of 2 m clearance and no fault."""
-    usual = {
+    usual: dict[str, Any] = {
         "began": f"2026-05-01T{number:02}:00:00Z", "vehicle": "kite", "policy": "79a16de8", "outcome": "landed",
         "good": True, "duration_s": 60.0, "clearance_m": 2.0, "disturbance_mps2": 0.5, "fault_count": 0,
     }  # fmt: skip
-    return Row(path=f"logs/{number}.mcap", **{**usual, **facts})  # type: ignore[arg-type]
+    return Row(path=f"logs/{number}.mcap", **{**usual, **facts})
 
 
 def test_a_row_holds_what_the_log_tells(log: Path) -> None:
@@ -60,7 +62,7 @@ def test_a_log_is_read_again_only_when_it_has_changed(log: Path, tmp_path: Path)
 
 def row_like(row: Row | None, path: Path) -> Row | None:
     """The same row at another place."""
-    return None if row is None else Row(**{**vars(row), "path": str(path)})
+    return None if row is None else replace(row, path=str(path))
 
 
 def test_a_cache_that_cannot_be_written_costs_time_only(log: Path, tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ class Viewer:
             assert opcode == 1 and at_ns > 0
             self.newest[self.topics[subscription]] = self._readers[subscription](frame[HEAD.size :])
             return
-        told = json.loads(frame)
+        told: dict[str, Any] = json.loads(frame)
         for channel in told["channels"] if told["op"] == "advertise" else []:
             assert (channel["encoding"], channel["schemaEncoding"]) == ("protobuf", "protobuf")
             number = channel["id"]

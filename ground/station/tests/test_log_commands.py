@@ -135,7 +135,7 @@ def test_logs_writes_what_it_lists_as_parquet_and_as_a_page(season: Path, tmp_pa
     table, page = tmp_path / "flights.parquet", tmp_path / "season.html"
     done = goshawk("logs", season, "--where", "duration_s > 6.5", "--parquet", table, "--report", page)
     assert done.exit_code == 0, done.output
-    assert duckdb.sql(f"SELECT vehicle, round(duration_s) FROM '{table}'").fetchall() == [("kite", 7.0)]
+    assert duckdb.execute(f"SELECT vehicle, round(duration_s) FROM '{table}'").fetchall() == [("kite", 7.0)]
     assert "longer.mcap" in page.read_text(encoding="utf-8")
     assert "kite.mcap" not in page.read_text(encoding="utf-8")
 
