@@ -80,7 +80,9 @@ class Viewer:
             self.newest[self.topics[subscription]] = self._readers[subscription](frame[HEAD.size :])
             return
         told: dict[str, Any] = json.loads(frame)
-        for channel in told["channels"] if told["op"] == "advertise" else []:
+        if told["op"] != "advertise":
+            return
+        for channel in told["channels"]:
             assert (channel["encoding"], channel["schemaEncoding"]) == ("protobuf", "protobuf")
             number = channel["id"]
             self.topics[number], self._readers[number] = channel["topic"], reader(channel)

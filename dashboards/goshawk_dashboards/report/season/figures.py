@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,7 +71,7 @@ def _figure(trend: Trend, flights: Flights) -> Figure:
     most = sorted(set(kinds), key=lambda name: (-kinds.count(name), name))
     named = most if len(most) <= MOST_KINDS else most[: MOST_KINDS - 1]
     kind_F = np.array([name if name in named else OTHERS for name in kinds])
-    number_F = np.arange(1, len(flights) + 1)
+    number_F = np.arange(1.0, len(flights) + 1)
 
     def draw(canvas: Canvas, palette: Palette) -> None:
         axes = canvas.subplots()
@@ -109,8 +109,8 @@ def _points(axes: Axes, number_F: Array, value_F: Array, good_F: Any, color: str
     axes.plot(number_F[~good_F], value_F[~good_F], mfc=palette.paper, **look)
 
 
-def running_median(value_F: Array, median: Callable[[Array], Any] = np.median) -> Array:
+def running_median(value_F: Array) -> Array:
     """Of each value and its neighbours, as many on either side."""
     half = NEIGHBOURS // 2
     reach = [min(half, k, len(value_F) - 1 - k) for k in range(len(value_F))]
-    return np.array([median(value_F[k - n : k + n + 1]) for k, n in enumerate(reach)])
+    return np.array([np.median(value_F[k - n : k + n + 1]) for k, n in enumerate(reach)])

@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, fields, replace
 from pathlib import Path
+from typing import Any
 
 from goshawk_dashboards.report.season.row import Row, row_of
 
@@ -47,8 +48,11 @@ class Kept:
         found = self._file.execute("SELECT stamp, row FROM kept WHERE path = ?", (str(path.resolve()),)).fetchone()
         if found is None or found[0] != _stamp(path):
             return False, None
-        facts = json.loads(found[1])
-        return True, None if facts is None else Row(**{**facts, "path": str(path), "faults": tuple(facts["faults"])})
+        facts: dict[str, Any] | None = json.loads(found[1])
+        if facts is None:
+            return True, None
+        facts.update(path=str(path), faults=tuple(facts["faults"]))
+        return True, Row(**facts)
 
     def put(self, path: Path, stamp: str, row: Row | None) -> None:
         """Keeps what a log gave that had this stamp when it was read."""

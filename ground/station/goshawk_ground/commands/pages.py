@@ -60,6 +60,12 @@ def ground(
             help="Serve Foxglove's WebSocket too, such as 8765, to this computer only; each further vehicle one above.",
         ),
     ] = None,
+    rerun: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Send to a Rerun viewer that runs already: rerun+http://127.0.0.1:9876/proxy."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space twice all.
@@ -69,7 +75,7 @@ def ground(
     from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
     from goshawk_ground.link import fleet
     from goshawk_ground.pages.serve import serve_dashboard
-    from goshawk_ground.pages.tools import foxglove_feeds
+    from goshawk_ground.pages.tools import foxglove_feeds, rerun_feeds
 
     with ExitStack() as stack:
         try:
@@ -88,7 +94,8 @@ def ground(
         with admission.failing_in_one_line():
             admitted = admission.admit(host, files)
             tools = {} if foxglove is None else foxglove_feeds(links, foxglove)
-            for feed in tools.values():
+            viewers = [] if rerun is None else rerun_feeds(links, rerun)
+            for feed in (*tools.values(), *viewers):
                 stack.enter_context(feed)
             dashboard = serve_dashboard(
                 *links, host=host, port=port, radios=radios, access=admitted.access, tls=admitted.tls

@@ -69,3 +69,12 @@ def foxglove_feeds(links: Sequence[GroundLink], port: int) -> dict[str, Feed]:
             server.close()
         raise
     return {server.url: Feed(link, server) for server, link in zip(servers, links, strict=True)}
+
+
+def rerun_feeds(links: Sequence[GroundLink], address: str) -> list[Feed]:
+    """A feed for each vehicle to one Rerun viewer, a recording each. Raises OSError, one line."""
+    try:
+        from goshawk_dashboards.exports.rerun_live import RerunViewer  # an extra
+    except ModuleNotFoundError as error:
+        raise OSError("--rerun needs the package rerun-sdk, which is not installed: make setup-rerun") from error
+    return [Feed(link, RerunViewer(link.vehicle, address)) for link in links]
