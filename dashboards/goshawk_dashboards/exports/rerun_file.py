@@ -118,6 +118,8 @@ class Log:
     def draw_path(self) -> None:
         """Logs the flown path as it is by now, in place of the one before."""
         points_P3, rgb_P3 = self._path.points_P3, self._path.rgb_P3
+        if len(points_P3) < 2:
+            return
         segments = np.stack([points_P3[:-1], points_P3[1:]], axis=1)
         self._stand("world/path", rr.LineStrips3D(list(segments), colors=rgb_P3[1:], radii=rr.Radius.ui_points(1.5)))
 

@@ -35,9 +35,13 @@ class RerunViewer:
         self._log.take(record)
         if not 0 <= record.log_ns - self._flushed_ns < FLUSH_NS:
             self._flushed_ns = record.log_ns
-            self._log.flush()
-            self._log.draw_path()
+            self._flush()
 
     def close(self) -> None:
         """Ends the recording; it stays in the viewer."""
+        self._flush()
         self._recording.disconnect()
+
+    def _flush(self) -> None:
+        self._log.flush()
+        self._log.draw_path()

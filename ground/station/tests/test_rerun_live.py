@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.cli import app
 from goshawk_ground.link import GroundLink
 from goshawk_ground.pages.tools import rerun_feeds
@@ -24,6 +25,11 @@ ENTITIES = {
     "/world/body", "/world/path", "/world/plan/candidates", "/world/plan/chosen", "/world/target/estimate",
     "/world/remembered", "/world/body/camera/image", "/speed/total", "/acceleration/up/disturbance", "/events",
 }  # fmt: skip
+
+
+def whole(snap: Snapshot) -> bool:
+    """Whether every channel has told something."""
+    return None not in (snap.plan, snap.remembered, snap.target, snap.preview) and len(snap.events) > 0
 
 
 def test_a_rerun_viewer_gets_the_entities_of_the_export(fake_vehicle: Fakes, tmp_path: Path) -> None:
@@ -39,11 +45,11 @@ def test_a_rerun_viewer_gets_the_entities_of_the_export(fake_vehicle: Fakes, tmp
         said = next(line for line in viewer.stderr if re.search(r"[Ll]istening", line))
         assert str(port) in said
         with GroundLink(connect=fake_vehicle().endpoint) as link:
-            assert link.wait_for(lambda s: s.health is not None and s.health.ready, 30.0) is not None
             (feed,) = rerun_feeds([link], f"rerun+http://127.0.0.1:{port}/proxy")
             with feed:
+                assert link.wait_for(lambda s: s.health is not None and s.health.ready, 30.0) is not None
                 assert link.start().accepted
-                assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.target is not None, 30.0) is not None
+                assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK and whole(s), 30.0) is not None
     finally:
         viewer.send_signal(signal.SIGINT)
         viewer.wait(timeout=20.0)

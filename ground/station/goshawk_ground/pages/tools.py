@@ -45,8 +45,10 @@ class Feed:
 
     def _run(self) -> None:
         with self._link.tap() as tap:
-            while not self._closing.is_set():
-                for channel, message in tap.take(WAIT_S):
+            over = False
+            while not over:
+                over = self._closing.is_set()  # then what waits goes on its way still
+                for channel, message in tap.take(0.0 if over else WAIT_S):
                     at_ns = stamp_ns(channel, message)
                     topic = KEYS[channel].suffix
                     self._tool.take(Record(channel=channel, topic=topic, log_ns=at_ns, message=message))
