@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import signal
 import sqlite3
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -94,7 +95,10 @@ def _read(paths: Sequence[Path]) -> Iterator[Row | None]:
     if processes < 2:
         yield from map(row_of, paths)
         return
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+    # Ctrl-C is for the one that waits for them: it lets them finish the log in hand.
+    with ProcessPoolExecutor(
+        processes, multiprocessing.get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    ) as pool:
         try:
             yield from pool.map(row_of, paths)
         finally:
