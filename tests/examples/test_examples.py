@@ -38,8 +38,8 @@ def becomes_good(rig: Rig, name: str, example: str, *arguments: str | Path) -> N
         assert snap is not None, (link.snapshot().health, rig.output("example"), rig.output("air"))
 
 
-def test_there_are_five_and_none_is_longer_than_80_lines() -> None:
-    assert len(PROGRAMS) == 5
+def test_there_are_six_and_none_is_longer_than_80_lines() -> None:
+    assert len(PROGRAMS) == 6
     assert all(len(path.read_text(encoding="utf-8").splitlines()) < 80 for path in PROGRAMS)
 
 
@@ -86,6 +86,17 @@ def test_a_logs_phases_and_speed_are_printed(log: Path) -> None:
     assert re.search(r"^speed: mean \d\.\d, most \d\.\d m/s$", done.stdout, re.MULTILINE), done.stdout
 
 
+def test_a_flight_by_a_program_is_started_watched_stopped_and_kept(rig: Rig) -> None:
+    rig.spawn("fake", sys.executable, ROOT / "tests/browser/fake_vehicle.py", "--listen", rig.endpoint)
+    log = rig.folder / "flight.mcap"
+    done = run("fly.py", "--connect", rig.endpoint, "--seconds", "5", "--record", log)
+    assert done.returncode == 0, done.stderr + rig.output("fake")
+    first, *watched, last = done.stdout.splitlines()
+    assert (first, last) == ("taking off", "braking, then landing")
+    assert re.search(r"^track, \d+\.\d m/s$", "\n".join(watched), re.MULTILINE), done.stdout
+    assert [phase.name for phase in Flight.open(log).phases][-1] == "landed"
+
+
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.name)
 def test_a_wrong_place_is_one_line_and_a_status_of_its_own(program: Path, tmp_path: Path) -> None:
     nothing = tmp_path / "no.mcap"
@@ -93,6 +104,7 @@ def test_a_wrong_place_is_one_line_and_a_status_of_its_own(program: Path, tmp_pa
         "read_log.py": (nothing,),
         "replayed_camera.py": (nothing,),
         "watch_telemetry.py": ("--connect", "nowhere"),
+        "fly.py": ("--connect", "nowhere"),
     }
     done = run(program.name, *arguments.get(program.name, ("--connect", "tcp/127.0.0.1:1")))
     assert done.returncode == 1

@@ -43,8 +43,13 @@ def test_the_wheel_asks_for_what_the_ground_is_pinned_to() -> None:
 
 def test_the_wheel_holds_every_file_of_its_packages(tmp_path: Path) -> None:
     build = "import setuptools.build_meta as b, sys; b.build_wheel(sys.argv[1])"
-    rooms = {"proto/python": "goshawk_proto", "dashboards": "goshawk_dashboards", "ground/station": "goshawk_ground"}
-    listed = subprocess.check_output(["git", "ls-files", *(f"{r}/{p}" for r, p in rooms.items())], cwd=ROOT, text=True)
+    packages = {
+        "goshawk_proto": "proto/python", "goshawk_dashboards": "dashboards", "goshawk_ground": "ground/station",
+        "goshawk": "ground/station",
+    }  # fmt: skip
+    listed = subprocess.check_output(
+        ["git", "ls-files", *(f"{r}/{p}" for p, r in packages.items())], cwd=ROOT, text=True
+    )
     tree = tmp_path / "tree"
     for name in (*listed.split(), "pyproject.toml", "LICENSE"):
         copy = tree / name
@@ -55,7 +60,12 @@ def test_the_wheel_holds_every_file_of_its_packages(tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as packed:
         held = {name for name in packed.namelist() if ".dist-info/" not in name}
         assert packed.read("goshawk_proto/keys.toml") == (ROOT / "proto/keys.toml").read_bytes()
-    wanted = {name.removeprefix(f"{room}/") for name in listed.split() for room in rooms if name.startswith(f"{room}/")}
+    wanted = {
+        name.removeprefix(f"{room}/")
+        for name in listed.split()
+        for room in set(packages.values())
+        if name.startswith(f"{room}/")
+    }
     assert held == wanted
 
 

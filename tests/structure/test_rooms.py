@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
     "air/sensors/goshawk_sensors",
     "dashboards/goshawk_dashboards",
+    "ground/station/goshawk",
     "ground/station/goshawk_ground",
     "ground/train/goshawk_train",
     "proto/python/goshawk_proto",

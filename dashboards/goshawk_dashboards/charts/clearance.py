@@ -34,6 +34,12 @@ class Clearance:
     times_s_M: Array
     nearest_m_M: Array
 
+    @property
+    def least_m(self) -> float | None:
+        """The least of the flight; None where depth never showed anything."""
+        shown = self.nearest_m_M[np.isfinite(self.nearest_m_M)]
+        return float(shown.min()) if len(shown) else None
+
 
 def seen_clearance(flight: Flight) -> Clearance | None:
     """None if the log has no depth, or the vehicle file does not say where the camera is."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +44,9 @@ def speed_colors_P3(speed_P: Array, top_mps: float) -> NDArray[np.uint8]:
 class FlownPath:
     """Where the vehicle has been and how fast, a point every ``PATH_SPACING_M``."""
 
-    def __init__(self) -> None:
-        self._rows: list[Array] = []
+    def __init__(self, most: int | None = None) -> None:
+        """``most``: only so many of the newest points; None: all."""
+        self._rows: deque[Array] = deque(maxlen=most)
 
     def add(self, pos_3: Array, speed_mps: float) -> None:
         """Takes a position if it is far enough from the last one."""

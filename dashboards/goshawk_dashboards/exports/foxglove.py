@@ -1,15 +1,12 @@
 """For Foxglove and Lichtblick: the log's own channels, and what their 3-D, image and log panels read.
 
-The log's channels are copied under their topic with a leading slash, which old message paths need. Added, with
-Foxglove's schemas: ``/tf``, ``/tf_static``, ``/vehicle/pose``, ``/camera/image``, ``/camera/depth``,
-``/camera/calibration``, ``/scene/vehicle``, ``/scene/plan``, ``/scene/target``, ``/scene/truth``, ``/scene/path``,
-``/remembered`` and ``/log``.
-The layout that shows them is ``foxglove-layout.json`` beside this file.
+The log's channels are copied under their topic with a leading slash, which old message paths need; ``TOPICS`` are
+added. The layout that shows them is ``foxglove-layout.json`` beside this file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,11 +52,24 @@ PERSON_M = (0.5, 0.5, 1.75)
 
 Out = tuple[str, Message]
 
+TOPICS: Mapping[str, type[Message]] = {
+    "/tf": FrameTransform,
+    "/tf_static": FrameTransforms,
+    "/vehicle/pose": PoseInFrame,
+    "/camera/image": CompressedImage,
+    "/camera/depth": RawImage,
+    "/camera/calibration": CameraCalibration,
+    **{f"/scene/{what}": SceneUpdate for what in ("vehicle", "plan", "target", "truth", "path")},
+    "/remembered": PointCloud,
+    "/log": Log,
+}
+"""What is added to our own channels, with Foxglove's schemas."""
+
 
 def write_foxglove(records: Iterable[Record], output: Path) -> dict[str, int]:
     """Writes one MCAP file; messages by topic. Raises OSError if it cannot be written."""
     counts: dict[str, int] = {}
-    scene = _Scene()
+    scene = Scene()
     with output.open("xb") as file, Writer(file) as writer:
 
         def put(topic: str, message: Message, log_ns: int) -> None:
@@ -78,11 +88,12 @@ def write_foxglove(records: Iterable[Record], output: Path) -> dict[str, int]:
     return counts
 
 
-class _Scene:
-    """Turns the log's messages into Foxglove's."""
+class Scene:
+    """Turns our messages into Foxglove's."""
 
-    def __init__(self) -> None:
-        self._path = FlownPath()
+    def __init__(self, path_points: int | None = None) -> None:
+        """``path_points``: how much of the flown path is kept; None: all."""
+        self._path = FlownPath(path_points)
         self._mount: frames.Mount | None = None
         self._makers: dict[str, Callable[[Any], Iterator[Out]]] = {
             "header": self._header,
@@ -92,6 +103,7 @@ class _Scene:
             "target": self._target,
             "sim_truth": self._truth,
             "rgbd": self._rgbd,
+            "preview": self._preview,
             "event": self._event,
         }
 
@@ -199,6 +211,10 @@ class _Scene:
                 "/camera/depth",
                 RawImage(**at, width=m.width, height=m.height, step=2 * m.width, encoding="16UC1", data=depth),
             )
+
+    def _preview(self, m: pb.Preview) -> Iterator[Out]:
+        at: dict[str, Any] = {"timestamp": _time(m.stamp_ns), "frame_id": frames.OPTICAL}
+        yield "/camera/image", CompressedImage(**at, data=m.jpeg, format="jpeg")
 
     def _event(self, m: pb.Event) -> Iterator[Out]:
         levels = {pb.SEVERITY_WARNING: Log.WARNING, pb.SEVERITY_ERROR: Log.ERROR}

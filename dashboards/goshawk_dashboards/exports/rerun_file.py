@@ -27,6 +27,8 @@ APPLICATION = "goshawk"
 TIMELINE = "vehicle"
 SAMPLES = 16
 """Points along a drawn trajectory."""
+BLOCK = 4000
+"""Controller steps that are kept before they go as columns."""
 AXES = ("east", "north", "up")
 
 _BODY, _CAMERA = "world/body", "world/body/camera"
@@ -45,19 +47,24 @@ def write_rerun(records: Iterable[Record], output: Path) -> dict[str, int]:
     recording = rr.RecordingStream(APPLICATION)
     # The library's own error for a path that cannot be written is not an OSError.
     output.open("xb").close()
-    recording.save(output, default_blueprint=_blueprint())
-    log = _Log(recording)
+    recording.save(output, default_blueprint=blueprint())
+    log = Log(recording)
     for record in records:
         log.take(record)
-    log.finish()
+    log.flush()
+    log.draw_path()
     recording.flush()
     recording.disconnect()
     return log.counts
 
 
-class _Log:
-    def __init__(self, recording: rr.RecordingStream) -> None:
+class Log:
+    """Logs our messages to a recording of Rerun's."""
+
+    def __init__(self, recording: rr.RecordingStream, path_points: int | None = None) -> None:
+        """``path_points``: how much of the flown path is kept; None: all."""
         self._recording = recording
+        self._path = FlownPath(path_points)
         self._controls: list[ControlView] = []
         self._seen_lens = False
         self.counts: dict[str, int] = {}
@@ -70,6 +77,7 @@ class _Log:
             "target": self._target,
             "sim_truth": self._truth,
             "rgbd": self._rgbd,
+            "preview": self._preview,
             "event": self._event,
         }
         self._stand("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -87,8 +95,8 @@ class _Log:
         except decode.MalformedError:
             return
 
-    def finish(self) -> None:
-        """Logs what goes as columns."""
+    def flush(self) -> None:
+        """Logs what goes as columns and has come since the last time."""
         if not self._controls:
             return
         stamps_ns = [c.stamp_ns for c in self._controls]
@@ -103,10 +111,15 @@ class _Log:
                     self._series(f"acceleration/{axis}/{name}", list(known), list(known.values()), color)
             self._series(f"speed/{axis}", stamps_ns, vel_M3[:, k].tolist(), None)
         self._series("speed/total", stamps_ns, np.linalg.norm(vel_M3, axis=1).tolist(), theme.VEHICLE)
-        path = FlownPath()
         for pos_3, vel_3 in zip(pos_M3, vel_M3, strict=True):
-            path.add(pos_3, float(np.linalg.norm(vel_3)))
-        points_P3, rgb_P3 = path.points_P3, path.rgb_P3
+            self._path.add(pos_3, float(np.linalg.norm(vel_3)))
+        self._controls.clear()
+
+    def draw_path(self) -> None:
+        """Logs the flown path as it is by now, in place of the one before."""
+        points_P3, rgb_P3 = self._path.points_P3, self._path.rgb_P3
+        if len(points_P3) < 2:
+            return
         segments = np.stack([points_P3[:-1], points_P3[1:]], axis=1)
         self._stand("world/path", rr.LineStrips3D(list(segments), colors=rgb_P3[1:], radii=rr.Radius.ui_points(1.5)))
 
@@ -120,6 +133,8 @@ class _Log:
 
     def _control(self, m: pb.Control, _: int) -> None:
         self._controls.append(decode.control(m))
+        if len(self._controls) >= BLOCK:
+            self.flush()
 
     def _imu(self, m: pb.Imu, log_ns: int) -> None:
         self._row("imu/specific_force", log_ns, rr.Scalars(frames.vec(m.specific_force_body)))
@@ -186,6 +201,9 @@ class _Log:
             depth = rr.EncodedDepthImage(blob=m.depth_png, media_type="image/png", meter=1000.0)
             self._row(_DEPTH, log_ns, depth)
 
+    def _preview(self, m: pb.Preview, log_ns: int) -> None:
+        self._row(_IMAGE, log_ns, rr.EncodedImage(contents=m.jpeg, media_type="image/jpeg"))
+
     def _event(self, m: pb.Event, log_ns: int) -> None:
         event = decode.event(m)
         levels = {pb.SEVERITY_WARNING: rr.TextLogLevel.WARN, pb.SEVERITY_ERROR: rr.TextLogLevel.ERROR}
@@ -212,7 +230,7 @@ class _Log:
         self._columns(entity, stamps_ns, rr.Scalars.columns(scalars=values))
 
 
-def _blueprint() -> rrb.Blueprint:
+def blueprint() -> rrb.Blueprint:
     plots = [rrb.TimeSeriesView(origin=f"acceleration/{axis}", name=f"acceleration {axis}, m/s²") for axis in AXES]
     return rrb.Blueprint(
         rrb.Horizontal(

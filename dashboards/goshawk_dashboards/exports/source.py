@@ -36,5 +36,5 @@ def records(flight: Flight) -> Iterator[Record]:
 
 def _places(flight: Flight, name: str) -> Iterator[tuple[int, str, int]]:
     """Time, channel and index of each of a channel's records."""
-    times_ns = flight.log.times_ns(CHANNELS[name][0]).tolist()
-    return ((log_ns, name, index) for index, log_ns in enumerate(times_ns))
+    times_ns = flight.log.times_ns(CHANNELS[name][0])
+    return ((int(log_ns), name, index) for index, log_ns in enumerate(times_ns))

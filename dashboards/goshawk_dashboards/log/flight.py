@@ -24,12 +24,12 @@ from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.columns import Columns, read_columns
 from goshawk_dashboards.log.frame import FrameView
-from goshawk_dashboards.log.mcap_file import Damage, LogError, McapLog
+from goshawk_dashboards.log.mcap_file import Damage, ForeignLogError, LogError, McapLog
 from goshawk_dashboards.log.phases import Phase, phases_of
 from goshawk_dashboards.state import decode, words
 from goshawk_dashboards.state import views as view
 
-__all__ = ["CHANNELS", "Columns", "Flight", "LogError"]
+__all__ = ["CHANNELS", "Columns", "Flight", "ForeignLogError", "LogError"]
 
 Array = view.Array
 View = TypeVar("View")
@@ -69,8 +69,9 @@ class Flight:
     def __init__(self, log: McapLog, *, start_ns: int | None = None) -> None:
         """Raises LogError if it is MCAP but not of ours, or of another protocol."""
         if not any(topic in log.topics for topic, _ in CHANNELS.values()):
-            what = "it holds no whole record" if not log.topics else "none of its channels is Goshawk's"
-            raise LogError(f"{log.path} is no flight log: {what}")
+            if log.topics:
+                raise ForeignLogError(f"{log.path} is no flight log: none of its channels is Goshawk's")
+            raise LogError(f"{log.path} is no flight log: it holds no whole record")
         self.log = log
         self.path = log.path
         timeless = {CHANNELS["header"][0], CHANNELS["world"][0]}

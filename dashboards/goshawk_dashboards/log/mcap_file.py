@@ -2,9 +2,10 @@
 
 One walk over the file at opening; it ends quietly where the file was cut off (``kill -9``, a power cut, a full disk).
 What is damaged is left out and named: after it the walk goes on at the next chunk whose lengths fit and whose
-checksum is right. A wrong length leads nowhere, and no more is allocated than the file and CHUNK_LIMIT. Small records
-are kept in memory; images stay in the file, and their chunk is unpacked again when one is asked for, with a few of the
-last chunks kept.
+checksum is right. A wrong length leads nowhere, and no more is allocated than the file and CHUNK_LIMIT.
+
+However long the log is, memory holds where each record is (20 bytes), the small records of the chunks that were used
+last, and a few whole chunks, for their images. All else is unpacked again when it is asked for.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import mmap
 import struct
 import zlib
+from array import array
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,8 +31,10 @@ from numpy.typing import NDArray
 from zstandard import ZstdDecompressor, ZstdError
 
 MAGIC = b"\x89MCAP0\r\n"
-KEPT_BYTES = 4096
-"""Records up to this size are kept in memory, larger ones (images) as places in the file."""
+SMALL_BYTES = 4096
+"""Records up to this size are kept apart from the larger ones (images), which are most of a chunk."""
+SMALL_KEPT_BYTES = 96 << 20
+"""All small records of about five minutes of flight."""
 CHUNKS_KEPT = 8
 """Unpacked chunks that are kept, about 1 MB each."""
 
@@ -54,12 +58,17 @@ _TO_ZSTD = _RECORD.size + 28
 """and where, from the begin of the record."""
 _FOOTER = _RECORD.pack(Opcode.FOOTER, 20)
 
-Place: TypeAlias = tuple[int, int, int]
-"""Chunk number, offset in it unpacked, length."""
+Places: TypeAlias = NDArray[np.int32]
+"""A row a record: chunk number, offset, length. Offset in the chunk unpacked, or of a small record in the chunk's small
+records."""
 
 
 class LogError(ValueError):
     """The file cannot be read as a flight log; one line that names it."""
+
+
+class ForeignLogError(LogError):
+    """It is whole and MCAP, but another program's: an export lies beside its log."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,9 +102,14 @@ class McapLog:
         self._chunks: list[tuple[int, int]] = []
         self._unpacked: OrderedDict[int, bytes] = OrderedDict()
         self._zstd = ZstdDecompressor()
-        self._times: dict[str, list[int]] = {}
-        self._records: dict[str, list[bytes | Place]] = {}
-        self._sinks: dict[int, tuple[list[int], list[bytes | Place]]] = {}
+        self._small: OrderedDict[int, bytes] = OrderedDict()
+        """Chunk number → its small records, one after the other."""
+        self._small_bytes = 0
+        self._sorted_times: dict[str, NDArray[np.int64]] = {}
+        self._places: dict[str, Places] = {}
+        self._found: dict[str, tuple[array[int], array[int]]] = {}
+        """Topic → times and places, one after the other, until they are sorted."""
+        self._sinks: dict[int, tuple[array[int], array[int]]] = {}
         """Channel id → where its records go."""
         try:
             with path.open("rb") as file:
@@ -116,7 +130,7 @@ class McapLog:
     @property
     def topics(self) -> tuple[str, ...]:
         """Every topic with at least one record, in the order of the file."""
-        return tuple(topic for topic, records in self._records.items() if records)
+        return tuple(topic for topic, places in self._places.items() if len(places))
 
     def times_ns(self, topic: str) -> NDArray[np.int64]:
         """The time of each record, ascending; empty if there are none."""
@@ -124,11 +138,9 @@ class McapLog:
 
     def payload(self, topic: str, index: int) -> bytes:
         """One record's message, still encoded. Raises IndexError, KeyError if there is no such record."""
-        record = self._records[topic][index]
-        if isinstance(record, bytes):
-            return record
-        chunk, offset, length = record
-        return self._chunk(chunk)[offset : offset + length]
+        chunk, offset, length = self._places[topic][index].tolist()
+        data = self._small_of(chunk) if length <= SMALL_BYTES else self._chunk(chunk)
+        return data[offset : offset + length]
 
     def records(self) -> Iterator[tuple[Channel, int, int, bytes]]:
         """Every readable record in the order of writing: its channel, sequence, time and message."""
@@ -163,6 +175,7 @@ class McapLog:
                 damage.append(Damage(begin=whole_to, end=at, after_ns=after_ns, before_ns=first_ns))
             self._index_chunk(data, len(self._chunks))
             self._chunks.append((at + _RECORD.size, length))
+            self._let_go(whole_to, at + _RECORD.size + length)
             whole_to, after_ns = at + _RECORD.size + length, last_ns
         # What was cut off ends within a record; a damaged file has its end, or a chunk that is all there but not whole.
         spoiled = any(self._chunk_length(at, end) for at in self._candidates(whole_to, end))
@@ -240,11 +253,33 @@ class McapLog:
     def _chunk(self, number: int) -> bytes:
         data = self._unpacked.pop(number, None)
         if data is None:
-            data = self._unpack(*self._chunks[number])
+            begin, length = self._chunks[number]
+            data = self._unpack(begin, length)
+            self._let_go(begin, begin + length)
         self._unpacked[number] = data
         if len(self._unpacked) > CHUNKS_KEPT:
             self._unpacked.popitem(last=False)
         return data
+
+    def _small_of(self, number: int) -> bytes:
+        small = self._small.get(number)
+        if small is not None:
+            self._small.move_to_end(number)
+            return small
+        data = self._chunk(number)
+        return self._keep_small(number, b"".join(data[begin:end] for begin, end in _small_messages(data)))
+
+    def _keep_small(self, number: int, small: bytes) -> bytes:
+        self._small[number] = small
+        self._small_bytes += len(small)
+        while self._small_bytes > SMALL_KEPT_BYTES and len(self._small) > 1:
+            self._small_bytes -= len(self._small.popitem(last=False)[1])
+        return small
+
+    def _let_go(self, begin: int, end: int) -> None:
+        """The pages of a part that was read need not stay in memory: a mapped file would grow to its whole size."""
+        begin -= begin % mmap.PAGESIZE
+        self._file.madvise(mmap.MADV_DONTNEED, begin, end - begin)
 
     def _read_summary(self, begin: int, end: int) -> None:
         """The summary repeats the channels: for those whose first chunk is lost."""
@@ -255,47 +290,53 @@ class McapLog:
                 self._summary[channel.id] = channel
 
     def _index_chunk(self, data: bytes, number: int) -> None:
+        small = bytearray()
         for opcode, begin, length in _records(data, 0, len(data)):
             if opcode == Opcode.MESSAGE and length >= _MESSAGE_HEADER:
                 channel_id, time_ns = _MESSAGE.unpack_from(data, begin)
+                end, begin = begin + length, begin + _MESSAGE_HEADER
+                at = begin
+                if end - begin <= SMALL_BYTES:
+                    at = len(small)
+                    small += data[begin:end]
                 sink = self._sinks.get(channel_id) or self._declare(self._summary.get(channel_id))
                 if sink is None or time_ns > _LAST_NS:
                     continue  # its channel was lost with what was damaged or cut off before, or its time is none
-                end, begin = begin + length, begin + _MESSAGE_HEADER
                 sink[0].append(time_ns)
-                sink[1].append(data[begin:end] if end - begin <= KEPT_BYTES else (number, begin, end - begin))
+                sink[1].extend((number, at, end - begin))
             elif opcode == Opcode.SCHEMA:
                 self._take_schema(data[begin : begin + length])
             elif opcode == Opcode.CHANNEL:
                 self._declare(_channel(data[begin : begin + length]))
+        self._keep_small(number, bytes(small))
 
     def _take_schema(self, content: bytes) -> None:
         schema = _schema(content)
         if schema is not None:
             self._schemas[schema.id] = schema
 
-    def _declare(self, channel: Channel | None) -> tuple[list[int], list[bytes | Place]] | None:
+    def _declare(self, channel: Channel | None) -> tuple[array[int], array[int]] | None:
         if channel is None:
             return None
         schema = self.schema_of(channel)
         self.schemas[channel.topic] = "" if schema is None else schema.name
         topic, self._channels[channel.id] = channel.topic, channel
-        self._sinks[channel.id] = (self._times.setdefault(topic, []), self._records.setdefault(topic, []))
+        self._sinks[channel.id] = self._found.setdefault(topic, (array("q"), array("i")))
         return self._sinks[channel.id]
 
     def _sort(self) -> None:
         """By time: the vehicle's threads hand over their records nearly, not exactly, in order."""
-        self._sorted_times: dict[str, NDArray[np.int64]] = {}
-        for topic, times in self._times.items():
+        for topic, (times, places) in self._found.items():
             times_ns = np.array(times, dtype=np.int64)
+            self._places[topic] = np.array(places, dtype=np.int32).reshape(-1, 3)
             if (np.diff(times_ns) < 0).any():
                 order = np.argsort(times_ns, kind="stable")
                 times_ns = times_ns[order]
-                records = self._records[topic]
-                self._records[topic] = [records[k] for k in order]
+                self._places[topic] = self._places[topic][order]
             times_ns.setflags(write=False)
             self._sorted_times[topic] = times_ns
-        self._times.clear()
+        self._found.clear()
+        self._sinks.clear()
 
 
 def _channel(content: bytes) -> Channel | None:
@@ -323,3 +364,10 @@ def _records(data: bytes | mmap.mmap, at: int, end: int) -> Iterator[tuple[int, 
             return
         yield opcode, at, length
         at += length
+
+
+def _small_messages(data: bytes) -> Iterator[tuple[int, int]]:
+    """Where each small message of a chunk begins and ends."""
+    for opcode, begin, length in _records(data, 0, len(data)):
+        if opcode == Opcode.MESSAGE and _MESSAGE_HEADER <= length <= SMALL_BYTES + _MESSAGE_HEADER:
+            yield begin + _MESSAGE_HEADER, begin + length

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,7 +82,7 @@ class Figures:
     nearest_seen_m: float | None
     """From the vehicle's middle, by depth."""
     true_clearance_m: float | None
-    """From the vehicle's hull, by the simulator."""
+    """From the vehicle's hull, by the simulator, while it was on its task."""
     collisions: int | None
     target_lateral_m: Spread | None
     target_longitudinal_m: Spread | None
@@ -163,10 +163,10 @@ def _faults(flight: Flight) -> tuple[str, ...]:
     return tuple(text if n == 1 else f"{text} ({n} times)" for text, n in found.most_common())
 
 
-def healths(flight: Flight) -> list[HealthView]:
+def healths(flight: Flight) -> Iterator[HealthView]:
     """Every heartbeat."""
     found = (flight.health_at(float(t)) for t in flight.times_s("health"))
-    return [h for h in found if h is not None]
+    return (h for h in found if h is not None)
 
 
 def figures(flight: Flight, seen: Clearance | None, errors: TargetErrors | None, latencies: Latencies) -> Figures:
@@ -181,8 +181,8 @@ def figures(flight: Flight, seen: Clearance | None, errors: TargetErrors | None,
     pushing_M = task_M & (control["thrust_n"] > 0.0)
     acceleration = np.linalg.norm(control["acc_att_world"][pushing_M], axis=1)
     push = np.linalg.norm(control["acc_disturbance_world"][task_M], axis=1)
-    nearest = None if seen is None else seen.nearest_m_M[np.isfinite(seen.nearest_m_M)]
-    clearance = flight.columns("sim_truth", ["clearance_m"])["clearance_m"]
+    truth = flight.columns("sim_truth", ["clearance_m"])
+    clearance = truth["clearance_m"][on_task(flight, truth.times_s)]
     return Figures(
         path_m=float(np.linalg.norm(np.diff(placed, axis=0), axis=1).sum()),
         mean_speed_mps=_of(np.mean, speed),
@@ -191,7 +191,7 @@ def figures(flight: Flight, seen: Clearance | None, errors: TargetErrors | None,
         mean_disturbance_mps2=_of(np.mean, push),
         max_disturbance_mps2=_of(np.max, push),
         in_sight_fraction=_in_sight(flight),
-        nearest_seen_m=None if nearest is None else _of(np.min, nearest),
+        nearest_seen_m=None if seen is None else seen.least_m,
         true_clearance_m=_of(np.min, clearance),
         collisions=_collisions(flight),
         target_lateral_m=None if errors is None else Spread.of(errors.lateral_m_M),

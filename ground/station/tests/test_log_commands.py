@@ -6,9 +6,12 @@ import json
 import sys
 from pathlib import Path
 
+import duckdb
 import pytest
 import recordings as rec
 from goshawk_ground.cli import app
+from goshawk_proto import goshawk_pb2 as pb
+from mcap_protobuf.writer import Writer
 from typer.testing import CliRunner, Result
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -79,22 +82,84 @@ def test_report_that_cannot_be_written_is_one_clear_line(log: Path, tmp_path: Pa
     assert "cannot write" in one_line(done.stderr)
 
 
-def test_logs_lists_the_flights_of_a_folder_and_those_below(log: Path, no_log: Path) -> None:
-    below = no_log.parent / "field" / "kite.mcap"
-    below.parent.mkdir()
-    below.write_bytes(log.read_bytes())
-    done = goshawk("logs", no_log.parent, "--json")
-    facts = json.loads(done.stdout)
+@pytest.fixture(scope="module")
+def folder(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a flight, a longer one below it, an export beside it, and a file that is no log."""
+    folder = tmp_path_factory.mktemp("season")
+    (folder / "field").mkdir()
+    (folder / "kite.mcap").write_bytes(log.read_bytes())
+    rec.write_flight(folder / "field" / "longer.mcap", 7.0)
+    (folder / "no.mcap").write_text("hello")
+    with (folder / "kite.foxglove.mcap").open("wb") as file, Writer(file) as writer:
+        writer.write_message("/tel/health", pb.Health(), log_time=1, publish_time=1)
+    return folder
+
+
+@pytest.fixture
+def season(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same; what is known of its logs is kept from test to test."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder.parent / "cache"))
+    return folder
+
+
+def test_logs_lists_the_flights_of_a_folder_and_those_below_and_no_exports(season: Path) -> None:
+    done = goshawk("logs", season, "--json")
     assert done.exit_code == 0
-    assert [(f["path"], f["outcome"], f["faults"]) for f in facts["flights"]] == [(str(below), "ended: landing", [])]
-    assert len(facts["refused"]) == 1
-    assert "no.mcap" in facts["refused"][0]
-    words = goshawk("logs", no_log.parent)
-    assert "kite.mcap" in words.stdout and "ended: landing" in words.stdout
+    flights = {Path(f["path"]).relative_to(season).as_posix(): f for f in json.loads(done.stdout)["flights"]}
+    outcomes = {name: f["outcome"] for name, f in flights.items()}
+    assert outcomes == {"kite.mcap": "ended: landing", "field/longer.mcap": "ended: landing", "no.mcap": "unreadable"}
+    assert flights["no.mcap"]["damage"] == "is no flight log: it does not begin as an MCAP file"
+
+
+def test_logs_gives_each_flight_one_line_of_80_columns(season: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    head, *lines = goshawk("logs", season).stdout.splitlines()
+    assert head.split() == ["log", "s", "near", "m", "m/s²", "outcome", "wrong"]
+    assert [line.split()[0] for line in lines] == ["no.mcap", "field/longer.mcap", "kite.mcap"]
+    assert max(map(len, lines)) <= 80
+    assert "ended: landing" in lines[1] and "is no flight" in lines[0]
+
+
+def test_logs_sorts_and_filters_by_any_column(season: Path) -> None:
+    def names(*options: str) -> list[str]:
+        flights = json.loads(goshawk("logs", season, "--json", *options).stdout)["flights"]
+        return [Path(f["path"]).name for f in flights]
+
+    assert names("--sort", "duration") == ["kite.mcap", "longer.mcap", "no.mcap"]
+    assert names("--sort", "-duration") == ["longer.mcap", "kite.mcap", "no.mcap"]
+    assert names("--where", "vehicle = 'kite' AND duration_s > 6.5") == ["longer.mcap"]
+    assert names("--where", "damage IS NOT NULL") == ["no.mcap"]
+
+
+def test_logs_writes_what_it_lists_as_parquet_and_as_a_page(season: Path, tmp_path: Path) -> None:
+    table, page = tmp_path / "flights.parquet", tmp_path / "season.html"
+    done = goshawk("logs", season, "--where", "duration_s > 6.5", "--parquet", table, "--report", page)
+    assert done.exit_code == 0, done.output
+    assert duckdb.execute(f"SELECT vehicle, round(duration_s) FROM '{table}'").fetchall() == [("kite", 7.0)]
+    assert "longer.mcap" in page.read_text(encoding="utf-8")
+    assert "kite.mcap" not in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "why"),
+    [
+        (("--where", "nosuch = 1"), 2, "the columns are path, began, vehicle"),
+        (("--where", "((("), 2, "syntax error"),
+        (("--sort", "nosuch"), 2, "--sort nosuch is no column: path, began"),
+        (("--where", "duration_s > 1000"), 1, "for which duration_s > 1000"),
+        (("--report", "season.pdf"), 2, "let --report end in .html"),
+        (("--report", "/nosuch/season.html"), 2, "cannot write /nosuch/season.html"),
+        (("--parquet", "/nosuch/flights.parquet"), 2, "cannot write /nosuch/flights.parquet"),
+    ],
+)
+def test_logs_says_in_one_line_what_it_cannot_do(season: Path, options: tuple[str, str], status: int, why: str) -> None:
+    done = goshawk("logs", season, *options)
+    assert done.exit_code == status
+    assert why in one_line(done.stderr)
 
 
 def test_logs_of_nothing_is_one_clear_line(tmp_path: Path) -> None:
-    assert "no flight log" in one_line(goshawk("logs", tmp_path).stderr)
+    assert "no flight in" in one_line(goshawk("logs", tmp_path).stderr)
     assert goshawk("logs", tmp_path).exit_code == 1
     assert "is no folder" in one_line(goshawk("logs", tmp_path / "absent").stderr)
     assert goshawk("logs", tmp_path / "absent").exit_code == 2

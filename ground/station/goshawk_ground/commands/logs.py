@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from goshawk_dashboards.exports import FOXGLOVE_LAYOUT, ExportError, Format, export_log
-from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.flight import LogError
 from goshawk_dashboards.log.recover import recover as recover_log
-from goshawk_dashboards.report.summary import GOOD_OUTCOMES, Card, card
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -24,6 +24,13 @@ _HINTS = {
     Format.ROS2: "play it with: ros2 bag play -s mcap {path}",
     Format.CSV: "one file a channel, images beside them",
 }
+LOG_WIDTH, OUTCOME_WIDTH = 34, 17
+"""Columns of the longest name of a log, and of the longest outcome, in a table of 80."""
+
+
+def cache_folder() -> Path:
+    """Where a user's programs keep what can be worked out again."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "goshawk"
 
 
 def report(
@@ -71,41 +78,91 @@ def logs(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder of flight logs, with those below it.")] = Path(
         "logs"
     ),
+    sort: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMN", help="Such as duration, clearance, faults; -clearance: greatest first; absent: by date."
+        ),
+    ] = None,
+    where: Annotated[
+        str | None, typer.Option(metavar="SQL", help="Only flights for which it holds: \"outcome = 'landed'\".")
+    ] = None,
+    parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the table as a Parquet file.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write one offline HTML page over these flights, by date.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """List flight logs with duration, outcome, faults and policy, the newest last. Exit status 1 if there is none."""
+    """List flight logs, the newest last; sort, filter, export; draw what changed from flight to flight. Exit status 1
+    if there is none.
+
+    A log is read once: what it says is kept in your cache until the log changes.
+    """
+    # DuckDB takes a tenth of a second, which no Stop shall wait for
+    from goshawk_dashboards.report.season.gather import gather
+    from goshawk_dashboards.report.season.table import Season, SeasonError
+
     if not folder.is_dir():
         fail(f"{folder} is no folder", NO_REPLY)
-    cards, refused = _cards(folder)
-    if not cards:
-        fail(f"no flight log (.mcap) in {folder} or below it" + (f"; {refused[0]}" if refused else ""), REFUSED)
-    cards.sort(key=lambda c: (c.wall_time or "", str(c.path)))
-    if as_json:
-        print_json({"flights": [dataclasses.asdict(c) for c in cards], "refused": refused})
-        return
-    table = Table("log", "began", "s", "outcome", "policy", "faults", box=None, pad_edge=False)
-    for c in cards:
-        began = (c.wall_time or "").replace("T", " ").partition(".")[0]
-        policy = f"{c.task or '?'} {(c.policy_sha256 or 'unknown')[:8]}"
-        name = Text(str(c.path.relative_to(folder)), overflow="fold")
-        outcome = Text(c.outcome, style="green" if c.outcome in GOOD_OUTCOMES and not c.faults else "red")
-        table.add_row(name, began, f"{c.duration_s:.1f}", outcome, policy, Text("; ".join(c.faults) or "-"))
-    Console(highlight=False).print(table)
-    for line in refused:
-        typer.echo(f"goshawk: {line}", err=True)
+    if report is not None and report.suffix.lower() != ".html":
+        fail(f"{report} is no name for a page: let --report end in .html", NO_REPLY)
+    paths, screen = sorted(folder.rglob("*.mcap")), Console(stderr=True)
+    read = track(gather(paths, cache_folder()), "reading", total=len(paths), console=screen, transient=True)
+    season = Season(row for row in read if row is not None)
+    try:
+        if where is not None:
+            season.keep(where)
+        if sort is not None:
+            season.sort(sort)
+        flights = season.rows()
+        if not flights:
+            fail(f"no flight in {folder} or below it" + (f" for which {where}" if where else ""), REFUSED)
+        if parquet is not None:
+            season.write_parquet(parquet)
+    except SeasonError as error:
+        fail(str(error), NO_REPLY)
+    if report is not None:
+        # matplotlib takes a second
+        from goshawk_dashboards.report.season.page import page
 
-
-def _cards(folder: Path) -> tuple[list[Card], list[str]]:
-    """Each log's card, and a line for each file that is none."""
-    cards: list[Card] = []
-    refused: list[str] = []
-    paths = sorted(folder.rglob("*.mcap"))
-    for path in track(paths, "reading", console=Console(stderr=True), transient=True, disable=len(paths) < 2):
+        with screen.status(f"drawing {report}"):
+            text = page(season, folder, report.parent)
         try:
-            cards.append(card(Flight.open(path)))
-        except LogError as error:
-            refused.append(str(error))
-    return cards, refused
+            report.write_text(text, encoding="utf-8")
+        except OSError as error:
+            fail(f"cannot write {report}: {error.strerror}", NO_REPLY)
+    if as_json:
+        print_json({"flights": flights})
+        return
+    _print_flights(flights, folder)
+    for written, hint in ((parquet, "open it with DuckDB, pandas or Polars"), (report, "open it in any browser")):
+        if written is not None:
+            typer.echo(f"{written}: {hint}")
+
+
+def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
+    """A line a flight where there are 80 columns; what went wrong as far as there is room."""
+    from goshawk_dashboards.report.season.table import wrong
+
+    names = [str(Path(f["path"]).relative_to(folder)) for f in flights]
+    table = Table(box=None, pad_edge=False, expand=True)
+    table.add_column("log", overflow="fold", width=min(max(map(len, names)), LOG_WIDTH))
+    for head in ("s", "near m", "m/s²"):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("outcome", max_width=OUTCOME_WIDTH, overflow="ellipsis", no_wrap=True)
+    table.add_column("wrong", overflow="ellipsis", no_wrap=True, ratio=1)
+    for name, f in zip(names, flights, strict=True):
+        told = wrong(f)
+        table.add_row(
+            Text(name),
+            *(
+                "-" if f[column] is None else f"{f[column]:.{digits}f}"
+                for column, digits in (("duration_s", 1), ("clearance_m", 2), ("disturbance_mps2", 2))
+            ),
+            Text(f["outcome"], style="green" if f["good"] else "red"),
+            Text(f"{len(told)}: {'; '.join(told)}" if len(told) > 1 else "".join(told) or "-"),
+        )
+    Console(highlight=False).print(table)
 
 
 def export(
@@ -160,7 +217,11 @@ def register(app: typer.Typer) -> None:
     app.command(
         epilog="Examples: goshawk report flight.mcap | goshawk report flight.mcap -o flight.html --figures figures"
     )(report)
-    app.command(epilog="Examples: goshawk logs | goshawk logs logs/field --json | jq '.flights[].outcome'")(logs)
+    app.command(
+        epilog="Examples: goshawk logs | goshawk logs logs/field --sort clearance | "
+        "goshawk logs --where \"policy = '79a16de8' AND clearance_m < 0.5\" --report season.html | "
+        "goshawk logs --parquet flights.parquet | goshawk logs --json | jq '.flights[].outcome'"
+    )(logs)
     app.command(
         epilog="Examples: goshawk export flight.mcap --format foxglove | goshawk export flight.mcap --format csv -o out"
     )(export)

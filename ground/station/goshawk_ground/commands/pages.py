@@ -51,6 +51,21 @@ def ground(
     key: KeyFile = None,
     operator_password_file: OperatorPassword = None,
     observer_password_file: ObserverPassword = None,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=65535,
+            metavar="PORT",
+            help="Serve Foxglove's WebSocket too, such as 8765, to this computer only; each further vehicle one above.",
+        ),
+    ] = None,
+    rerun: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Send to a Rerun viewer that runs already: rerun+http://127.0.0.1:9876/proxy."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Serve the live dashboard until Ctrl-C. Space in it stops the vehicle shown, shift + space twice all.
@@ -60,6 +75,7 @@ def ground(
     from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
     from goshawk_ground.link import fleet
     from goshawk_ground.pages.serve import serve_dashboard
+    from goshawk_ground.pages.tools import foxglove_feeds, rerun_feeds
 
     with ExitStack() as stack:
         try:
@@ -77,17 +93,23 @@ def ground(
         )
         with admission.failing_in_one_line():
             admitted = admission.admit(host, files)
+            tools = {} if foxglove is None else foxglove_feeds(links, foxglove)
+            viewers = [] if rerun is None else rerun_feeds(links, rerun)
+            for feed in (*tools.values(), *viewers):
+                stack.enter_context(feed)
             dashboard = serve_dashboard(
                 *links, host=host, port=port, radios=radios, access=admitted.access, tls=admitted.tls
             )
         with until_interrupted():
             if as_json:
                 facts = {"url": dashboard.url, "observer_url": dashboard.observer_url, "vehicles": endpoints}
-                typer.echo(json.dumps({**facts, **admitted.facts()}))
+                typer.echo(json.dumps({**facts, "foxglove": list(tools), **admitted.facts()}))
             else:
                 words = ", ".join(f"'{name}' at {endpoint}" for name, endpoint in endpoints.items())
                 typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")
                 typer.echo("\n".join((f"observers: {dashboard.observer_url}", *admitted.words(port))))
+                for address in tools:
+                    typer.echo(f"foxglove: {address}  (Open connection → Foxglove WebSocket, on this computer)")
         dashboard.close()
         for link in links:
             _say_if_pending(link)

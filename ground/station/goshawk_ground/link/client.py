@@ -26,6 +26,7 @@ from goshawk_proto import KEYS, goshawk_pb2, key_expression
 from goshawk_ground.link import round_trip, silence
 from goshawk_ground.link.channel import ChannelStats
 from goshawk_ground.link.dial import LinkError, Way
+from goshawk_ground.link.tap import Tap
 from goshawk_ground.orders.ask import Starter
 from goshawk_ground.orders.stop_file import StopFile
 from goshawk_ground.orders.stop_latch import StopLatch
@@ -78,6 +79,7 @@ class GroundLink:
         self._newest: dict[str, Any] = {}
         self._events: deque[EventView] = deque(maxlen=EVENTS)
         self._listeners: tuple[Listener, ...] = ()
+        self._taps: tuple[Tap, ...] = ()
         self._alive = False
         self._world: WorldView | None = None
         self._command: CommandView | None = None
@@ -153,6 +155,17 @@ class GroundLink:
         with self._lock:
             self._listeners = tuple(kept for kept in self._listeners if kept is not listener)
 
+    def tap(self) -> Tap:
+        """Every well-formed message from now on, as it came."""
+        tap = Tap(self._untap)
+        with self._lock:
+            self._taps = (*self._taps, tap)
+        return tap
+
+    def _untap(self, tap: Tap) -> None:
+        with self._lock:
+            self._taps = tuple(kept for kept in self._taps if kept is not tap)
+
     def snapshot(self) -> Snapshot:
         """All that is known now."""
         linked, stop = self.linked, self._stops.view()
@@ -220,6 +233,8 @@ class GroundLink:
                 self._events.append(view)
             else:
                 self._newest[name] = view
+        for tap in self._taps:
+            tap.put(name, message)
         for listener in self._listeners:
             listener(name, view)
 

@@ -1,0 +1,120 @@
+"""A folder of flights: what is kept of each log, what the table answers, what the page shows."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recordings as rec
+from goshawk_dashboards.report.season.figures import figures, running_median
+from goshawk_dashboards.report.season.gather import gather
+from goshawk_dashboards.report.season.page import page
+from goshawk_dashboards.report.season.row import Row, row_of
+from goshawk_dashboards.report.season.table import Season
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A made-up flight."""
+    return rec.write_flight(tmp_path_factory.mktemp("log") / "flight.mcap", 8.0)
+
+
+def rows(path: Path, cache: Path) -> list[Row | None]:
+    return list(gather([path], cache))
+
+
+def row(number: int, **facts: Any) -> Row:
+    """A flight of 2 m clearance and no fault."""
+    usual: dict[str, Any] = {
+        "began": f"2026-05-01T{number:02}:00:00Z", "vehicle": "kite", "policy": "79a16de8", "outcome": "landed",
+        "good": True, "duration_s": 60.0, "clearance_m": 2.0, "disturbance_mps2": 0.5, "fault_count": 0,
+    }  # fmt: skip
+    return Row(path=f"logs/{number}.mcap", **{**usual, **facts})
+
+
+def test_a_row_holds_what_the_log_tells(log: Path) -> None:
+    found = row_of(log)
+    assert found is not None
+    assert (found.vehicle, found.profile, found.outcome, found.damage) == ("kite", "chase", "ended: landing", None)
+    assert (round(found.duration_s or 0.0), found.fault_count) == (8, 1)
+    assert found.faults[0].startswith("fallback: ")
+    # The truth is 1 + 0.8 cos t: least at t = π, while it tracks.
+    assert (found.clearance_m, found.clearance_by) == (pytest.approx(0.2, abs=0.01), "truth")
+
+
+def test_a_log_is_read_again_only_when_it_has_changed(log: Path, tmp_path: Path) -> None:
+    copy, cache = tmp_path / "flight.mcap", tmp_path / "cache"
+    copy.write_bytes(log.read_bytes())
+    before = rows(copy, cache)
+    facts = copy.stat()
+    copy.write_bytes(bytes(facts.st_size))
+    os.utime(copy, ns=(facts.st_atime_ns, facts.st_mtime_ns))
+    assert rows(copy, cache) == before == [row_like(row_of(log), copy)]
+    os.utime(copy, ns=(facts.st_atime_ns, facts.st_mtime_ns + 1))
+    (after,) = rows(copy, cache)
+    assert after is not None and after.outcome == "unreadable"
+
+
+def row_like(row: Row | None, path: Path) -> Row | None:
+    """The same row at another place."""
+    return None if row is None else replace(row, path=str(path))
+
+
+def test_a_cache_that_cannot_be_written_costs_time_only(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    assert rows(log, tmp_path / "file" / "cache") == [row_of(log)]
+
+
+def test_many_logs_are_read_by_several_processes_each_into_its_own_row(log: Path, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{k}.mcap" for k in range(8)]
+    for path in paths:
+        path.write_bytes(log.read_bytes())
+    found = [r.path for r in gather(paths, tmp_path / "cache") if r is not None]
+    assert found == [str(path) for path in paths]
+
+
+def test_a_trend_is_the_median_of_a_flight_and_its_neighbours() -> None:
+    values = [1.0, 9.0, 1.0, 1.0, 1.0, 1.0, 5.0]
+    assert running_median(np.array(values)).tolist() == [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 5.0]
+
+
+def test_each_vehicle_and_policy_is_one_line_and_the_rarest_share_one() -> None:
+    flights = [row(k, policy=f"policy{k // 2 if k < 8 else k}") for k in range(12)]
+    (clearance, *_) = figures(Season(flights).rows())
+    kinds = clearance.tables["clearance"]["kind"].tolist()
+    assert kinds[:8] == [f"kite policy{k // 2}" for k in range(8)]
+    assert set(kinds[8:]) == {"others"}
+
+
+def test_a_page_sums_up_and_needs_no_network(tmp_path: Path) -> None:
+    flights = [row(k, clearance_m=2.0 - 0.1 * k) for k in range(9)]
+    flights.append(row(9, outcome="collided", good=False, clearance_m=0.0, faults=("gust (2 times)",), fault_count=1))
+    flights.append(Row(path="logs/short.mcap", damage="is no flight log: it holds no whole record"))
+    text = page(Season(flights), Path("logs"), tmp_path)
+    assert "2026-05-01 to 2026-05-01" in text
+    assert re.search(r"<b>11 <small></small></b><span>flights", text)
+    assert re.search(r"<b>82 <small>%</small></b><span>ended well", text)
+    assert "<td>gust</td><td class='number'>1</td><td>9.mcap</td>" in text
+    assert "is no flight log: it holds no whole record" in text
+    assert "<code>goshawk review logs/9.mcap</code>" in text
+    assert not re.search(r"<(script|link|img)|https?://(?!www\.w3\.org)", text)
+
+
+def test_a_page_leads_to_a_report_that_lies_beside_its_log(tmp_path: Path) -> None:
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    (folder / "a b.html").write_text("a report")
+    season = Season([Row(path=str(folder / "a b.mcap"))])
+    text = page(season, folder, tmp_path)
+    assert "<a href='logs/a%20b.html'>a b.mcap</a>" in text
+
+
+def test_what_a_log_says_is_text_on_the_page_and_no_markup(tmp_path: Path) -> None:
+    text = page(Season([row(1, vehicle="<b>kite</b>", faults=("<i>$x</i>",), fault_count=1)]), Path("logs"), tmp_path)
+    assert "<b>kite" not in text and "<i>" not in text
+    assert "&lt;i&gt;$x&lt;/i&gt;" in text
