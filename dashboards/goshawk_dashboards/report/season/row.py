@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from goshawk_dashboards.log.flight import Flight, ForeignLogError, LogError
 from goshawk_dashboards.charts.clearance import seen_clearance
-from goshawk_dashboards.report.errors import target_errors
+from goshawk_dashboards.charts.errors import target_errors
+from goshawk_dashboards.log.flight import Flight, ForeignLogError, LogError
 from goshawk_dashboards.report.latency import latencies
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, card, figures
 
