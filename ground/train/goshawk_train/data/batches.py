@@ -7,7 +7,7 @@ The "net" frame is the camera frame, or its mirror image left to right for mirro
 from __future__ import annotations
 
 import json
-import os
+import secrets
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -29,6 +29,7 @@ from goshawk_train.model import geometry
 
 F64 = NDArray[np.float64]
 CPU = torch.device("cpu")
+WHOLE = slice(None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +52,12 @@ def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.floa
         if stored["version"] == ESDF_VERSION:
             return np.load(cache, mmap_mode="r"), np.array(stored["origin"])
     distance, origin = grid_from_points(read_ply(points), min_xyz=low, max_xyz=high)
-    partial = folder / f"esdf.{os.getpid()}.partial.npy"  # another run may be at it, too
+    mine = secrets.token_hex(4)  # another run may be at it, too, on another machine
+    partial, partial_about = folder / f"esdf.{mine}.partial.npy", folder / f"esdf.{mine}.partial.json"
     np.save(partial, distance.astype(np.float16))
     partial.replace(cache)
-    about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))
+    partial_about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))
+    partial_about.replace(about)
     return np.load(cache, mmap_mode="r"), origin
 
 
@@ -133,17 +136,20 @@ def make_batch(
     *,
     training: bool,
     states: int = 1,
+    part: slice = WHOLE,
     device: torch.device = CPU,
 ) -> Batch:
     """Frames with fresh random states, `states` each; with colour changes, blanking and mirroring when `training`.
+
+    Of a `part` of the frames alone it is the same part of the batch, bit for bit: random numbers are drawn for all.
 
     Images go to the device as the integers that they are, and become numbers there.
     """
     images, labels = len(index_I), frames.labels
     mirrored = rng.uniform(size=images) < (config.augment.flip if training else 0.0)
-    rgbd = _images(frames, index_I, mirrored, config, device)
+    rgbd = _images(frames, index_I[part], mirrored[part], config, device)
     if training:
-        rgbd = augment.augment(rgbd, rng, config.augment)
+        rgbd = augment.augment(rgbd, rng, config.augment, count=images, part=part)
 
     count, index_B, mirrored = images * states, index_I.repeat(states), mirrored.repeat(states)
     mirror = np.ones((count, 1, 3))
@@ -172,8 +178,11 @@ def make_batch(
     if "aim" in config.network.state:
         aim = sampling.within_reach(aim, config.reach_m)
 
-    def tensor(value: Any) -> Tensor:
-        return torch.as_tensor(np.ascontiguousarray(value, dtype=np.float32))
+    first, behind, _ = part.indices(images)
+    samples = slice(first * states, behind * states)
+
+    def tensor(value: NDArray[Any]) -> Tensor:
+        return torch.as_tensor(np.ascontiguousarray(value[samples], dtype=np.float32))
 
     state = {
         "velocity": velocity,
@@ -193,7 +202,7 @@ def make_batch(
         visible_B=tensor(visible),
         situation=Situation(
             pos_world_B3=tensor(pos),
-            scene_B=torch.from_numpy(labels.scene_F[index_B]),
+            scene_B=torch.from_numpy(labels.scene_F[index_B[samples]]),
             aim_rel_B3=tensor(to_net(aim, world_from_net)),
             agility_B=tensor(agility[:, 0]),
         ),
