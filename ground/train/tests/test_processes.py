@@ -75,11 +75,11 @@ def test_a_run_of_two_processes_is_that_of_one_and_is_gone_on_with_by_one_and_by
     assert saved("three").step == 3
 
 
-def test_torchrun_starts_the_command_and_the_first_process_alone_speaks(
+def test_torchrun_starts_the_command_on_a_streamed_set_and_the_first_process_alone_speaks(
     small: Config, dataset: Path, tmp_path: Path
 ) -> None:
     arguments = ["train", "run", "--config", write_config(small, tmp_path), "--data", dataset]
-    arguments += ["--out", tmp_path / "run", "--samples", 16, "--threads", 1]
+    arguments += ["--out", tmp_path / "run", "--samples", 16, "--threads", 1, "--stream"]
     done = torchrun(2, "--no-python", GOSHAWK, *arguments)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("steps 0..2 of 8") == 1, done.stdout
@@ -99,3 +99,12 @@ def test_each_process_reads_its_part_of_a_step_as_the_whole_has_it(exact: Config
         parts = [read(Workers(torch.device("cpu"), rank, count).part(8)) for rank in range(count)]
         for position, expected in enumerate(whole):
             assert torch.equal(torch.cat([part[position] for part in parts]), expected), (count, position)
+
+
+def test_images_that_stay_on_disk_are_those_of_a_set_in_memory(exact: Config, dataset: Path) -> None:
+    loaded, streamed = (batches.load(dataset, exact, stream=stream)[0] for stream in (False, True))
+    assert len(streamed) == len(loaded) == 24
+    backwards = np.arange(23, -1, -1)
+    for found, expected in ((streamed.rgb_FHW3, loaded.rgb_FHW3), (streamed.depth_FHW, loaded.depth_FHW)):
+        assert np.array_equal(found[backwards], expected[backwards])
+        assert np.array_equal(found[12], expected[12]) and np.array_equal(found[:3], expected[:3])

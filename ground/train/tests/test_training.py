@@ -132,7 +132,7 @@ def test_a_policys_file_is_gone_on_with_as_if_never_folded(
     assert "96 samples of synthetic" in second.snapshot().data
     network = second.network.eval()
     assert export.verify(network, tmp_path / "track.onnx", small) < export.AGREEMENT
-    images = torch.tensor(loaded[0].rgb_FHW3 / 255.0, dtype=torch.float32).permute(0, 3, 1, 2)
+    images = torch.tensor(loaded[0].rgb_FHW3[:] / 255.0, dtype=torch.float32).permute(0, 3, 1, 2)
     rgbd = F.pad(images, (0, 0, 0, 0, 0, 1), value=0.5)
     normalise(network, rgbd)
     with torch.no_grad():

@@ -25,6 +25,7 @@ from goshawk_train.costs.esdf import ESDF_VERSION, SceneGrid, SceneMaps, grid_fr
 from goshawk_train.data import DataError, augment, preprocess, sampling
 from goshawk_train.data.layout import Labels, read_ground, read_images, read_labels, read_view, scene_folders
 from goshawk_train.data.ply import read_ply
+from goshawk_train.data.shards import Images, Shards
 from goshawk_train.model import geometry
 
 F64 = NDArray[np.float64]
@@ -36,8 +37,8 @@ WHOLE = slice(None)
 class Frames:
     """All frames of a data set: images as integers, depth filled."""
 
-    rgb_FHW3: NDArray[np.uint8]
-    depth_FHW: NDArray[np.uint16]
+    rgb_FHW3: Images
+    depth_FHW: Images
     labels: Labels
 
     def __len__(self) -> int:
@@ -85,14 +86,23 @@ def _scenes(root: Path, camera: CameraConfig) -> list[Path]:
     return folders
 
 
-def load(root: Path, config: Config, *, also: Sequence[Path] = (), workers: int = 2) -> tuple[Frames, SceneMaps]:
-    """Read a whole data set, and others `also` as if they were part of it; depth is filled once here. Raises
-    `DataError`."""
+def load(
+    root: Path, config: Config, *, also: Sequence[Path] = (), stream: bool = False, workers: int = 2
+) -> tuple[Frames, SceneMaps]:
+    """Read a whole data set, and others `also` as if they were part of it; depth is filled once here. A `stream` leaves
+    the images on disk, to be read and filled when a batch needs them. Raises `DataError`."""
     folders, view = [folder for one in (root, *also) for folder in _scenes(one, config.camera)], read_view(root)
     parts = [read_labels(folder / "labels.csv", scene) for scene, folder in enumerate(folders)]
     fields = Labels.__dataclass_fields__
     labels = Labels(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in fields})
     size = (view.height, view.width)
+    if stream:
+        mapped = [read_images(folder, len(part), view) for folder, part in zip(folders, parts, strict=True)]
+        rgb, depth = zip(*mapped, strict=True)
+        with ThreadPoolExecutor(workers) as pool:
+            grids = list(pool.map(read_grid, folders))
+        filled = Shards(depth, lambda measured: preprocess.fill_depth(measured, config.depth))
+        return Frames(rgb_FHW3=Shards(rgb), depth_FHW=filled, labels=labels), SceneMaps(grids)
     rgb_FHW3 = np.empty((len(labels.scene_F), *size, 3), dtype=np.uint8)
     depth_FHW = np.empty((len(labels.scene_F), *size), dtype=np.uint16)
     starts = np.cumsum([0] + [len(part) for part in parts])

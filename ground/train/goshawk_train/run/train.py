@@ -248,6 +248,8 @@ class RunOptions:
     """More data sets to train on: images are drawn from all alike."""
     validation: Path | None = None
     """Data set of other scenes."""
+    stream: bool = False
+    """Whether the images stay on disk until a step needs them."""
     resume: bool = False
     begin: Path | None = None
     """A run's folder or a policy's file, whose weights are the first; a resumed run no longer needs it."""
@@ -271,7 +273,7 @@ def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
         saved, begun = workers.agree(lambda: _before(out / checkpoint.FILE, options))
         if workers.first:
             print(f"loading {', '.join(map(str, (root, *options.also)))}", flush=True)
-        frames, maps = workers.one_by_one(lambda: batches.load(root, config, also=options.also))
+        frames, maps = workers.one_by_one(lambda: batches.load(root, config, also=options.also, stream=options.stream))
         name = "; ".join(describe(each) for each in (root, *options.also))
         if workers.agree(lambda: (name, len(frames))) != (name, len(frames)):
             raise TrainingError(f"process {workers.rank} finds other data than the first: {name}; copy the same to all")
