@@ -75,7 +75,7 @@ def test_what_was_made_of_something_else_is_not_gone_on_with(tmp_path: Path) -> 
     assert goshawk(*arguments(out, 1)).exit_code == 0
     other = tmp_path / "goshawk-sim"
     other.write_bytes(SIMULATOR.read_bytes() + b"\0")
-    for change, what in ((["--seed", 900_001], "seed"), (["--simulator", other], "simulator_sha256")):
+    for change, what in ((["--seed", 900_001], "seed"), (["--simulator", other], "goshawk-sim")):
         refused = goshawk(*arguments(out, 1), *change)
         assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1) and f"another {what}" in refused.stderr
     refused = goshawk(*arguments(tmp_path / "tables", 1, "--seed", 10_000_000))

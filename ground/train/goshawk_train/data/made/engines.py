@@ -65,7 +65,10 @@ class OnRay:
 
     def __init__(self, simulator: Path, recipe: Recipe, workers: int | None, address: str | None) -> None:
         os.environ.update(QUIET)
-        import ray as typeless
+        try:
+            import ray as typeless
+        except ModuleNotFoundError as error:
+            raise DataError("Ray is not installed: make setup-campaign") from error
 
         here: dict[str, Any] = {"num_cpus": workers or len(os.sched_getaffinity(0)), "include_dashboard": False}
         options = {"log_to_driver": False, "logging_level": "ERROR", **({} if address else here)}

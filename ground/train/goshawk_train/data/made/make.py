@@ -12,11 +12,15 @@ from contextlib import closing
 from pathlib import Path
 
 from goshawk_train.data import DataError, Progress, unheard
+from goshawk_train.data.layout import read_json
 from goshawk_train.data.made.engines import Engine
 from goshawk_train.data.made.scene import Files, Makers, Recipe, SceneError
 
 RECIPE = "recipe.json"
 """Beside `dataset.json`: what every scene was made of. `goshawk-sim dataset` writes none."""
+
+DECIDES = {"frames": "number of frames", "seed": "seed", "simulator_sha256": "goshawk-sim"}
+"""What decides a scene, in words."""
 
 
 def recipe_of(simulator: Path, *, scenes: int, frames: int, seed: int) -> Recipe:
@@ -50,9 +54,9 @@ def _begin(simulator: Path, recipe: Recipe, out: Path) -> None:
     wanted = dataclasses.asdict(recipe)
     path = out / RECIPE
     if path.is_file():
-        known = json.loads(path.read_text())
-        if changed := [name for name in wanted if name != "scenes" and known.get(name) != wanted[name]]:
-            raise DataError(f"{out} was begun with another {changed[0]}: have that of then, or choose another --out")
+        known = read_json(path)
+        if changed := [what for name, what in DECIDES.items() if known.get(name) != wanted[name]]:
+            raise DataError(f"{out} was begun with another {changed[0]}: give that again, or choose another --out")
     elif out.is_dir() and any(out.iterdir()):
         raise DataError(f"{out} holds something else, without {RECIPE}: choose another --out")
     try:
