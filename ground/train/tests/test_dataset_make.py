@@ -89,6 +89,7 @@ def test_what_was_made_of_something_else_is_not_gone_on_with(tmp_path: Path) -> 
 def cluster(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A head that makes nothing, and two nodes of one core each."""
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    monkeypatch.setenv("RAY_gcs_server_request_timeout_seconds", "30")  # on a machine that has other work
     from ray.cluster_utils import Cluster
 
     made: Any = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})

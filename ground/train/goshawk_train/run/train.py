@@ -28,7 +28,7 @@ from goshawk_train.costs.esdf import SceneMaps
 from goshawk_train.costs.losses import LossModel, Outcome
 from goshawk_train.costs.trajectory import CostModel
 from goshawk_train.data import batches
-from goshawk_train.data.layout import describe
+from goshawk_train.data.layout import describe, scene_folders
 from goshawk_train.errors import TrainerError
 from goshawk_train.model import checkpoint
 from goshawk_train.model.checkpoint import Checkpoint, Ema
@@ -268,13 +268,16 @@ def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
         raise TrainingError("a score needs the costs' scale, which held-out scenes give; add --validation")
     keep_freed_memory()
     torch.set_num_threads(config.training.threads)
+    sets = (root, *options.also)
     workers = join()
     try:
         saved, begun = workers.agree(lambda: _before(out / checkpoint.FILE, options))
+        for each in sets:
+            scene_folders(each)  # without any, every process says so, and none waits
         if workers.first:
-            print(f"loading {', '.join(map(str, (root, *options.also)))}", flush=True)
+            print(f"loading {', '.join(map(str, sets))}", flush=True)
         frames, maps = workers.one_by_one(lambda: batches.load(root, config, also=options.also, stream=options.stream))
-        name = "; ".join(describe(each) for each in (root, *options.also))
+        name = "; ".join(describe(each) for each in sets)
         if workers.agree(lambda: (name, len(frames))) != (name, len(frames)):
             raise TrainingError(f"process {workers.rank} finds other data than the first: {name}; copy the same to all")
         trainer = Trainer(config, frames, maps, data_name=name, workers=workers)
