@@ -75,9 +75,9 @@ class OnRay:
         self.ray: Any = typeless
         try:
             self.ray.init(address or "local", **options)
-        except (ConnectionError, RuntimeError, ValueError) as error:
+        except Exception as error:  # of no class of its own, when a node is slow to begin
             first = str(error).splitlines()[0]
-            raise DataError(f"no Ray at {address or 'this machine'}: {first}; begin one by ray start --head") from error
+            raise DataError(f"no Ray at {address or 'this machine'}: {first}; see ray status") from error
         self.ray.cloudpickle.register_pickle_by_value(scene)  # what nodes run comes with the call
         self.program, self.recipe = self.ray.put(simulator.read_bytes()), recipe
         self.remote = self.ray.remote(make_on_node).options(num_cpus=1, max_retries=-1)
