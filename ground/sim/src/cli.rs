@@ -17,6 +17,7 @@ use goshawk_core::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::ops::Range;
 use std::path::PathBuf;
 use std::process::Command as Process;
 
@@ -76,6 +77,8 @@ pub struct WorldArgs {
 
 /// `goshawk-sim dataset`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  goshawk-sim dataset --out data/train --scenes 480 --seed 900000\n  \
+                  goshawk-sim dataset --out data/train --scenes 480 --seed 900000 --only 240..480   # its second half")]
 pub struct DatasetArgs {
     /// Folder of the data set; finished scenes in it are kept.
     #[arg(long, value_name = "DIR", default_value = "data")]
@@ -92,6 +95,15 @@ pub struct DatasetArgs {
     /// Threads; 0: one for each core.
     #[arg(long, default_value_t = 0)]
     threads: usize,
+    /// Make these scenes alone, the end not among them; each is as in the whole set. 0..0 makes `dataset.json` alone.
+    #[arg(long, value_name = "FIRST..END", value_parser = scenes)]
+    only: Option<Range<usize>>,
+}
+
+/// `12..16`.
+fn scenes(text: &str) -> Result<Range<usize>, String> {
+    let ends = text.split_once("..").and_then(|(first, end)| Some(first.parse().ok()?..end.parse().ok()?));
+    ends.ok_or_else(|| "two numbers of scenes, as 12..16".to_owned())
 }
 
 impl Cli {
@@ -159,9 +171,10 @@ impl DatasetArgs {
             frames: self.frames,
             seed: Seeds::Training.allow(self.seed)?,
             commit: revision(),
+            only: self.only.unwrap_or(0..self.scenes),
         };
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} scenes  {elapsed} (left {eta})")?;
-        let bar = ProgressBar::new(config.scenes as u64).with_style(style);
+        let bar = ProgressBar::new(config.only.len() as u64).with_style(style);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
         let started = std::time::Instant::now();
         let made = std::sync::atomic::AtomicUsize::new(0);
@@ -178,7 +191,7 @@ impl DatasetArgs {
         println!(
             "{}: {} scenes of {} frames ({made} new) in {:.1} s",
             config.out.display(),
-            config.scenes,
+            config.only.len(),
             config.frames,
             started.elapsed().as_secs_f64()
         );

@@ -23,6 +23,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -50,6 +51,8 @@ pub struct DatasetConfig {
     pub seed: u64,
     /// Revision of the code, recorded.
     pub commit: String,
+    /// The scenes to make now; others may be made elsewhere at the same time. Of none, `dataset.json` alone is made.
+    pub only: Range<usize>,
 }
 
 /// Why a data set cannot be made.
@@ -58,6 +61,14 @@ pub enum DatasetError {
     /// Nothing to do.
     #[error("a data set needs at least one scene of one frame")]
     Empty,
+    /// Scenes that the data set does not have.
+    #[error("scenes {} to {} are not all among the {scenes} of the data set, which begin with 0", only.start, only.end)]
+    NotThere {
+        /// What was asked for.
+        only: Range<usize>,
+        /// How many there are.
+        scenes: usize,
+    },
     /// The folder holds something else.
     #[error("{path} already holds a data set of other parameters ({found}): choose another folder or delete it")]
     Other {
@@ -204,8 +215,11 @@ pub fn generate(config: &DatasetConfig, done: impl Fn(bool) + Sync) -> Result<()
     if config.scenes == 0 || config.frames == 0 {
         return Err(DatasetError::Empty);
     }
+    if config.only.start > config.only.end || config.only.end > config.scenes {
+        return Err(DatasetError::NotThere { only: config.only.clone(), scenes: config.scenes });
+    }
     write::open(config)?;
-    (0..config.scenes).into_par_iter().try_for_each(|scene| {
+    config.only.clone().into_par_iter().try_for_each(|scene| {
         let folder = scene_folder(&config.out, scene);
         if folder.exists() {
             done(true);

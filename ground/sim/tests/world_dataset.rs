@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn config(out: &Path, scenes: usize, frames: usize) -> DatasetConfig {
-    DatasetConfig { out: out.to_owned(), scenes, frames, seed: 77, commit: "test".to_owned() }
+    DatasetConfig { out: out.to_owned(), scenes, frames, seed: 77, commit: "test".to_owned(), only: 0..scenes }
 }
 
 fn generate_on(threads: usize, config: &DatasetConfig) -> (usize, usize) {
@@ -59,6 +59,18 @@ fn a_finished_scene_is_kept_and_a_partial_one_made_again() {
     assert_eq!(generate_on(1, &config(dir.path(), 2, 3)), (1, 1));
     assert!(files(dir.path()) == before);
     assert_eq!(generate_on(1, &config(dir.path(), 3, 3)), (1, 2), "more scenes may be asked for");
+}
+
+#[test]
+fn scenes_made_alone_are_those_of_the_whole_set() {
+    let (whole, parts) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    generate_on(2, &config(whole.path(), 3, 4));
+    let only = |only| DatasetConfig { only, ..config(parts.path(), 3, 4) };
+    assert_eq!(generate_on(1, &only(0..0)), (0, 0), "none: the set's description alone");
+    assert_eq!(generate_on(1, &only(2..3)), (1, 0));
+    assert_eq!(generate_on(1, &only(0..2)), (2, 0));
+    assert!(files(parts.path()) == files(whole.path()), "the data sets differ");
+    assert!(matches!(generate(&only(2..4), |_| ()), Err(DatasetError::NotThere { .. })));
 }
 
 #[test]

@@ -1,15 +1,16 @@
 """A tiny data set in the exact layout of `goshawk-sim dataset`: cylinders as trees and person, flat ground.
 
-And the same in the layout of the public YOPO-Tracker.
+And the same in the layout of the public YOPO-Tracker; and a configuration as a file.
 """
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import cast
 
 import numpy as np
-from goshawk_train.config import CameraConfig
+from goshawk_train.config import CameraConfig, Config, config_to_dict
 from goshawk_train.data.layout import View
 from goshawk_train.model import geometry
 from numpy.typing import NDArray
@@ -164,3 +165,17 @@ def write_foreign(root: Path, *, scenes: int, frames: int, seed: int) -> None:
             seen = target if target is not None and visible > 0.8 else np.full(3, np.nan)
             lines.append(",".join(f"{n:.6f}" for n in [*pos, *quaternion, *seen]))
         (folder / "labels.csv").write_text("\n".join(lines) + "\n")
+
+
+def write_config(config: Config, folder: Path) -> Path:
+    """The configuration as a file."""
+    path = folder / "small.toml"
+    table = config_to_dict(config)
+    lines = [f'task = "{table["task"]}"', f"seed = {table['seed']}"]
+    for name, section in table.items():
+        if isinstance(section, dict):
+            lines.append(f"[{name}]")
+            fields = cast("dict[str, object]", section)
+            lines += [f"{k} = {json.dumps(v)}" for k, v in fields.items()]
+    path.write_text("\n".join(lines))
+    return path

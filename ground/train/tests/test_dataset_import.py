@@ -54,7 +54,7 @@ def test_imported_scenes_pass_the_check(imported: Path) -> None:
 
 def test_imported_scenes_are_what_the_trainer_reads(imported: Path, config: Config) -> None:
     frames, maps = batches.load(imported, config)
-    assert frames.rgb_FHW3.shape == (2 * FRAMES, 96, 160, 3)
+    assert frames.rgb_FHW3[:].shape == (2 * FRAMES, 96, 160, 3)
     assert len(maps.base_S) == 2
     assert layout.describe(imported) == "ours: 2 scenes imported from dataset"
 

@@ -151,7 +151,7 @@ def test_a_data_set_of_flights_trains_and_mixes_with_another(flown: Path, datase
     alone, _ = batches.load(dataset, small)
     frames, maps = batches.load(dataset, small, also=[flown])
     assert len(maps.base_S) == 3 and set(frames.labels.scene_F.tolist()) == {0, 1, 2}
-    assert np.array_equal(frames.rgb_FHW3[: len(alone)], alone.rgb_FHW3)
+    assert np.array_equal(frames.rgb_FHW3[: len(alone)], alone.rgb_FHW3[:])
     trainer = train.Trainer(small, frames, maps, data_name="mixed")
     assert all(np.isfinite(float(trainer.advance()["loss"])) for _ in range(3))
 

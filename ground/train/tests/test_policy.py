@@ -185,7 +185,7 @@ def test_colour_matrices_turn_hue_and_keep_grey_grey(config: Config) -> None:
 
 def test_blanking_takes_rgb_or_depth_never_both(config: Config) -> None:
     image = torch.full((4000, 2, 2, 4), 0.5)
-    out = augment.augment(image, np.random.default_rng(0), config.augment)
+    out = augment.augment(image, np.random.default_rng(0), config.augment, count=len(image), part=slice(None))
     no_rgb, no_depth = out[:, 0, 0, 0] == 0, out[:, 0, 0, 3] == 1
     assert not (no_rgb & no_depth).any()
     assert float(no_rgb.float().mean()) == pytest.approx(config.augment.blank_rgb, abs=0.02)

@@ -61,7 +61,10 @@ pub(super) fn open(config: &DatasetConfig) -> Result<(), DatasetError> {
         }
     }
     let text = serde_json::to_string_pretty(&json).expect("plain data is JSON");
-    fs::write(&path, text + "\n").map_err(failed("write", &path))
+    // Beside its place and renamed: another process may be making other scenes of the set, and read it.
+    let partial = config.out.join(format!(".dataset.{}.partial", std::process::id()));
+    fs::write(&partial, text + "\n").map_err(failed("write", &partial))?;
+    fs::rename(&partial, &path).map_err(failed("rename to", &path))
 }
 
 /// Writes a scene's folder, all or nothing.

@@ -21,13 +21,14 @@ SETUP = "the trainer is not installed: make setup-train"
 _EXAMPLES = {
     "train": "Typical: goshawk train run --config ground/train/configs/track.toml --data data/train --out runs/track, "
     "then goshawk train export --run runs/track --data data/val --out air/models/track.onnx; make train does it all.",
-    "dataset": "Examples: goshawk dataset check data/train --against data/val | goshawk dataset import SRC --out DIR",
+    "dataset": "Examples: goshawk dataset make --out data/train --scenes 480 | "
+    "goshawk dataset check data/train --against data/val | goshawk dataset import SRC --out DIR",
     "campaign": "Examples: goshawk campaign report out.json | goshawk campaign compare | goshawk campaign flights | "
     "goshawk campaign robustness | goshawk campaign ablations",
 }
 _HELP = {
     "train": "Train a policy, measure it, and export it for flight.",
-    "dataset": "Data sets for training: check one, or import recordings of another layout.",
+    "dataset": "Data sets for training: make one, check it, or import recordings of another layout.",
     "campaign": "Campaigns of many flights: their pages, the flight table, who flies better, and what made it so.",
 }
 

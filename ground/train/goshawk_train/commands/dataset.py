@@ -1,9 +1,10 @@
-"""`goshawk dataset`: check, import and from-log. Needs no torch."""
+"""`goshawk dataset`: make, check, import and from-log. Needs no torch."""
 
 from __future__ import annotations
 
 import json
 import math
+import time
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from goshawk_train.commands.options import SIMULATOR
 from goshawk_train.commands.process import end, ends_in_one_line
 from goshawk_train.data import Progress
 from goshawk_train.data.check import findings
@@ -71,6 +73,47 @@ def _columns(text: str) -> tuple[str, ...]:
         wanted = f"must name each of {','.join(COLUMNS)} once; - skips a column"
         raise typer.BadParameter(wanted, param_hint="--columns")
     return names
+
+
+@app.command(
+    epilog="Examples: goshawk dataset make --out data/train --scenes 480 | "
+    "goshawk dataset make --out data/train --scenes 480 --engine ray --address auto"
+)
+def make(
+    context: typer.Context,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The data set, new or to go on with.")],
+    scenes: Annotated[int, typer.Option(min=1, metavar="N", help="Number of scenes.")],
+    frames: Annotated[int, typer.Option(min=1, metavar="M", help="Frames in each scene.")] = 128,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of everything, of the training range (goshawk-sim seeds).")
+    ] = 900_000,
+    engine: Annotated[Literal["local", "ray"], typer.Option(help="The cores of this machine, or Ray.")] = "local",
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Cores; default: all.")] = None,
+    address: Annotated[str | None, typer.Option(help="A Ray cluster that runs, such as auto.")] = None,
+    simulator: Annotated[Path, typer.Option(help="The goshawk-sim that makes the scenes.")] = SIMULATOR,
+) -> None:
+    """Make a data set, scene by scene, by many workers: the files are those of goshawk-sim dataset. Ctrl-C keeps what
+    is finished; the same command goes on."""
+    if address and (engine == "local" or workers):
+        raise typer.BadParameter("is a cluster's: give --engine ray, without --workers", param_hint="--address")
+    with ends_in_one_line(context):
+        from goshawk_train.data.made import engines
+        from goshawk_train.data.made.make import make as make_data
+        from goshawk_train.data.made.make import recipe_of
+
+        program = simulator.absolute()
+        recipe = recipe_of(program, scenes=scenes, frames=frames, seed=seed)
+
+        def begin() -> engines.Engine:
+            if engine == "local":
+                return engines.Local(program, recipe, workers)
+            return engines.OnRay(program, recipe, workers, address)
+
+        begun = time.monotonic()
+        with progress_bar() as progress:
+            new = make_data(program, recipe, out, begin, progress)
+        print(f"{out}: {scenes} scenes of {frames} frames ({new} new) in {time.monotonic() - begun:.1f} s")
+        print(f"next: goshawk dataset check {out}")
 
 
 @app.command(

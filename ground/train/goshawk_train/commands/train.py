@@ -42,6 +42,9 @@ def run(
         Path | None,
         typer.Option("--from", metavar="RUN|ONNX", help="Begin with another run's or a policy's weights."),
     ] = None,
+    stream: Annotated[
+        bool, typer.Option("--stream", help="Read images from disk as steps need them, not into memory first.")
+    ] = False,
     samples: Annotated[int | None, typer.Option(help="Length of the run, instead of the configuration's.")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads, instead of the configuration's.")] = None,
     simulator: Annotated[
@@ -60,6 +63,7 @@ def run(
         options = train.RunOptions(
             also=tuple(data[1:]),
             validation=validation,
+            stream=stream,
             resume=resume,
             begin=begin,
             simulator=simulator,

@@ -25,6 +25,10 @@ class Jitter:
     saturation: NDArray[np.float64]
     value: NDArray[np.float64]
 
+    def of(self, part: slice) -> Jitter:
+        """What is done to some of the images."""
+        return Jitter(hue=self.hue[part], saturation=self.saturation[part], value=self.value[part])
+
 
 def draw_jitter(rng: np.random.Generator, count: int, config: AugmentConfig) -> Jitter:
     """Random changes of colour."""
@@ -63,13 +67,14 @@ def colour_matrices(jitter: Jitter) -> NDArray[np.float64]:
     return value[:, None, None] * (_RGB @ turn @ _YIQ)
 
 
-def augment(rgbd_BHW4: Tensor, rng: np.random.Generator, config: AugmentConfig) -> Tensor:
+def augment(rgbd_BHW4: Tensor, rng: np.random.Generator, config: AugmentConfig, *, count: int, part: slice) -> Tensor:
     """Colour changes and noise on RGB, random blanking of RGB (to black) or depth (to the far end); values 0..1.
 
-    The mirror is not done here: it changes geometry as well (see `batches.make_batch`).
+    The images are a `part` of the `count` for which is drawn: what happens to one does not depend on the others. The
+    mirror is not done here: it changes geometry as well (see `batches.make_batch`).
     """
-    count, device = len(rgbd_BHW4), rgbd_BHW4.device
-    out, jitter = torch.empty_like(rgbd_BHW4), draw_jitter(rng, count, config)
+    device = rgbd_BHW4.device
+    out, jitter = torch.empty_like(rgbd_BHW4), draw_jitter(rng, count, config).of(part)
     if config.space == "hsv":
         rgb = jitter_hsv(rgbd_BHW4[..., :3], jitter)
     else:
@@ -79,11 +84,11 @@ def augment(rgbd_BHW4: Tensor, rng: np.random.Generator, config: AugmentConfig) 
         # A fresh field for each batch, scaled and rolled for each image: noise is cheap this way.
         seed = int(rng.integers(2**31))
         field = torch.randn((*rgbd_BHW4.shape[1:3], 3), generator=torch.Generator().manual_seed(seed))
-        gain = torch.tensor(rng.uniform(0, 2 * config.noise, count), dtype=rgb.dtype, device=device)
+        gain = torch.tensor(rng.uniform(0, 2 * config.noise, count)[part], dtype=rgb.dtype, device=device)
         rgb.addcmul_(field.to(device)[None], gain[:, None, None, None])
     out[..., :3] = rgb.clamp_(0, 1)
     out[..., 3] = rgbd_BHW4[..., 3]
-    draw = rng.uniform(size=count)
+    draw = rng.uniform(size=count)[part]
     blank_rgb = torch.tensor(draw < config.blank_rgb, device=device)
     blank_depth = torch.tensor(draw > 1 - config.blank_depth, device=device)
     out[blank_rgb, ..., :3] = 0

@@ -7,7 +7,7 @@ The "net" frame is the camera frame, or its mirror image left to right for mirro
 from __future__ import annotations
 
 import json
-import os
+import secrets
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,18 +25,20 @@ from goshawk_train.costs.esdf import ESDF_VERSION, SceneGrid, SceneMaps, grid_fr
 from goshawk_train.data import DataError, augment, preprocess, sampling
 from goshawk_train.data.layout import Labels, read_ground, read_images, read_labels, read_view, scene_folders
 from goshawk_train.data.ply import read_ply
+from goshawk_train.data.shards import Images, Shards
 from goshawk_train.model import geometry
 
 F64 = NDArray[np.float64]
 CPU = torch.device("cpu")
+WHOLE = slice(None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
     """All frames of a data set: images as integers, depth filled."""
 
-    rgb_FHW3: NDArray[np.uint8]
-    depth_FHW: NDArray[np.uint16]
+    rgb_FHW3: Images
+    depth_FHW: Images
     labels: Labels
 
     def __len__(self) -> int:
@@ -51,10 +53,12 @@ def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.floa
         if stored["version"] == ESDF_VERSION:
             return np.load(cache, mmap_mode="r"), np.array(stored["origin"])
     distance, origin = grid_from_points(read_ply(points), min_xyz=low, max_xyz=high)
-    partial = folder / f"esdf.{os.getpid()}.partial.npy"  # another run may be at it, too
+    mine = secrets.token_hex(4)  # another run may be at it, too, on another machine
+    partial, partial_about = folder / f"esdf.{mine}.partial.npy", folder / f"esdf.{mine}.partial.json"
     np.save(partial, distance.astype(np.float16))
     partial.replace(cache)
-    about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))
+    partial_about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))
+    partial_about.replace(about)
     return np.load(cache, mmap_mode="r"), origin
 
 
@@ -82,14 +86,23 @@ def _scenes(root: Path, camera: CameraConfig) -> list[Path]:
     return folders
 
 
-def load(root: Path, config: Config, *, also: Sequence[Path] = (), workers: int = 2) -> tuple[Frames, SceneMaps]:
-    """Read a whole data set, and others `also` as if they were part of it; depth is filled once here. Raises
-    `DataError`."""
+def load(
+    root: Path, config: Config, *, also: Sequence[Path] = (), stream: bool = False, workers: int = 2
+) -> tuple[Frames, SceneMaps]:
+    """Read a whole data set, and others `also` as if they were part of it; depth is filled once here. A `stream` leaves
+    the images on disk, to be read and filled when a batch needs them. Raises `DataError`."""
     folders, view = [folder for one in (root, *also) for folder in _scenes(one, config.camera)], read_view(root)
     parts = [read_labels(folder / "labels.csv", scene) for scene, folder in enumerate(folders)]
     fields = Labels.__dataclass_fields__
     labels = Labels(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in fields})
     size = (view.height, view.width)
+    if stream:
+        mapped = [read_images(folder, len(part), view) for folder, part in zip(folders, parts, strict=True)]
+        rgb, depth = zip(*mapped, strict=True)
+        with ThreadPoolExecutor(workers) as pool:
+            grids = list(pool.map(read_grid, folders))
+        filled = Shards(depth, lambda measured: preprocess.fill_depth(measured, config.depth))
+        return Frames(rgb_FHW3=Shards(rgb), depth_FHW=filled, labels=labels), SceneMaps(grids)
     rgb_FHW3 = np.empty((len(labels.scene_F), *size, 3), dtype=np.uint8)
     depth_FHW = np.empty((len(labels.scene_F), *size), dtype=np.uint16)
     starts = np.cumsum([0] + [len(part) for part in parts])
@@ -133,17 +146,20 @@ def make_batch(
     *,
     training: bool,
     states: int = 1,
+    part: slice = WHOLE,
     device: torch.device = CPU,
 ) -> Batch:
     """Frames with fresh random states, `states` each; with colour changes, blanking and mirroring when `training`.
+
+    Of a `part` of the frames alone it is the same part of the batch, bit for bit: random numbers are drawn for all.
 
     Images go to the device as the integers that they are, and become numbers there.
     """
     images, labels = len(index_I), frames.labels
     mirrored = rng.uniform(size=images) < (config.augment.flip if training else 0.0)
-    rgbd = _images(frames, index_I, mirrored, config, device)
+    rgbd = _images(frames, index_I[part], mirrored[part], config, device)
     if training:
-        rgbd = augment.augment(rgbd, rng, config.augment)
+        rgbd = augment.augment(rgbd, rng, config.augment, count=images, part=part)
 
     count, index_B, mirrored = images * states, index_I.repeat(states), mirrored.repeat(states)
     mirror = np.ones((count, 1, 3))
@@ -172,8 +188,11 @@ def make_batch(
     if "aim" in config.network.state:
         aim = sampling.within_reach(aim, config.reach_m)
 
-    def tensor(value: Any) -> Tensor:
-        return torch.as_tensor(np.ascontiguousarray(value, dtype=np.float32))
+    first, behind, _ = part.indices(images)
+    samples = slice(first * states, behind * states)
+
+    def tensor(value: NDArray[Any]) -> Tensor:
+        return torch.as_tensor(np.ascontiguousarray(value[samples], dtype=np.float32))
 
     state = {
         "velocity": velocity,
@@ -193,7 +212,7 @@ def make_batch(
         visible_B=tensor(visible),
         situation=Situation(
             pos_world_B3=tensor(pos),
-            scene_B=torch.from_numpy(labels.scene_F[index_B]),
+            scene_B=torch.from_numpy(labels.scene_F[index_B[samples]]),
             aim_rel_B3=tensor(to_net(aim, world_from_net)),
             agility_B=tensor(agility[:, 0]),
         ),

@@ -25,10 +25,10 @@ from torch.utils.tensorboard import SummaryWriter
 from goshawk_train.config import Config, replace_training
 from goshawk_train.costs.batch import Batch
 from goshawk_train.costs.esdf import SceneMaps
-from goshawk_train.costs.losses import LossModel
+from goshawk_train.costs.losses import LossModel, Outcome
 from goshawk_train.costs.trajectory import CostModel
 from goshawk_train.data import batches
-from goshawk_train.data.layout import describe
+from goshawk_train.data.layout import describe, scene_folders
 from goshawk_train.errors import TrainerError
 from goshawk_train.model import checkpoint
 from goshawk_train.model.checkpoint import Checkpoint, Ema
@@ -60,15 +60,18 @@ class Trainer:
     def __init__(
         self, config: Config, frames: batches.Frames, maps: SceneMaps, *, data_name: str, workers: Workers = ALONE
     ) -> None:
-        self.samples_a_step = config.training.batch * workers.count
-        """Images, however many states each is seen with."""
-        if len(frames) < self.samples_a_step:
-            raise TrainingError(f"{len(frames)} frames are fewer than one step of {self.samples_a_step}")
+        batch = config.training.batch
+        if len(frames) < batch:
+            raise TrainingError(f"{len(frames)} frames are fewer than one step of {batch}")
+        if batch < workers.count:
+            raise TrainingError(f"a step of {batch} images is too small for {workers.count} processes; start fewer")
         torch.manual_seed(config.seed)
         self.config, self.frames, self.data_name, self.workers = config, frames, data_name, workers
         network = Policy(config)  # on the CPU, so that a seed means the same everywhere
+        workers.join_norms(network)
         to = cast("Callable[..., Policy]", network.to)  # torch's types know no memory format of a module
         self.network = to(device=workers.device, memory_format=torch.channels_last)
+        workers.share(self.network)
         with workers.device:
             self.losses = LossModel(config, CostModel(config, maps.to(workers.device)))
         self.optimiser = torch.optim.AdamW(
@@ -78,8 +81,8 @@ class Trainer:
             fused=True,
         )
         self.ema = Ema(self.network, config.training.ema)
-        self.steps_per_epoch = len(frames) // self.samples_a_step
-        self.total_steps = math.ceil(config.training.samples / self.samples_a_step)
+        self.steps_per_epoch = len(frames) // batch
+        self.total_steps = math.ceil(config.training.samples / batch)
         self.step, self.seconds = 0, 0.0
         self._order = (-1, np.zeros(0, dtype=np.int64))
         self._ahead: tuple[int, Batch] | None = None
@@ -135,29 +138,43 @@ class Trainer:
         self.data_name += f", begun from {other.origin}"
 
     def indices(self, step: int) -> np.ndarray:
-        """This process's frames of a step."""
+        """The frames of a step, of all processes together."""
         epoch, position = divmod(step, self.steps_per_epoch)
         if self._order[0] != epoch:
             self._order = (epoch, batches.epoch_order(len(self.frames), seed=self.config.seed, epoch=epoch))
         batch = self.config.training.batch
-        start = position * self.samples_a_step + self.workers.rank * batch
-        return self._order[1][start : start + batch]
+        return self._order[1][position * batch : (position + 1) * batch]
 
     def _batch(self, step: int) -> Batch:
         """This process's part of a step."""
         if self._ahead and self._ahead[0] == step:
             return self._ahead[1]
-        config, workers = self.config, self.workers
-        rng = np.random.default_rng([config.seed, 2, step * workers.count + workers.rank])
+        config = self.config
         return batches.make_batch(
             self.frames,
             self.indices(step),
-            rng,
+            np.random.default_rng([config.seed, 2, step]),
             config,
             training=True,
             states=config.training.states,
-            device=workers.device,
+            part=self.workers.part(config.training.batch),
+            device=self.workers.device,
         )
+
+    def _together(self, outcome: Outcome, share: float) -> dict[str, torch.Tensor]:
+        """Sum up what the processes have of the gradients, and of the loss and its parts, which are returned. `share`
+        is this process's of the step's images."""
+        parts = {name: value.detach() * share for name, value in outcome.parts.items()}
+        if self.workers.count == 1:
+            return parts
+        positives = outcome.assignment.positive_BN.sum().float()
+        if "target" in parts:  # a mean over the positives, not over all
+            parts["target"] = outcome.parts["target"].detach() * positives
+        gradients = [p.grad for p in self.network.parameters() if p.grad is not None]
+        self.workers.total([*gradients, *parts.values(), positives])
+        if "target" in parts:
+            parts["target"] /= positives.clamp_min(1)
+        return parts
 
     def advance(self) -> dict[str, torch.Tensor]:
         """One optimiser step; returns the loss and its parts. Raises `TrainingError` on a non-finite loss."""
@@ -179,8 +196,9 @@ class Trainer:
         features = features.float().repeat_interleave(training.states, dim=0)
         outcome = self.losses(self.network.head(features, batch.state_BS), batch)
         self.optimiser.zero_grad(set_to_none=True)
-        outcome.loss.backward()
-        self.workers.average_gradients(self.network.parameters())
+        share = len(batch.rgbd_I4HW) / training.batch
+        (outcome.loss * share).backward()
+        parts = self._together(outcome, share)
         norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), training.gradient_norm_max)
         self._ahead = (self.step + 1, self._batch(self.step + 1))  # a GPU is still at this one
         if not torch.isfinite(norm):
@@ -189,7 +207,6 @@ class Trainer:
         self.ema.update(self.step)
         self.step += 1
         self.seconds += time.monotonic() - started
-        parts = {name: value.detach() for name, value in outcome.parts.items()}
         return {**parts, "gradient_norm": norm, "learning_rate": torch.tensor(rate)}
 
 
@@ -231,6 +248,8 @@ class RunOptions:
     """More data sets to train on: images are drawn from all alike."""
     validation: Path | None = None
     """Data set of other scenes."""
+    stream: bool = False
+    """Whether the images stay on disk until a step needs them."""
     resume: bool = False
     begin: Path | None = None
     """A run's folder or a policy's file, whose weights are the first; a resumed run no longer needs it."""
@@ -242,31 +261,42 @@ class RunOptions:
 def run(config: Config, root: Path, out: Path, options: RunOptions) -> bool:
     """Train and leave `checkpoint.pt` and TensorBoard events in `out`; whether the end was reached before a signal.
 
-    Under `torchrun` every process takes `batch` samples of a step; the first one prints and writes.
+    Under `torchrun` the processes share each step's `batch` images, and do what one alone would; the first one prints
+    and writes. A run goes on with another number of them.
     """
     if options.simulator and not options.validation:
         raise TrainingError("a score needs the costs' scale, which held-out scenes give; add --validation")
     keep_freed_memory()
     torch.set_num_threads(config.training.threads)
-    path = out / checkpoint.FILE
-    resumes = options.resume and path.exists()
-    if path.exists() and not resumes:
-        raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
-    begun = _beginning(options.begin) if options.begin and not resumes else None
+    sets = (root, *options.also)
     workers = join()
     try:
+        saved, begun = workers.agree(lambda: _before(out / checkpoint.FILE, options))
+        for each in sets:
+            scene_folders(each)  # without any, every process says so, and none waits
         if workers.first:
-            print(f"loading {', '.join(map(str, (root, *options.also)))}", flush=True)
-        frames, maps = batches.load(root, config, also=options.also)
-        name = "; ".join(describe(each) for each in (root, *options.also))
+            print(f"loading {', '.join(map(str, sets))}", flush=True)
+        frames, maps = workers.one_by_one(lambda: batches.load(root, config, also=options.also, stream=options.stream))
+        name = "; ".join(describe(each) for each in sets)
+        if workers.agree(lambda: (name, len(frames))) != (name, len(frames)):
+            raise TrainingError(f"process {workers.rank} finds other data than the first: {name}; copy the same to all")
         trainer = Trainer(config, frames, maps, data_name=name, workers=workers)
-        if resumes:
-            trainer.restore(checkpoint.load(path))
+        if saved:
+            trainer.restore(saved)
         elif begun:
             trainer.begin_from(begun)
         return _steps(trainer, out, options)
     finally:
         leave()
+
+
+def _before(path: Path, options: RunOptions) -> tuple[Checkpoint | None, Beginning | None]:
+    """The checkpoint to go on from, or the weights to begin with."""
+    if path.exists() and options.resume:
+        return checkpoint.load(path), None
+    if path.exists():
+        raise TrainingError(f"{path} exists; add --resume to go on, or choose another --out")
+    return None, _beginning(options.begin) if options.begin else None
 
 
 def _beginning(path: Path) -> Beginning:
@@ -296,9 +326,11 @@ class _Clerk:
         out.mkdir(parents=True, exist_ok=True)
         self.log, self.report = SummaryWriter(str(out)), _Report(trainer)
         self.saved = self.checked = self.scored = time.monotonic()
+        batch, workers = trainer.config.training.batch, trainer.workers
+        together = f", {workers.count} processes" if workers.count > 1 else ""
         print(
             f"{len(trainer.frames)} frames, {parameter_count(trainer.network):,} parameters, "
-            f"steps {trainer.step}..{trainer.total_steps} of {trainer.samples_a_step} on {trainer.workers.device}",
+            f"steps {trainer.step}..{trainer.total_steps} of {batch} on {workers.device}{together}",
             flush=True,
         )
 
@@ -352,8 +384,8 @@ class _Report:
         if trainer.step % self.EVERY and trainer.step != trainer.total_steps:
             return
         means = {name: value / self.count for name, value in self.sums.items()}
-        rate = self.count * trainer.samples_a_step / (time.monotonic() - self.started)
-        left_min = (trainer.total_steps - trainer.step) * trainer.samples_a_step / rate / 60
+        rate = self.count * trainer.config.training.batch / (time.monotonic() - self.started)
+        left_min = (trainer.total_steps - trainer.step) * trainer.config.training.batch / rate / 60
         for name, value in {**means, "samples_per_s": rate}.items():
             log.add_scalar(f"train/{name}", value, trainer.step)
         detail = " ".join(f"{n} {v:.3g}" for n, v in means.items() if n != "learning_rate")
