@@ -63,6 +63,7 @@ if (!window.goshawkOver) {
   window.goshawkOver = (template) => {
     const facts = template.dataset;
     news.innerHTML = template.innerHTML;
+    if (window.innerWidth > 576) news.querySelector(".goshawk-phone")?.remove(); // what is between panels may be narrow
     stops.hidden = facts.stop === "";
     label(one, facts.stop);
     label(all, facts.all);
