@@ -175,10 +175,10 @@ def test_trees_appear_and_go_with_the_simulator(live: Live, snap: Make) -> None:
 def forest(rows: int, slope: float = 0.0) -> WorldView:
     """A tree each 4 m along the way east and beside it, on ground that rises to the east."""
     x, y = (v.ravel() for v in np.meshgrid(4.0 * np.arange(rows), 4.0 * np.arange(-2, 3)))
-    base_K3 = np.stack([x, y, slope * x], axis=1)
+    base_K3 = np.stack([x, y, slope * x], axis=1).astype(np.float64)
     return WorldView(
         base_world_K3=base_K3,
-        top_world_K3=base_K3 + (0.0, 0.0, 6.0),
+        top_world_K3=base_K3 + np.array([0.0, 0.0, 6.0]),
         radius_m_K=np.full(len(x), 0.2),
         foliage_radius_m_K=np.ones(len(x)),
         boxes=boxes(0),
@@ -198,7 +198,8 @@ def test_of_a_forest_only_what_is_near_the_vehicle_is_drawn_and_it_follows(live:
         shown_B3 = trunks.node.batched_positions[: trunks.count]
         assert 0 < trunks.count < len(world.radius_m_K)
         assert np.abs(shown_B3[:, 0] - x_m).max() < NEAR_M
-        assert not trunks.node.batched_scales[trunks.count :].any(), "what is left over has a size"
+        sizes_B3 = np.asarray(trunks.node.batched_scales)
+        assert not sizes_B3[trunks.count :].any(), "what is left over has a size"
 
 
 def test_the_ground_rises_where_its_trees_stand_higher(live: Live, snap: Make) -> None:

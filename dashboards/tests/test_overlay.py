@@ -58,7 +58,8 @@ def test_a_phone_shows_the_state_and_on_the_ground_what_is_not_ready_in_flight_t
     shown = [phone.phone_html(s, "STATE", candidates.picture_html(s, fresh=True)) for s in (base, standing)]
     assert all("STATE" in page for page in shown)
     assert [("<img" in page, "no odometry yet" in page) for page in shown] == [(True, False), (False, True)]
-    assert shown[0] in overlay.overlay_html(base, [], stops=STOP, phone=shown[0])
+    assert shown[0] in overlay.phone_over_html(shown[0])
+    assert overlay.phone_over_html("") == ""
 
 
 def test_the_strip_ranks_the_flown_first_then_by_cost(snap: Make) -> None:

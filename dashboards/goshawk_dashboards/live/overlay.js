@@ -11,9 +11,9 @@ if (!window.goshawkOver) {
     '<div class="goshawk-news"></div><div class="goshawk-stops" hidden>' +
     '<button class="goshawk-all"><span></span><kbd aria-hidden="true">shift + space, twice</kbd></button>' +
     '<button class="goshawk-one"><span></span><kbd aria-hidden="true">space</kbd></button>' +
-    '<button class="goshawk-cancel"><span></span></button></div>';
+    '<button class="goshawk-cancel"><span></span></button></div><div></div>';
   document.body.append(layer);
-  const [news, stops] = layer.children;
+  const [news, stops, card] = layer.children;
   const [all, one, cancel] = stops.children;
   one.onclick = () => stop(false);
   all.onclick = () => stop(true);
@@ -61,6 +61,7 @@ if (!window.goshawkOver) {
     button.hidden = words === "";
   };
   window.goshawkOver = (template) => {
+    if (!template) return; // a newer one took its place
     const facts = template.dataset;
     news.innerHTML = template.innerHTML;
     stops.hidden = facts.stop === "";
@@ -69,6 +70,10 @@ if (!window.goshawkOver) {
     label(cancel, facts.cancel);
     all.dataset.armed = facts.armed;
     remember(facts);
+  };
+  window.goshawkPhone = (template) => {
+    // None: a newer card took its place before it was shown. What lies between the panels of a wide window may be narrow.
+    if (template) card.innerHTML = window.innerWidth > 576 ? "" : template.innerHTML;
   };
   const waiting = document.querySelector("template[data-stop]");
   if (waiting) window.goshawkOver(waiting);

@@ -48,13 +48,12 @@ def overlay_html(
     stops: Stops,
     visit: str = "",
     vehicles: Sequence[str] = (),
-    phone: str = "",
 ) -> str:
     """Alerts, each with the name of its vehicle (empty: the only one), the red edge, the last command's outcome, and
     the buttons.
 
     ``visit`` names this connection and ``vehicles`` are all there are: a page that is connected anew, where viser
-    begins anew, asks for the vehicle that it showed before. ``phone`` is for a narrow window alone.
+    begins anew, asks for the vehicle that it showed before.
     """
     severe = any(alert.severe and not alert.over for _, alert in shown)
     edge = (
@@ -64,7 +63,7 @@ def overlay_html(
         else ""
     )
     lines = "".join(_alert(name, alert) for name, alert in shown)
-    news = f'{phone}{edge}<div data-goshawk="alerts" class="goshawk-top">{lines}</div>{_toast(snap)}{_dimmed(snap)}'
+    news = f'{edge}<div data-goshawk="alerts" class="goshawk-top">{lines}</div>{_toast(snap)}{_dimmed(snap)}'
     facts = {
         "stop": stops.one,
         "all": stops.every,
@@ -78,6 +77,13 @@ def overlay_html(
     return f"<template {data}>{news}</template>" + _run(
         "window.goshawkOver && goshawkOver(this.previousElementSibling)"
     )
+
+
+def phone_over_html(card: str) -> str:
+    """A phone's card, apart from the rest: it is new with each picture, and Stop must not wait for one."""
+    if not card:
+        return ""
+    return f"<template>{card}</template>" + _run("window.goshawkPhone && goshawkPhone(this.previousElementSibling)")
 
 
 def _alert(name: str, alert: Alert) -> str:

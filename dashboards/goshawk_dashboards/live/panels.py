@@ -51,6 +51,7 @@ class LivePanels:
         gui = viewer.gui
         gui.add_html(overlay.frame_html())
         self._overlay = gui.add_html("")
+        self._phone = gui.add_html("")
         self._fleet = self._make_fleet(commands) if len(feeds) > 1 else None
         self._status = gui.add_html("")
         self.commands = (
@@ -188,8 +189,9 @@ class LivePanels:
             stops=self._stops(snap),
             visit=self._visit,
             vehicles=[f.vehicle.name for f in self._feeds],
-            phone=phone_html(snap, words.status, words.picture) if self._narrow() else "",
         )
+        card = phone_html(snap, words.status, words.picture) if self._narrow() else ""
+        self._phone.content = overlay.phone_over_html(card)
         if self._fleet is not None:
             self._fleet.content = fleet_html([f.snap for f in self._feeds], snap.vehicle)
         self._status.content = words.status

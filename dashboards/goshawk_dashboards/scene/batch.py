@@ -46,13 +46,14 @@ class Batch:
         held = 0 if self.node is None else len(self.node.batched_positions)
         room = held if held >= self.count else self.count if held == 0 else max(self.count, 2 * held)
         spare = ((0, room - self.count), (0, 0))
-        pos = np.pad(pos_B3, spare, mode="edge").astype(np.float32)
-        size = np.pad(size_B3, spare).astype(np.float32)
+        pos = np.pad(pos_B3, spare, mode="edge")
+        size = np.pad(size_B3, spare)
         wxyz = np.tile(UPRIGHT_4, (room, 1)) if wxyz_B4 is None else np.pad(wxyz_B4, spare, mode="edge")
         if self.node is None or room > held:
             self._make(pos, size, wxyz)
         else:
-            self.node.batched_positions, self.node.batched_scales = pos, size
+            self.node.batched_positions = pos.astype(np.float32)
+            self.node.batched_scales = size.astype(np.float32)
             self.node.batched_wxyzs = wxyz.astype(np.float32)
             self.node.visible = True
 

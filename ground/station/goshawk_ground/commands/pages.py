@@ -130,7 +130,9 @@ def demo(
     ] = False,
     speed: Annotated[float, typer.Option(min=0.5, help="The target's speed, m/s.")] = 3.0,
     spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
-    distance: Annotated[float, typer.Option(min=5.0, help="How far the target runs, m.")] = 40.0,
+    distance: Annotated[
+        float | None, typer.Option(min=5.0, help="How far the target runs, m; absent: 90, headless 40.")
+    ] = None,
     port: Port = 8080,
     bin_dir: BinDir = None,
     log_dir: Annotated[Path, typer.Option(help="Flight log and the processes' output.")] = Path("logs"),
@@ -146,7 +148,7 @@ def demo(
         headless=headless,
         speed_mps=speed,
         spacing_m=spacing,
-        distance_m=distance,
+        distance_m=distance or (40.0 if headless else 90.0),
         port=port,
         bin_dir=bin_dir or places.programs(),
         log_dir=log_dir,

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
 from rich.console import Console
 
 from goshawk_ground.demo import places
+from goshawk_ground.demo.browser import await_browser
 from goshawk_ground.demo.children import Child, stop_all
 from goshawk_ground.demo.director import Action, Director, Limits, Phase
 from goshawk_ground.demo.flight_record import FlightRecord, Summary
@@ -72,10 +74,13 @@ def run_demo(options: DemoOptions) -> bool:
         try:
             children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
             link = GroundLink(connect=endpoint, identity=identity)
-            dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port))
+            tuning = Tuning.of_toml(places.tuning_of(_vehicle_file(options)))
+            dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port), tuning=tuning)
             if interrupted.is_set():
                 raise _Interrupted
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
+            if console.is_terminal and not options.headless:
+                await_browser(dashboard, console)
             summary = _fly(options, link, children, console)
             _report(summary, options, console)
             _print_tails(children, summary, console)
@@ -99,7 +104,7 @@ def run_demo(options: DemoOptions) -> bool:
 def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path, Path]:
     """The two commands by name, the vehicle's endpoint, the operator's identity, and the folder for their output."""
     air, sim = options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim"
-    vehicle = places.vehicle_file("sim.toml" if options.ardupilot is None else "ardupilot-sitl.toml")
+    vehicle = _vehicle_file(options)
     for needed in (air, sim, vehicle):
         if not needed.is_file():
             todo = "run from the repository's root after `make setup`, or install the package goshawk-sim"
@@ -129,6 +134,10 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
         ],
     }  # fmt: skip
     return commands, endpoint, flier, folder
+
+
+def _vehicle_file(options: DemoOptions) -> Path:
+    return places.vehicle_file("sim.toml" if options.ardupilot is None else "ardupilot-sitl.toml")
 
 
 def _autopilot(options: DemoOptions, mavlink_port: int) -> tuple[list[str], list[str]]:
