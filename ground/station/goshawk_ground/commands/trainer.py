@@ -23,7 +23,7 @@ _EXAMPLES = {
     "then goshawk train export --run runs/track --data data/val --out air/models/track.onnx; make train does it all.",
     "dataset": "Examples: goshawk dataset check data/train --against data/val | goshawk dataset import SRC --out DIR",
     "campaign": "Examples: goshawk campaign report out.json | goshawk campaign compare | goshawk campaign flights | "
-    "goshawk campaign robustness | goshawk campaign ablations",
+    "goshawk campaign robustness | goshawk campaign ablations | goshawk campaign run PLAN.toml",
 }
 _HELP = {
     "train": "Train a policy, measure it, and export it for flight.",
