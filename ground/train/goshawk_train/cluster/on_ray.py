@@ -26,19 +26,21 @@ class OnRay:
 
     def __init__(self, kit: Kit, probe: list[str], workers: int | None, address: str | None) -> None:
         os.environ.update(SETTINGS)
-        import ray
+        import ray as typeless
 
-        here = {} if address else {"num_cpus": workers or len(os.sched_getaffinity(0)), "include_dashboard": False}
+        here: dict[str, Any] = (
+            {} if address else {"num_cpus": workers or len(os.sched_getaffinity(0)), "include_dashboard": False}
+        )
         sent = {"py_modules": [str(Path(goshawk_train.__file__).parent)], "env_vars": SETTINGS}
-        self.ray: Any = ray
+        self.ray: Any = typeless
         try:
-            ray.init(address or "local", log_to_driver=False, logging_level="ERROR", runtime_env=sent, **here)
+            self.ray.init(address or "local", log_to_driver=False, logging_level="ERROR", runtime_env=sent, **here)
         except (ConnectionError, RuntimeError, ValueError) as error:
             raise EngineError(f"no Ray at {address}: {str(error).splitlines()[0]}; begin one by ray start") from error
-        self.files = ray.put(kit.bytes())
+        self.files = self.ray.put(kit.bytes())
         self.digest, self.probe = kit.digest, probe
         # A unit is idempotent: whatever dies under it, it is flown again.
-        self.remote = ray.remote(fly_on_node).options(num_cpus=1, max_retries=-1)
+        self.remote = self.ray.remote(fly_on_node).options(num_cpus=1, max_retries=-1)
 
     def fly(self, units: Iterable[Unit]) -> Iterator[tuple[Unit, Flown]]:
         """See `engines.Engine`."""

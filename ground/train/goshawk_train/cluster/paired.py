@@ -7,9 +7,8 @@ from math import sqrt
 from typing import Any
 
 import duckdb
-from scipy.stats import binom, binomtest
 
-from goshawk_train.cluster.query import LEVEL, flights
+from goshawk_train.cluster.query import LEVEL, flights, interval, stats
 from goshawk_train.cluster.store import Store
 from goshawk_train.errors import TrainerError
 
@@ -52,14 +51,14 @@ class RateDifference:
     def p(self) -> float:
         """McNemar's exact test, two-sided: of the flights that differ, either is as likely."""
         differ = self.only_a + self.only_b
-        return float(binomtest(self.only_b, differ).pvalue) if differ else 1.0
+        return float(stats.binomtest(self.only_b, differ).pvalue) if differ else 1.0
 
     @property
     def interval(self) -> tuple[float, float]:
         """Of the difference: Newcombe's for paired rates (1998, method 10), of Wilson's of each."""
         n, a, b = self.flights, self.only_a + self.both, self.only_b + self.both
         neither = n - self.both - self.only_a - self.only_b
-        (low_a, high_a), (low_b, high_b) = _wilson(a, n), _wilson(b, n)
+        (low_a, high_a), (low_b, high_b) = interval(a, n, "wilson"), interval(b, n, "wilson")
         together = self.both * neither - self.only_a * self.only_b
         spread = a * (n - a) * b * (n - b)
         correlation = 0.0 if not spread else (max(together - n / 2, 0) if together > 0 else together) / sqrt(spread)
@@ -87,7 +86,7 @@ class MedianDifference:
     def p(self) -> float:
         """The sign test, exact, two-sided."""
         differ = self.greater + self.less
-        return float(binomtest(self.greater, differ).pvalue) if differ else 1.0
+        return float(stats.binomtest(self.greater, differ).pvalue) if differ else 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,16 +134,11 @@ def _median(what: str, pairs: list[tuple[float | None, float | None]]) -> Median
     if not count:
         return None
     # The least place such that the median lies outside with 2.5 % to each side, at most.
-    place = int(binom.ppf((1 - LEVEL) / 2, count, 0.5))
+    place = int(stats.binom.ppf((1 - LEVEL) / 2, count, 0.5))
     low, high = differences[max(place - 1, 0)], differences[min(count - place, count - 1)]
     middle = (differences[(count - 1) // 2] + differences[count // 2]) / 2
     greater, less = sum(d > 0 for d in differences), sum(d < 0 for d in differences)
     return MedianDifference(what=what, flights=count, greater=greater, less=less, median=middle, interval=(low, high))
-
-
-def _wilson(count: int, flights: int) -> tuple[float, float]:
-    low, high = binomtest(count, flights).proportion_ci(LEVEL, method="wilson")
-    return float(low), float(high)
 
 
 def words(a: str, b: str, made: list[Compared]) -> str:

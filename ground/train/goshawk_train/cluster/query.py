@@ -6,13 +6,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import duckdb
-import pyarrow as pa
-import pyarrow.parquet as pq
-from scipy.stats import binomtest
+import pyarrow
+import pyarrow.parquet
+import scipy.stats
 
 from goshawk_train.cluster.store import Store, StoreError
 from goshawk_train.errors import TrainerError
 
+pa: Any = pyarrow
+pq: Any = pyarrow.parquet  # neither comes with types
+stats: Any = scipy.stats
 LEVEL = 0.95
 RATES = """
 select row, pilot, speed_mps, world, spacing_m, count(*) as flights, count(*) filter (success) as successes,
@@ -38,15 +41,20 @@ class Rate:
     @property
     def interval(self) -> tuple[float, float]:
         """The exact one (Clopper and Pearson's)."""
-        low, high = binomtest(self.count, self.flights).proportion_ci(LEVEL, method="exact")
-        return float(low), float(high)
+        return interval(self.count, self.flights, "exact")
 
     def __str__(self) -> str:
         low, high = self.interval
         return f"{self.count / self.flights:.2%} ({low:.2%} to {high:.2%})"
 
 
-def flights(store: Store) -> pa.Table:
+def interval(count: int, flights: int, method: str) -> tuple[float, float]:
+    """Of a rate, at `LEVEL`; the method is "exact" or "wilson"."""
+    low, high = stats.binomtest(count, flights).proportion_ci(LEVEL, method=method)
+    return float(low), float(high)
+
+
+def flights(store: Store) -> Any:
     """The campaign's flights; raises `StoreError`."""
     if not store.has("flights.parquet"):
         raise StoreError(f"{store.address} holds no finished campaign: goshawk campaign run PLAN --out {store.address}")
@@ -58,7 +66,7 @@ def ask(store: Store, question: str) -> Any:
     connection = duckdb.connect()
     connection.register("flights", flights(store))
     try:
-        answer = connection.sql(question)
+        answer: Any = connection.sql(question)
     except duckdb.Error as error:
         raise QueryError(f"{question}: {str(error).splitlines()[0]}") from error
     if answer is None:

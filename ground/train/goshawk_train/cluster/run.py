@@ -55,8 +55,9 @@ def ready(plan: Plan, simulator: Path, models: Path) -> Generator[Ready]:
 def again(store: Store) -> Generator[Ready]:
     """A kept campaign with all its files as they were; raises `StoreError` if one is another now."""
     known = store.read_json("plan.json")
-    rows = [Row(**row) for row in known["plan"]["rows"]]
-    plan = Plan(**{**known["plan"], "rows": rows, "trials": known["trials"]})
+    listed = known["plan"]
+    rows = [Row(**row) for row in listed["rows"]]
+    plan = Plan(rows=rows, trials=known["trials"], seed=listed["seed"], seeds=listed["seeds"])
     with ready(plan, Path(known["simulator"]), Path(known["models"])) as made:
         if made.kit.digest != known["kit_sha256"]:
             raise StoreError(f"{store.address} was flown with another {FILES}: have those of then in place")

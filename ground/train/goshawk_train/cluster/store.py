@@ -31,7 +31,8 @@ class Store:
         self.address = address.rstrip("/")
         try:
             # What others wrote since must be seen: nothing of a listing is kept.
-            self.fs, root = fsspec.core.url_to_fs(self.address, use_listings_cache=False)
+            known: Any = fsspec.core
+            self.fs, root = known.url_to_fs(self.address, use_listings_cache=False)
         except (ImportError, ValueError) as error:
             raise StoreError(f"{address}: {error}") from error
         self.root = str(root).rstrip("/")

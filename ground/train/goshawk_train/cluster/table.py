@@ -6,14 +6,19 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
+import pyarrow
+import pyarrow.parquet
 
 from goshawk_train.cluster.plan import Unit
 from goshawk_train.cluster.store import Store, StoreError
 from goshawk_train.cluster.worker import Flown
 
-TEXT, WHOLE, NUMBER, YES = pa.string(), pa.int32(), pa.float64(), pa.bool_()
+pa: Any = pyarrow
+pq: Any = pyarrow.parquet  # neither comes with types
+TEXT: Any = pa.string()
+WHOLE: Any = pa.int32()
+NUMBER: Any = pa.float64()
+YES: Any = pa.bool_()
 HEAD: dict[str, Any] = {
     "cell": WHOLE, "trial": WHOLE, "seed": pa.uint64(), "pilot": TEXT, "task": TEXT, "speed_mps": NUMBER,
     "spacing_m": NUMBER, "world": TEXT, "evader": TEXT, "course": TEXT, "length_m": NUMBER, "wind_mps": NUMBER,
@@ -37,12 +42,12 @@ OURS: dict[str, Any] = {
     "processor": TEXT,
 }
 """The plan's row, and what flying it took: a unit's seconds of one core, shared among its flights."""
-FLIGHTS = pa.schema({**OURS, **HEAD, **SUMMARY})
-UNIT = FLIGHTS.append(pa.field("record", TEXT))
+FLIGHTS: Any = pa.schema({**OURS, **HEAD, **SUMMARY})
+UNIT: Any = FLIGHTS.append(pa.field("record", TEXT))
 """The record is the simulator's own line, from which cells are made bit for bit."""
 
 
-def parquet(table: pa.Table) -> bytes:
+def parquet(table: Any) -> bytes:
     """The file's content."""
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, compression="zstd")
@@ -77,7 +82,7 @@ def failures(content: bytes) -> int:
     return flown.count(False)
 
 
-def read_unit(store: Store, unit: Unit, columns: list[str] | None = None) -> pa.Table:
+def read_unit(store: Store, unit: Unit, columns: list[str] | None = None) -> Any:
     """A finished unit's flights; raises `StoreError`."""
     content = store.read(name := f"units/{unit.name}.parquet")
     try:
@@ -92,7 +97,7 @@ def records(store: Store, units: list[Unit]) -> Iterator[str]:
         yield from read_unit(store, unit, ["record"])["record"].to_pylist()
 
 
-def flights(store: Store, units: list[Unit]) -> pa.Table:
+def flights(store: Store, units: list[Unit]) -> Any:
     """All flights, in the plan's order."""
     parts = [read_unit(store, unit, FLIGHTS.names) for unit in units]
     return pa.concat_tables(parts).sort_by([(name, "ascending") for name in ("row", "cell", "trial")])

@@ -136,6 +136,7 @@ def fly_on_node(digest: str, files: list[Any], probe: list[str], arguments: list
         if not folder.is_dir():
             import ray
 
-            unpack(ray.get(files[0]), folder)
+            content: Any = ray.get(files[0])
+            unpack(content, folder)
         _benches[digest] = Bench(kit=folder, probe=probe)
     return _benches[digest].fly(arguments)
