@@ -59,22 +59,23 @@ def measure(folder: Path, trials: int) -> None:
     print(f"{trials} chases{'flights/s':>32}{'of one thread':>16}")
     print(f"  goshawk-sim fly, one thread{yardstick:13.2f}")
     rates = {"fly": round(yardstick, 3)}
-    cores = len(os.sched_getaffinity(0))
+    workers = sorted({1, 2, len(os.sched_getaffinity(0))})
+    store = Store(str(folder))
     with campaign.ready(plan, SIMULATOR, MODELS) as made:
-        for engine in ("local", "ray"):
-            for workers in sorted({1, 2, cores}):
-                store = Store(str(folder / f"{engine}-{workers}"))
-                flying = campaign.engine(engine, made, workers, None)
-                begun = time.monotonic()
-                campaign.fly(made, store, lambda flying=flying: flying)
-                rate = trials / (time.monotonic() - begun)
-                rates[f"{engine}_{workers}"] = round(rate, 3)
-                print(f"  {engine}, {workers} workers{rate:24.2f}{rate / yardstick:15.2f}x")
+        for engine, count in [(engine, count) for engine in ("local", "ray") for count in workers]:
+            store = Store(str(folder / f"{engine}-{count}"))
+            flying = campaign.engine(engine, made, count, None)
+            begun = time.monotonic()
+            campaign.fly(made, store, lambda flying=flying: flying)
+            rate = trials / (time.monotonic() - begun)
+            rates[f"{engine}_{count}"] = round(rate, 3)
+            print(f"  {engine}, {count} workers{rate:24.2f}{rate / yardstick:15.2f}x")
         campaign.gather(made, store)
     record("campaign_scaling", rates)
     ((flights, core_s),) = ask(store, "select count(*), sum(core_s) from flights").fetchall()
-    units = sum(path.stat().st_size for path in (folder / f"ray-{cores}/units").iterdir())
-    lean = (folder / f"ray-{cores}/flights.parquet").stat().st_size
+    kept = Path(store.address)
+    units = sum(path.stat().st_size for path in (kept / "units").iterdir())
+    lean = (kept / "flights.parquet").stat().st_size
     per_hour, each = flights / core_s * 3600, (units + lean) / flights
     print(f"  flights per core-hour {per_hour:8.0f}\n  storage, kB a flight {each / 1e3:8.1f}")
     print(f"  100,000 flights: {1e5 / per_hour:.0f} core-hours, {1e5 * each / 1e9:.1f} GB")

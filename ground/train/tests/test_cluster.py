@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[3]
 SIMULATOR = ROOT / "target/release/goshawk-sim"
 GOSHAWK = [sys.executable, "-c", "from goshawk_ground.cli import main; main()"]
 PLAN = """
-trials = 7
+trials = 6
 seed = 5
 seeds = "tuning"
 
@@ -29,14 +30,14 @@ seeds = "tuning"
 name = "Navigation"
 task = "navigate"
 speeds = [8]
-spacings = [3, 6]
-options = ["--length", "20"]
+spacings = [5, 7]
+options = ["--length", "10"]
 
 [[row]]
 name = "Chase in wind"
 task = "track"
 speeds = [5]
-options = ["--length", "20", "--wind", "5"]
+options = ["--length", "10", "--wind", "5"]
 """
 
 
@@ -62,9 +63,9 @@ def run(folder: Path, out: str | Path, *arguments: object, text: str = PLAN) -> 
 
 def cells_of_one_fly(folder: Path) -> dict[str, Any]:
     """By the rows' files: what `goshawk-sim fly` makes of them on one thread, in one go."""
-    shared = ["--seed", "5", "--trials", "7", "--length", "20", "--threads", "1"]
+    shared = ["--seed", "5", "--trials", "6", "--length", "10", "--threads", "1"]
     rows = {
-        "navigation.json": ["navigate", "--speed", "8", "--spacing", "3,6"],
+        "navigation.json": ["navigate", "--speed", "8", "--spacing", "5,7"],
         "chase-in-wind.json": ["track", "--speed", "5", "--wind", "5"],
     }
     made: dict[str, Any] = {}
@@ -85,25 +86,81 @@ def wanted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return cells_of_one_fly(tmp_path_factory.mktemp("fly"))
 
 
+class Driver:
+    """A `goshawk campaign run` in a process of its own, with a folder for what passes."""
+
+    def __init__(self, folder: Path, out: Path) -> None:
+        self.out, self.scratch = out, folder / "scratch"
+        self.scratch.mkdir(exist_ok=True)
+        command = [*GOSHAWK, "campaign", "run", str(plan(folder)), "--out", str(out), "--workers", "2"]
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, "TMPDIR": str(self.scratch)},
+        )  # fmt: skip
+
+    def after(self, units: int, number: signal.Signals) -> str:
+        """Its words until that signal, which comes once so many units are finished."""
+        while len(finished(self.out)) < units:
+            assert self.process.poll() is None, "it ended before it was stopped"
+            time.sleep(0.02)
+        assert running_from(self.scratch)
+        self.process.send_signal(number)
+        return self.process.communicate()[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopped:
+    """A campaign that was killed without a word, gone on with, interrupted, and gone on with to its end."""
+
+    out: Path
+    interrupted: str
+    status: int
+    left: list[str]
+    """What the interrupted one left running, or in its scratch."""
+    kept: list[dict[str, int]]
+    """The units that were finished at each stop."""
+    words: str
+
+
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign that was killed, without a word, and then gone on with."""
-    folder = tmp_path_factory.mktemp("flown")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> Stopped:
+    folder = tmp_path_factory.mktemp("stopped")
     out = folder / "out"
-    command = [*GOSHAWK, "campaign", "run", str(plan(folder)), "--out", str(out), "--workers", "2"]
-    driver = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    while len(finished(out)) < 2:
-        assert driver.poll() is None
-        time.sleep(0.02)
-    driver.kill()
-    driver.wait()
-    kept = finished(out)
+    Driver(folder, out).after(1, signal.SIGKILL)
+    kept = [finished(out)]
+    # The killed one could not tidy up.
+    subprocess.run(["rm", "-r", folder / "scratch"], check=True)
+    second = Driver(folder, out)
+    interrupted = second.after(len(kept[0]) + 1, signal.SIGINT)
+    kept.append(finished(out))
+    left = [*running_from(second.scratch), *map(str, second.scratch.iterdir()), *map(str, out.rglob("*.part"))]
     words = run(folder, out, "--workers", "3")
-    again = [name for name, stamp in kept.items() if finished(out)[name] != stamp]
-    assert not again, "a finished unit was flown twice"
-    flights = int(words.rsplit(": ", 1)[1].split()[0])
-    assert 0 < flights <= 21 - 2 * len(kept)
-    return out
+    return Stopped(
+        out=out, interrupted=interrupted, status=second.process.returncode, left=left, kept=kept, words=words
+    )
+
+
+@pytest.fixture(scope="module")
+def flown(stopped: Stopped) -> Path:
+    return stopped.out
+
+
+def test_a_killed_driver_loses_only_what_was_in_flight_and_no_finished_unit_is_flown_twice(stopped: Stopped) -> None:
+    now = finished(stopped.out)
+    first, second = stopped.kept
+    assert 1 <= len(first) < len(second) < len(now) == 6
+    assert first.items() <= second.items() <= now.items()
+    assert f": {sum(units_flights(stopped.out, set(now) - set(second)))} flights flown now" in stopped.words
+
+
+def test_ctrl_c_is_one_line_and_leaves_nothing_behind(stopped: Stopped) -> None:
+    assert stopped.status == 130
+    assert stopped.interrupted.strip().splitlines()[-1].endswith("interrupted; what is finished is kept")
+    assert stopped.left == []
+
+
+def units_flights(out: Path, names: set[str]) -> list[int]:
+    return [ask(f"select count(*) from '{out}/units/{name}'").fetchall()[0][0] for name in names]
 
 
 def ask(question: str) -> Any:
@@ -115,7 +172,7 @@ def finished(out: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in (out / "units").glob("*.parquet")}
 
 
-def test_a_killed_campaign_goes_on_and_its_cells_are_those_of_one_fly_bit_for_bit(
+def test_the_cells_of_a_campaign_that_was_stopped_twice_are_those_of_one_fly_bit_for_bit(
     flown: Path, wanted: dict[str, Any]
 ) -> None:
     assert sorted(wanted) == ["chase-in-wind.json", "navigation.json"]
@@ -128,7 +185,7 @@ def test_what_is_flown_is_not_flown_again_and_more_trials_fly_only_what_is_new(f
     assert finished(flown) == before
     assert words.splitlines()[-1].startswith(f"{flown}/flights.parquet: 0 flights flown now")
     out = tmp_path / "few"
-    run(tmp_path, out, "--trials", "5", text=PLAN.replace("trials = 7", "trials = 1"))
+    run(tmp_path, out, "--trials", "5", text=PLAN.replace("trials = 6", "trials = 1"))
     few = finished(out)
     assert len(few) == 3 and set(few) < set(before)
 
@@ -140,12 +197,12 @@ def test_plain_duckdb_opens_the_parquet_and_finds_a_row_a_flight(flown: Path, wa
     ).fetchall()
     cells = [("Chase in wind", cell) for cell in wanted["chase-in-wind.json"]]
     cells += [("Navigation", cell) for cell in wanted["navigation.json"]]
-    assert counted == [(row, cell["cell"], 7, cell["successes"], 7, True) for row, cell in cells]
+    assert counted == [(row, cell["cell"], 6, cell["successes"], 6, True) for row, cell in cells]
 
 
 def test_a_query_shows_duckdbs_answer_and_a_wrong_one_is_one_line(flown: Path) -> None:
     asked = goshawk("campaign", "query", "select count(*) as flown from flights", "--campaign", flown)
-    assert asked.exit_code == 0 and "flown" in asked.stdout and "21" in asked.stdout
+    assert asked.exit_code == 0 and "flown" in asked.stdout and "18" in asked.stdout
     wrong = goshawk("campaign", "query", "select colour from flights", "--campaign", flown)
     assert wrong.exit_code == 2 and len(wrong.stderr.splitlines()) == 1 and "colour" in wrong.stderr
     nothing = goshawk("campaign", "query", "select 1", "--campaign", flown / "nowhere")
@@ -154,8 +211,8 @@ def test_a_query_shows_duckdbs_answer_and_a_wrong_one_is_one_line(flown: Path) -
 
 def test_the_summary_has_each_cells_rates_with_their_intervals(flown: Path, tmp_path: Path) -> None:
     first, *_, last, _ = run(tmp_path, flown).splitlines()
-    assert first.startswith("Chase in wind, 5 m/s, 4 m: 7 flights, success ")
-    assert last.startswith("all: 21 flights, success ") and "flights per core-hour" in last
+    assert first.startswith("Chase in wind, 5 m/s, 4 m: 6 flights, success ")
+    assert last.startswith("all: 18 flights, success ") and "flights per core-hour" in last
 
 
 def test_the_report_draws_the_cells_of_a_campaigns_folder(flown: Path, tmp_path: Path) -> None:
@@ -217,29 +274,6 @@ def test_a_processor_that_computes_otherwise_is_refused_and_named(tmp_path: Path
     assert "elsewhere (Abacus 9" in refused.stderr and "differ in floating point" in refused.stderr
 
 
-def test_ctrl_c_is_one_line_leaves_nothing_behind_and_a_campaign_that_goes_on(
-    tmp_path: Path, wanted: dict[str, Any]
-) -> None:
-    out, scratch = tmp_path / "out", tmp_path / "scratch"
-    scratch.mkdir()
-    command = [*GOSHAWK, "campaign", "run", str(plan(tmp_path)), "--out", str(out)]
-    driver = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "TMPDIR": str(scratch)},
-    )  # fmt: skip
-    while not finished(out):
-        assert driver.poll() is None
-        time.sleep(0.02)
-    assert running_from(scratch)
-    driver.send_signal(signal.SIGINT)
-    _, words = driver.communicate()
-    assert driver.returncode == 130
-    assert words.strip().splitlines()[-1].endswith("interrupted; what is finished is kept")
-    assert not running_from(scratch) and not list(scratch.iterdir()) and not list(out.rglob("*.part"))
-    run(tmp_path, out)
-    assert cells(out) == wanted
-
-
 def running_from(folder: Path) -> list[str]:
     """Programs of that folder that run."""
     found: list[str] = []
@@ -253,7 +287,7 @@ def running_from(folder: Path) -> list[str]:
     ("text", "words"),
     [
         ("trials = 1", "is no plan"),
-        (PLAN.replace("trials = 7", "trials = 0"), "nothing to fly"),
+        (PLAN.replace("trials = 6", "trials = 0"), "nothing to fly"),
         (PLAN + "[other]\n", "it has no key other"),
         (PLAN.replace("Chase in wind", "Navigation"), "two rows of one name"),
         (PLAN.replace('"--wind", "5"', '"--autopilot", "px4"'), "firmware flies with goshawk-sim fly only"),
@@ -302,7 +336,7 @@ def test_a_campaign_at_s3_is_the_same_campaign(flown: Path, tmp_path: Path, monk
         for name in ("navigation.json", "chase-in-wind.json"):
             assert there.read_json(f"cells/{name}")["cells"] == cells(flown)[name]
         asked = goshawk("campaign", "query", "select count(*) from flights", "--campaign", there.address)
-        assert asked.exit_code == 0 and "21" in asked.stdout
+        assert asked.exit_code == 0 and "18" in asked.stdout
         done = goshawk("campaign", "worst", "-n", 1, "--campaign", there.address)
         assert done.exit_code == 0 and there.names("logs") == {done.stdout.strip().rsplit("/", 1)[1]}
         same = goshawk("campaign", "compare", there.address, flown)

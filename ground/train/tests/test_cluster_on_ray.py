@@ -21,8 +21,8 @@ seeds = "tuning"
 name = "Navigation"
 task = "navigate"
 speeds = [8]
-spacings = [3, 6]
-options = ["--length", "20"]
+spacings = [5, 7]
+options = ["--length", "10"]
 """
 
 

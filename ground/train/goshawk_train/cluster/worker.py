@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import tempfile
 import threading
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ class Flown:
     records: bytes
     """What `goshawk-sim fly --records` wrote."""
     seconds: float
+    """Of one core: what it cost, however busy the machine was."""
     processor: Processor
 
 
@@ -54,7 +56,7 @@ class Bench:
     probe: list[str]
     """The arguments of the flight that all processors fly."""
     processor: Processor | None = None
-    running: set[subprocess.Popen[bytes]] = field(default_factory=set[subprocess.Popen[bytes]])
+    running: set[int] = field(default_factory=set[int])
     ended: bool = False
     lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -70,26 +72,30 @@ class Bench:
     def end(self) -> None:
         """Ends what flies; nothing more begins."""
         self.ended = True
-        for child in list(self.running):
-            child.kill()
+        for process in list(self.running):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
 
     def _records(self, arguments: list[str]) -> tuple[bytes, float]:
         with tempfile.TemporaryDirectory(prefix="goshawk-unit-") as scratch:
-            out, begun = Path(scratch) / "records", time.monotonic()
+            out, words = Path(scratch) / "records", Path(scratch) / "words"
             command = [str(self.kit / PROGRAM), *arguments, "--threads", "1", "--records", str(out)]
-            # A session of its own: Ctrl-C is the driver's, which ends it in order.
-            child = subprocess.Popen(
-                command, cwd=self.kit, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
-            )
-            self.running.add(child)
+            with words.open("wb") as said:
+                # A session of its own: Ctrl-C is the driver's, which ends it in order.
+                child = subprocess.Popen(
+                    command, cwd=self.kit, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
+                )
+            self.running.add(child.pid)
             if self.ended:
                 child.kill()
-            _, words = child.communicate()
-            self.running.discard(child)
+            # Not by `child`, which does not say what the unit cost.
+            _, status, used = os.wait4(child.pid, 0)
+            self.running.discard(child.pid)
+            child.returncode = os.waitstatus_to_exitcode(status)
             if child.returncode:
-                last = words.decode(errors="replace").strip().splitlines()[-1:] or [f"status {child.returncode}"]
+                last = words.read_text(errors="replace").strip().splitlines()[-1:] or [f"status {child.returncode}"]
                 raise UnitError(f"{last[0]} (goshawk-sim {' '.join(arguments)})")
-            return out.read_bytes(), time.monotonic() - begun
+            return out.read_bytes(), used.ru_utime + used.ru_stime
 
 
 def read_processor(flight: bytes) -> Processor:
