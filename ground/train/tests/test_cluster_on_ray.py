@@ -41,7 +41,7 @@ def cells(out: Path) -> Any:
 def cluster(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A head that flies nothing, and two nodes of one core each."""
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    monkeypatch.setenv("RAY_gcs_server_request_timeout_seconds", "30")
+    monkeypatch.setenv("RAY_worker_niceness", "0")
     from ray.cluster_utils import Cluster
 
     made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
