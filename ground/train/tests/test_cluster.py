@@ -133,7 +133,7 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Stopped:
     second = Driver(folder, out)
     interrupted = second.after(len(kept[0]) + 1, signal.SIGINT)
     kept.append(finished(out))
-    left = [*running_from(second.scratch), *map(str, second.scratch.iterdir()), *map(str, out.rglob("*.part"))]
+    left = [*running_from(second.scratch), *map(str, second.scratch.glob("goshawk-*")), *map(str, out.rglob("*.part"))]
     words = run(folder, out, "--workers", "3")
     return Stopped(
         out=out, interrupted=interrupted, status=second.process.returncode, left=left, kept=kept, words=words
