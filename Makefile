@@ -19,7 +19,7 @@ PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --overri
 TORCH := $(if $(TORCH_BACKEND),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --torch-backend $(TORCH_BACKEND) \
   $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt),$(INSTALL) -r ground/train/torch/requirements.txt)
 
-.PHONY: help setup setup-camera setup-train setup-rerun setup-test build demo sitl test test-rust test-python test-install lint docs pins deny fuzz bench chaos train wheel deb image release
+.PHONY: help setup setup-camera setup-train setup-campaign setup-rerun setup-test build demo sitl test test-rust test-python test-install lint docs pins deny fuzz bench chaos train wheel deb image release
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -46,6 +46,11 @@ $(VENV)/.train: ground/train/requirements.txt ground/train/torch/requirements.tx
 	$(INSTALL_OWN) -e ground/train
 	@touch $@
 
+$(VENV)/.campaign: ground/campaign/requirements.txt ground/train/pyproject.toml $(VENV)/.station
+	$(INSTALL) -r ground/campaign/requirements.txt
+	$(INSTALL_OWN) -e ground/train
+	@touch $@
+
 $(VENV)/.rerun: ground/rerun/requirements.txt $(VENV)/.station
 	$(INSTALL) -r ground/rerun/requirements.txt
 	@touch $@
@@ -55,7 +60,7 @@ $(VENV)/.camera: air/sensors/requirements.txt air/sensors/pyproject.toml $(VENV)
 	$(INSTALL_OWN) -e air/sensors
 	@touch $@
 
-$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.rerun $(VENV)/.camera
+$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.rerun $(VENV)/.camera
 	$(INSTALL) -r tests/requirements.txt
 	@command -v chromium >/dev/null && test -x /usr/sbin/sshd && command -v ip >/dev/null || { \
 	  echo "installing chromium, sshd and ip for the tests"; \
@@ -67,6 +72,8 @@ setup: $(VENV)/.station build ## everything that the demo needs
 setup-camera: $(VENV)/.camera ## everything that `goshawk-camera` needs, on the vehicle (x86-64)
 
 setup-train: $(VENV)/.train ## everything that `goshawk train`, `dataset` and `campaign` need
+
+setup-campaign: $(VENV)/.campaign ## what `goshawk campaign run`, `query`, `worst` and `compare A B` need: Ray, DuckDB
 
 setup-rerun: $(VENV)/.rerun ## what `goshawk export --format rerun` needs (700 MB)
 
@@ -121,7 +128,7 @@ test-python: setup-test build
 
 pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt
-	for f in ground/bootstrap ground ground/rerun ground/train ground/train/torch air/sensors; do \
+	for f in ground/bootstrap ground ground/rerun ground/campaign ground/train ground/train/torch air/sensors; do \
 	  $(PIN) $(if $(UPGRADE),--upgrade) $$f/requirements.in -c tests/requirements.txt -o $$f/requirements.txt || exit 1; done
 
 deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (which it installs)
@@ -132,12 +139,13 @@ deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (whic
 
 test: lint test-rust test-python ## exactly what CI runs
 
-bench: setup setup-train setup-camera build ## speed, each figure against its yardstick
+bench: setup setup-train setup-campaign setup-camera build ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
 	$(VENV)/bin/goshawk train bench
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
 	$(VENV)/bin/python ground/station/benches/gate.py
+	$(VENV)/bin/python ground/train/benches/campaign_scaling.py
 	PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py
 
 chaos: setup ## flights with seeded schedules of faults, every step judged (SEED=n, N=how many)

@@ -11,6 +11,7 @@ mod names;
 pub mod path;
 pub mod pick;
 pub(crate) mod progress;
+pub mod records;
 pub mod report;
 pub mod stats;
 mod table;
@@ -42,6 +43,7 @@ use files::Files;
 use log::{FlightLog, LogError};
 use path::FlightPath;
 pub use pick::Pick;
+use records::{Known, RecordsError};
 use report::{Cell, CellConfig, Report, Timing};
 pub use table::table;
 use trace::Tracer;
@@ -152,6 +154,9 @@ pub enum CampaignError {
     /// The policy cannot be loaded.
     #[error(transparent)]
     Network(TrialError),
+    /// What was flown before cannot be taken.
+    #[error(transparent)]
+    Records(#[from] RecordsError),
     /// Threads cannot be started.
     #[error("cannot start {0} threads: {1}")]
     Threads(usize, rayon::ThreadPoolBuildError),
@@ -225,6 +230,22 @@ impl Campaign {
         Ok(self.report(vehicle, &cells, flown, timing))
     }
 
+    /// The same report of flights that were flown before, perhaps in parts and elsewhere; its timing is empty.
+    ///
+    /// # Errors
+    /// If one of its flights is missing, or was flown as another campaign's.
+    pub fn gather(&self, vehicle: &Vehicle, identity: &Identity, mut known: Known) -> Result<Report, CampaignError> {
+        let cells = self.cells();
+        let flown = self.picks()?.into_iter().map(|pick| {
+            let cell = &cells[pick.cell];
+            let config = self.config(cell, pick.trial);
+            let flight = known.take(pick, &self.head(identity, cell, pick, config.seed))?;
+            Ok(Flown { pick, config, flight, path: None })
+        });
+        let flown = flown.collect::<Result<_, RecordsError>>()?;
+        Ok(self.report(vehicle, &cells, flown, Timing::default()))
+    }
+
     fn report(&self, vehicle: &Vehicle, cells: &[CellConfig], flights: Vec<Flown>, timing: Timing) -> Report {
         let mut flown: Vec<Vec<Flown>> = Vec::new();
         for flight in flights {
@@ -272,15 +293,8 @@ impl Campaign {
         cells
     }
 
-    fn fly(
-        &self,
-        cell: &CellConfig,
-        pick: Pick,
-        vehicle: &Vehicle,
-        network: Option<&mut (dyn Network + Send + 'static)>,
-    ) -> Result<(Flown, Vec<Spent>), CampaignError> {
-        let trial = pick.trial;
-        let config = TrialConfig {
+    fn config(&self, cell: &CellConfig, trial: usize) -> TrialConfig {
+        TrialConfig {
             pilot: cell.pilot,
             task: cell.task,
             speed_mps: cell.speed_mps,
@@ -298,7 +312,18 @@ impl Campaign {
             firmware: self.firmware.clone(),
             // The same forests at every speed and for every pilot, so that they can be compared.
             seed: mix(mix(self.seed, 7), trial as u64),
-        };
+        }
+    }
+
+    fn fly(
+        &self,
+        cell: &CellConfig,
+        pick: Pick,
+        vehicle: &Vehicle,
+        network: Option<&mut (dyn Network + Send + 'static)>,
+    ) -> Result<(Flown, Vec<Spent>), CampaignError> {
+        let trial = pick.trial;
+        let config = self.config(cell, trial);
         // The classical pilot needs a policy's eyes to chase, and none to navigate.
         let flies = cell.pilot == PilotKind::Policy || cell.task == Task::Track;
         let network = network.filter(|_| flies).map(|network| network as &mut dyn Network);

@@ -22,6 +22,7 @@ use goshawk_policy::stream::Arrival;
 use goshawk_policy::{PolicyError, PreprocessError};
 use goshawk_proto::v1;
 use goshawk_vehicle::convert;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::actors::evader::{Course, EvaderError, EvaderState};
@@ -196,7 +197,7 @@ impl TrialConfig {
 }
 
 /// How a flight ended, by the strict [`rule`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Outcome {
     /// The goal was reached, or the evader was followed to its end. After a fault: the vehicle is down, by itself or by
     /// the autopilot.
@@ -218,7 +219,7 @@ pub enum Outcome {
 }
 
 /// The record of one flight.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Flight {
     /// How it ended.
     pub outcome: Outcome,
@@ -227,6 +228,7 @@ pub struct Flight {
     /// What was hit.
     pub contact: Option<Contact>,
     /// Where the vehicle was at the end.
+    #[serde(with = "triple")]
     pub end_world: Vec3,
     /// Distance to the target or the goal at the end, m.
     pub end_distance_m: f64,
@@ -238,10 +240,26 @@ pub struct Flight {
     pub modes: Vec<(f64, Mode, Cause)>,
     /// When the fault began, s since the Start command; none: it never did.
     pub fault_at_s: Option<f64>,
-    /// What the vehicle found wrong with its senses: s since the Start command, by what name.
+    /// What the vehicle found wrong with its senses: s since the Start command, by what name. No cell
+    /// has anything of it, so a record leaves it out.
+    #[serde(skip)]
     pub named: Vec<(f64, &'static str)>,
     /// What was measured.
     pub metrics: Metrics,
+}
+
+/// A vector as a record has it: three numbers.
+mod triple {
+    use goshawk_core::Vec3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(vector: &Vec3, to: S) -> Result<S::Ok, S::Error> {
+        <[f64; 3]>::from(*vector).serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec3, D::Error> {
+        <[f64; 3]>::deserialize(from).map(Vec3::from)
+    }
 }
 
 /// True places at one instant, for a [`Witness`].

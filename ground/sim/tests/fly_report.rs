@@ -10,9 +10,11 @@ use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::fly::failures::failures;
+use goshawk_sim::fly::records::Known;
 use goshawk_sim::fly::report::Report;
 use goshawk_sim::fly::stats::quantile;
 use goshawk_sim::fly::{Campaign, CampaignError, Pick, table};
+use goshawk_sim::seeds::Identity;
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, WorldSource};
 use goshawk_vehicle::config::Vehicle;
@@ -144,6 +146,47 @@ fn the_json_is_the_same_for_any_number_of_threads_but_for_the_timing() {
         json
     };
     assert_eq!(json(1), json(3));
+}
+
+/// The records of some flights of a campaign, flown by themselves.
+fn records(of: &Campaign, only: &[&str]) -> Vec<u8> {
+    let picks = only.iter().map(|pick| pick.parse().unwrap()).collect();
+    let part = Campaign { only: Some(picks), traced: false, threads: 1, ..of.clone() };
+    part.records(&fly(&part).unwrap())
+}
+
+fn gather(of: &Campaign, lines: &[u8]) -> Result<Report, CampaignError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("records");
+    fs::write(&path, lines).unwrap();
+    of.gather(&vehicle(), &Identity::new(&vehicle(), None), Known::read(&path)?)
+}
+
+#[test]
+fn the_cells_of_parts_flown_apart_are_those_of_the_whole_to_the_last_bit() {
+    for whole in [campaign(Task::Track), campaign(Task::Navigate)] {
+        let lines = [records(&whole, &["1:1", "0:1"]), records(&whole, &["1:0"]), records(&whole, &["0:0"])].concat();
+        let cells = |report: &Report| serde_json::to_string(&report.cells).unwrap();
+        assert_eq!(cells(&gather(&whole, &lines).unwrap()), cells(&fly(&whole).unwrap()));
+    }
+}
+
+#[test]
+fn a_flight_that_is_missing_twice_there_or_another_campaigns_is_refused_in_words_that_say_which() {
+    let whole = Campaign { speeds_mps: vec![4.0], ..campaign(Task::Navigate) };
+    let (one, two) = (records(&whole, &["0:0"]), records(&whole, &["0:1"]));
+    let refused = |of: &Campaign, lines: &[&[u8]]| gather(of, &lines.concat()).unwrap_err().to_string();
+    assert!(refused(&whole, &[&one]).contains("flight 0:1 is not there"));
+    assert!(refused(&whole, &[&one, &two, &one]).contains("line 3: flight 0:0 stands there twice"));
+    assert!(refused(&whole, &[&one, b"{}\n"]).contains("line 2"));
+    for (other, what) in [
+        (Campaign { seed: 6, ..whole.clone() }, "another seed"),
+        (Campaign { wind_mps: 1.0, ..whole.clone() }, "another wind_mps"),
+        (Campaign { height_m: 2.0, ..whole.clone() }, "another conditions_sha256"),
+    ] {
+        let words = refused(&other, &[&one, &two]);
+        assert!(words.contains("flight 0:0 was flown with") && words.contains(what), "{words}");
+    }
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! The mission's modes, the rungs of the fallback ladder, and the events that the mission heeds.
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// What the vehicle is doing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Mode {
     /// Not ready.
     #[default]
@@ -70,7 +70,7 @@ pub enum Fallback {
 }
 
 /// What happens, and why a transition is made; displays as a sentence. The most urgent comes first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Cause {
     /// Landed and disarmed.
     TouchedDown,

@@ -14,6 +14,7 @@ use super::files::Files;
 use super::help::after_help;
 use super::log::header;
 use super::progress::Progress;
+use super::records::Known;
 use super::{Campaign, Logs, Pick, failures, pick, table};
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
@@ -143,6 +144,14 @@ pub struct FlyArgs {
     /// makes a page of it.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write the whole record of each flight, one a line as JSON, for --from. With --only, several machines can fly the
+    /// parts of one campaign.
+    #[arg(long, value_name = "FILE")]
+    records: Option<PathBuf>,
+    /// Fly nothing: make the report of the flights in FILE, which --records wrote, of all parts one after the other. Cells
+    /// are the same to the last bit.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["records", "log", "threads"])]
+    from: Option<PathBuf>,
     /// Fly these flights of the campaign only, each as in the whole of it; both numbers from 0, cells as in the table.
     #[arg(long, value_name = "CELL:TRIAL[,…]", value_delimiter = ',')]
     only: Option<Vec<Pick>>,
@@ -196,6 +205,7 @@ impl FlyArgs {
         }
         let begin = |path: &PathBuf| files.begin(path).wrap_err_with(|| unwritable(path));
         let json = self.json.as_ref().map(begin).transpose()?;
+        let records = self.records.as_ref().map(begin).transpose()?;
         let model = self.model(&vehicle);
         let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
         // The classical pilot needs a policy's eyes, but not its way.
@@ -222,7 +232,10 @@ impl FlyArgs {
             files: files.clone(),
         });
         let make = || Ok(load()?.map(|policy| Box::new(policy) as Box<dyn Network + Send>));
-        let mut report = campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?;
+        let mut report = match &self.from {
+            Some(path) => campaign.gather(&vehicle, &identity, Known::read(path)?)?,
+            None => campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?,
+        };
         progress.bar.finish_and_clear();
         report.identity = identity;
         let mut arguments: Vec<String> = std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect();
@@ -230,6 +243,10 @@ impl FlyArgs {
             arguments.extend(["--seed".to_owned(), report.seed.to_string()]);
         }
         report.command = pick::command(arguments);
+        if let Some((mut file, unfinished)) = records {
+            let lines = campaign.records(&report);
+            file.write_all(&lines).and_then(|()| unfinished.finish()).wrap_err("cannot write the records")?;
+        }
         if let Some((mut file, unfinished)) = json {
             file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }

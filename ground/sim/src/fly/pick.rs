@@ -30,7 +30,7 @@ impl FromStr for Pick {
 }
 
 /// What only says where to write, how fast to fly and which flights: no part of what a flight is.
-const NOT_REPEATED: [&str; 4] = ["--only", "--json", "--log", "--threads"];
+const NOT_REPEATED: [&str; 6] = ["--only", "--json", "--log", "--threads", "--records", "--from"];
 
 /// The command line of `arguments` (the program first) without those that do not change a flight, for a shell.
 #[must_use]

@@ -236,7 +236,7 @@ pub struct FlightRow {
     pub modes: Vec<String>,
 }
 
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 #[allow(missing_docs)]
 pub struct Timing {
     pub wall_s: f64,
@@ -391,7 +391,9 @@ fn range(values: Vec<f64>) -> Option<Range> {
 }
 
 impl FlightRow {
-    fn of(flown: &Flown, tracks: bool) -> Self {
+    /// Of a flight in a chase, or in a navigation.
+    #[must_use]
+    pub fn of(flown: &Flown, tracks: bool) -> Self {
         let (Pick { trial, .. }, flight) = (flown.pick, &flown.flight);
         let m = &flight.metrics;
         let frames = (tracks && m.frames > 0).then_some(m.frames as f64);

@@ -90,6 +90,9 @@ pub fn table(report: &Report) -> String {
             c.pilot, c.total_ms.mean, c.total_ms.p99
         );
     }
+    if t.threads == 0 {
+        return text + "flown before";
+    }
     let _ = write!(
         text,
         "{:.0} s of flight in {:.1} s: {:.1} x real time ({} threads, {:.1} x each)",

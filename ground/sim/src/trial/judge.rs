@@ -1,6 +1,7 @@
 //! What happened in a flight: contacts, clearance, how well the target was seen and located.
 
 use goshawk_core::{Plan, TargetEstimate, Time, Vec3};
+use serde::{Deserialize, Serialize};
 
 use super::airframe::BODY_RADIUS_M;
 use super::rule::FAR_M;
@@ -11,7 +12,7 @@ use crate::vehicle::quadrotor::QuadrotorState;
 use crate::world::{Kind, Part, World};
 
 /// What the vehicle hit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Contact {
     /// A tree's stem.
     Trunk,
@@ -47,7 +48,7 @@ const VIEW_FRACTION: f64 = 0.2;
 const JERK_STEPS: u32 = 20;
 
 /// Measured over one flight, from the task's beginning.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// How long the task was flown, s.
     pub task_s: f64,

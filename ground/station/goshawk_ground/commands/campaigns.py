@@ -1,7 +1,9 @@
-"""`goshawk campaign report` and `compare`: campaigns of the simulator as pages. They need no trainer."""
+"""`goshawk campaign report` and `compare`: campaigns of the simulator as pages. They need no trainer, but to compare
+what `goshawk campaign run` keeps."""
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +18,11 @@ README, RESULTS = Path("README.md"), KEPT.parent / "RESULTS.md"
 
 def report(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE…", help="What goshawk-sim fly --json wrote; a page for each.")
+        list[Path],
+        typer.Argument(
+            metavar="FILE…",
+            help="What goshawk-sim fly --json wrote; a page for each. Or the folder of a goshawk campaign run.",
+        ),
     ],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of the pages; default: beside FILE.")] = None,
     figures: Annotated[
@@ -32,6 +38,9 @@ def report(
     from goshawk_dashboards.report.campaign.report import make_campaign_report
     from goshawk_dashboards.report.canvas import write
 
+    files = [cells for file in files for cells in (sorted(file.glob("cells/*.json")) if file.is_dir() else [file])]
+    if not files:
+        fail("no cells are in there: goshawk campaign run makes them once all is flown", NO_REPLY)
     if len({file.stem for file in files}) < len(files) and (out or figures):
         fail("two of these files have one name: draw them one after the other, each into its own folder", NO_REPLY)
     facts = []
@@ -58,9 +67,13 @@ def report(
 
 
 def compare(
-    files: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="FILE…", help="Campaigns that both pilots flew; default: the flight table's."),
+    given: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="FILE…",
+            help="Campaigns that both pilots flew; default: the flight table's. Or two of goshawk campaign run, "
+            "folders or s3://…, which are compared flight by flight.",
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(metavar="PAGE", help="The page.")] = Path("docs/learned-against-classical.html"),
     markdown: Annotated[
@@ -73,7 +86,9 @@ def compare(
     figures: Annotated[Path | None, typer.Option(metavar="DIR", help="The figures too, as PNG and CSV.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Say who flies better, the learned or the classical pilot, cell by cell on the same seeds."""
+    """Say who flies better on the same seeds: the learned or the classical pilot, or one campaign or another."""
+    if given and not any(name.endswith(".json") for name in given):
+        return _flight_by_flight(given, as_json)
     from goshawk_dashboards.report.campaign.data import CampaignError
     from goshawk_dashboards.report.canvas import write
     from goshawk_dashboards.report.comparison import verdict as words
@@ -81,7 +96,7 @@ def compare(
     from goshawk_dashboards.report.comparison.figures import comparison_figures
     from goshawk_dashboards.report.comparison.page import page
 
-    given = bool(files)
+    files = [Path(name) for name in given or ()]
     if not files:
         files, markdown, readme = (
             sorted(KEPT.glob("*.json"), key=lambda f: f.stem),
@@ -90,7 +105,7 @@ def compare(
         )
     try:
         with Console(stderr=True).status("comparing"):
-            made = compare(files, strict=given)
+            made = compare(files, strict=bool(given))
             drawn = comparison_figures(made)
             out.parent.mkdir(parents=True, exist_ok=True)
             out.write_text(page(made, drawn), encoding="utf-8")
@@ -110,14 +125,36 @@ def compare(
         print_json({"verdict": head, "learned": scores, "page": out, "figures": written, "skipped": made.skipped})
     else:
         typer.echo(f"{head}. {rest}\n{out}: open it in any browser")
+    return None
+
+
+def _flight_by_flight(campaigns: list[str], as_json: bool) -> None:
+    """Two campaigns of the trainer, which is found by name once it is needed."""
+    if len(campaigns) != 2:
+        fail("compare two campaigns: goshawk campaign compare A B, or the JSON files that both pilots flew", NO_REPLY)
+    try:
+        paired = importlib.import_module("goshawk_train.cluster.paired")
+        store = importlib.import_module("goshawk_train.cluster.store")
+        wrong = importlib.import_module("goshawk_train.errors").TrainerError
+    except ModuleNotFoundError as error:
+        fail(f"{error.name} is not installed: make setup-campaign", NO_REPLY)
+    try:
+        made = paired.compare(*(store.Store(campaign) for campaign in campaigns))
+    except wrong as error:
+        fail(str(error), NO_REPLY)
+    if as_json:
+        print_json({"a": campaigns[0], "b": campaigns[1], "cells": paired.facts(made)})
+    else:
+        typer.echo(paired.words(*campaigns, made))
 
 
 def register(app: typer.Typer) -> None:
     """Adds the commands to `goshawk campaign`."""
     app.command(
         epilog="Examples: goshawk campaign report out.json | goshawk campaign report a.json b.json --out pages | "
-        "goshawk campaign report out.json --figures figures"
+        "goshawk campaign report out.json --figures figures | goshawk campaign report runs/campaign"
     )(report)
     app.command(
-        epilog="Examples: goshawk campaign compare | goshawk campaign compare out.json --out page.html --figures out"
+        epilog="Examples: goshawk campaign compare | goshawk campaign compare out.json --out page.html --figures out | "
+        "goshawk campaign compare runs/without runs/with"
     )(compare)

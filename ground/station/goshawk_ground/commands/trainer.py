@@ -24,7 +24,7 @@ _EXAMPLES = {
     "dataset": "Examples: goshawk dataset make --out data/train --scenes 480 | "
     "goshawk dataset check data/train --against data/val | goshawk dataset import SRC --out DIR",
     "campaign": "Examples: goshawk campaign report out.json | goshawk campaign compare | goshawk campaign flights | "
-    "goshawk campaign robustness | goshawk campaign ablations",
+    "goshawk campaign robustness | goshawk campaign ablations | goshawk campaign run PLAN.toml",
 }
 _HELP = {
     "train": "Train a policy, measure it, and export it for flight.",

@@ -7,10 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
+from goshawk_train.commands import cluster
 from goshawk_train.commands.options import MODELS, RESULTS, SIMULATOR, Markdown, Models, Simulator, Trials
 from goshawk_train.commands.process import INTERRUPTED, end, ends_in_one_line, start_for_training
 
 app = typer.Typer(rich_markup_mode="rich")
+cluster.register(app)
 
 
 @app.command(

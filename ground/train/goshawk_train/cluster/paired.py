@@ -1,0 +1,180 @@
+"""Two campaigns on the same seeds, flight by flight: who does better, by exact tests and intervals."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from math import sqrt
+from typing import Any
+
+import duckdb
+
+from goshawk_train.cluster.query import LEVEL, flights, interval, stats
+from goshawk_train.cluster.store import Store
+from goshawk_train.errors import TrainerError
+
+RATES = {"success": "a success", "collision": "a collision"}
+METRICS = {
+    "clearance_m": "least clearance, m",
+    "in_view_fraction": "share of time in view",
+    "min_distance_to_target_m": "least distance to the target, m",
+    "flown_speed_mean_mps": "mean speed, m/s",
+    "jerk_integral": "∫ jerk² dt, m²/s⁵",
+}
+PAIRS = """
+select a.row, a.cell, a.task, a.speed_mps, a.world, a.spacing_m, a.pilot, a.seed as seed_a, b.seed as seed_b,
+       a.outcome = 'success' as success_a, b.outcome = 'success' as success_b,
+       a.outcome = 'collision' as collision_a, b.outcome = 'collision' as collision_b, {metrics}
+from a join b using (row, cell, trial) order by a.row, a.cell, trial
+"""
+
+
+class PairedError(TrainerError):
+    """The two cannot be compared; the message says why and what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateDifference:
+    """How often something happens in B less than in A, in the same flights."""
+
+    what: str
+    flights: int
+    only_a: int
+    only_b: int
+    both: int
+
+    @property
+    def difference(self) -> float:
+        """B's rate less A's."""
+        return (self.only_b - self.only_a) / self.flights
+
+    @property
+    def p(self) -> float:
+        """McNemar's exact test, two-sided: of the flights that differ, either is as likely."""
+        differ = self.only_a + self.only_b
+        return float(stats.binomtest(self.only_b, differ).pvalue) if differ else 1.0
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Of the difference: Newcombe's for paired rates (1998, method 10), of Wilson's of each."""
+        n, a, b = self.flights, self.only_a + self.both, self.only_b + self.both
+        neither = n - self.both - self.only_a - self.only_b
+        (low_a, high_a), (low_b, high_b) = interval(a, n, "wilson"), interval(b, n, "wilson")
+        together = self.both * neither - self.only_a * self.only_b
+        spread = a * (n - a) * b * (n - b)
+        correlation = 0.0 if not spread else (max(together - n / 2, 0) if together > 0 else together) / sqrt(spread)
+
+        def reach(down: float, up: float) -> float:
+            return sqrt(max(0.0, down**2 - 2 * correlation * down * up + up**2))
+
+        low = self.difference - reach(b / n - low_b, high_a - a / n)
+        return low, self.difference + reach(high_b - b / n, a / n - low_a)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MedianDifference:
+    """How much a number is greater in B than in A, in the same flights."""
+
+    what: str
+    flights: int
+    greater: int
+    less: int
+    median: float
+    interval: tuple[float, float]
+    """Of the median of the differences, from the order of the flights alone."""
+
+    @property
+    def p(self) -> float:
+        """The sign test, exact, two-sided."""
+        differ = self.greater + self.less
+        return float(stats.binomtest(self.greater, differ).pvalue) if differ else 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """A cell of both, or all of them."""
+
+    name: str
+    rates: list[RateDifference]
+    medians: list[MedianDifference]
+
+
+def compare(a: Store, b: Store) -> list[Compared]:
+    """Cell by cell, then all together; raises `PairedError`."""
+    connection = duckdb.connect()
+    connection.register("a", flights(a))
+    connection.register("b", flights(b))
+    metrics = ", ".join(f"a.{name} as {name}_a, b.{name} as {name}_b" for name in METRICS)
+    found = connection.sql(PAIRS.format(metrics=metrics))
+    rows = [dict(zip(found.columns, values, strict=True)) for values in found.fetchall()]
+    if not rows:
+        raise PairedError(f"{a.address} and {b.address} share no flight: fly both by rows of the same names")
+    if any(row["seed_a"] != row["seed_b"] for row in rows):
+        raise PairedError(f"{a.address} and {b.address} flew other seeds: give both plans one seed")
+    cells: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        world = f"{row['spacing_m']:g} m" if row["world"] == "forest" else row["world"]
+        cells.setdefault(f"{row['row']}, {row['speed_mps']:g} m/s, {world}, {row['pilot']}", []).append(row)
+    made = [_compared(name, some) for name, some in cells.items()]
+    return [*made, _compared("all", rows)] if len(made) > 1 else made
+
+
+def _compared(name: str, rows: list[dict[str, Any]]) -> Compared:
+    rates: list[RateDifference] = []
+    for rate, what in RATES.items():
+        pairs = [(row[f"{rate}_a"], row[f"{rate}_b"]) for row in rows]
+        only_a, only_b, both = (pairs.count(pair) for pair in ((True, False), (False, True), (True, True)))
+        rates.append(RateDifference(what=what, flights=len(pairs), only_a=only_a, only_b=only_b, both=both))
+    medians = [_median(what, [(row[f"{of}_a"], row[f"{of}_b"]) for row in rows]) for of, what in METRICS.items()]
+    return Compared(name=name, rates=rates, medians=[median for median in medians if median])
+
+
+def _median(what: str, pairs: list[tuple[float | None, float | None]]) -> MedianDifference | None:
+    differences = sorted(b - a for a, b in pairs if a is not None and b is not None)
+    count = len(differences)
+    if not count:
+        return None
+    # The least place such that the median lies outside with 2.5 % to each side, at most.
+    place = int(stats.binom.ppf((1 - LEVEL) / 2, count, 0.5))
+    low, high = differences[max(place - 1, 0)], differences[min(count - place, count - 1)]
+    middle = (differences[(count - 1) // 2] + differences[count // 2]) / 2
+    greater, less = sum(d > 0 for d in differences), sum(d < 0 for d in differences)
+    return MedianDifference(what=what, flights=count, greater=greater, less=less, median=middle, interval=(low, high))
+
+
+def words(a: str, b: str, made: list[Compared]) -> str:
+    """For people: what B does more or less than A."""
+    lines = [f"A: {a}", f"B: {b}", "The same flights in both, by seed; 95 % intervals; p of each line by itself."]
+    for cell in made:
+        lines.append(f"\n{cell.name}")
+        for rate in cell.rates:
+            low, high = rate.interval
+            lines.append(
+                f"  {rate.what}: B {100 * rate.difference:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f}), in "
+                f"{rate.flights} flights only A {rate.only_a}, only B {rate.only_b}; {_p(rate.p)} (McNemar, exact)"
+            )
+        for median in cell.medians:
+            low, high = median.interval
+            lines.append(
+                f"  {median.what}: B {median.median:+.3g} in the median ({low:+.3g} to {high:+.3g}), greater in "
+                f"{median.greater}, less in {median.less} of {median.flights}; {_p(median.p)} (sign test, exact)"
+            )
+    return "\n".join(lines)
+
+
+def facts(made: list[Compared]) -> list[dict[str, Any]]:
+    """For programs."""
+    return [
+        {
+            "cell": cell.name,
+            "rates": [
+                {**asdict(rate), "difference": rate.difference, "interval": rate.interval, "p": rate.p}
+                for rate in cell.rates
+            ],
+            "medians": [{**asdict(median), "p": median.p} for median in cell.medians],
+        }
+        for cell in made
+    ]
+
+
+def _p(p: float) -> str:
+    return "p < 0.0001" if p < 1e-4 else f"p {p:.4f}"

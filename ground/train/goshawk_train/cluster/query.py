@@ -1,0 +1,88 @@
+"""Questions to flown campaigns, in SQL by DuckDB: each flight is a row of `flights`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import duckdb
+import pyarrow
+import pyarrow.parquet
+import scipy.stats
+
+from goshawk_train.cluster.store import Store, StoreError
+from goshawk_train.errors import TrainerError
+
+pa: Any = pyarrow
+pq: Any = pyarrow.parquet  # neither comes with types
+stats: Any = scipy.stats
+LEVEL = 0.95
+RATES = """
+select row, pilot, speed_mps, world, spacing_m, count(*) as flights, count(*) filter (success) as successes,
+       count(*) filter (outcome = 'collision') as collisions, sum(core_s) as core_s
+from flights group by row, cell, pilot, speed_mps, world, spacing_m
+union all by name
+select 'all' as row, count(*) as flights, count(*) filter (success) as successes,
+       count(*) filter (outcome = 'collision') as collisions, sum(core_s) as core_s from flights
+"""
+
+
+class QueryError(TrainerError):
+    """The question cannot be answered; the message is DuckDB's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rate:
+    """How often something happened in some flights."""
+
+    count: int
+    flights: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The exact one (Clopper and Pearson's)."""
+        return interval(self.count, self.flights, "exact")
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        return f"{self.count / self.flights:.2%} ({low:.2%} to {high:.2%})"
+
+
+def interval(count: int, flights: int, method: str) -> tuple[float, float]:
+    """Of a rate, at `LEVEL`; the method is "exact" or "wilson"."""
+    low, high = stats.binomtest(count, flights).proportion_ci(LEVEL, method=method)
+    return float(low), float(high)
+
+
+def flights(store: Store) -> Any:
+    """The campaign's flights; raises `StoreError`."""
+    if not store.has("flights.parquet"):
+        raise StoreError(f"{store.address} holds no finished campaign: goshawk campaign run PLAN --out {store.address}")
+    return pq.read_table(pa.BufferReader(store.read("flights.parquet")))
+
+
+def ask(store: Store, question: str) -> Any:
+    """DuckDB's answer; raises `QueryError`."""
+    connection = duckdb.connect()
+    connection.register("flights", flights(store))
+    try:
+        answer: Any = connection.sql(question)
+    except duckdb.Error as error:
+        raise QueryError(f"{question}: {str(error).splitlines()[0]}") from error
+    if answer is None:
+        raise QueryError(f"{question}: this asks nothing; a question begins with select, summarize or describe")
+    return answer
+
+
+def summary(store: Store) -> str:
+    """Each cell's success and collision rates with their exact intervals, then those of all flights."""
+    lines: list[str] = []
+    for row, pilot, speed_mps, world, spacing_m, count, successes, collisions, core_s in ask(store, RATES).fetchall():
+        place = "" if row == "all" else f", {speed_mps:g} m/s, {f'{spacing_m:g} m' if world == 'forest' else world}"
+        who = "" if pilot in (None, "policy") else f", {pilot}"
+        success, collision = (Rate(count=some, flights=count) for some in (successes, collisions))
+        lines.append(
+            f"{row}{place}{who}: {count} flights, success {success}, collision {collision}, "
+            f"{count / core_s * 3600:.0f} flights per core-hour"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,101 @@
+"""Two campaigns on the same seeds: the statistics against textbooks, the command against flights."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from command import goshawk
+from goshawk_train.cluster.paired import MedianDifference, RateDifference, compare
+from goshawk_train.cluster.query import Rate
+from goshawk_train.cluster.store import Store
+from hypothesis import given
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).resolve().parents[3]
+PLAN = """
+trials = 10
+seed = 6
+seeds = "tuning"
+
+[[row]]
+name = "Dense"
+task = "navigate"
+speeds = [8]
+spacings = [2]
+options = ["--length", "30", "--vehicle-file", "{vehicle}"]
+"""
+
+
+def test_newcombes_interval_is_that_of_his_paper() -> None:
+    # Statistics in Medicine 17 (1998), table II, method 10: 36 both, 12 only one, 2 only the other, none neither.
+    low, high = RateDifference(what="", flights=50, only_a=2, only_b=12, both=36).interval
+    assert (round(low, 4), round(high, 4)) == (0.0569, 0.3404)
+
+
+def test_mcnemars_p_is_the_binomials() -> None:
+    # 12 to 2: 2 (1 + 14 + 91) / 2^14.
+    assert RateDifference(what="", flights=50, only_a=2, only_b=12, both=36).p == pytest.approx(2 * 106 / 2**14)
+    assert RateDifference(what="", flights=50, only_a=0, only_b=0, both=36).p == 1.0
+
+
+def test_no_collision_in_20000_flights_is_bounded_by_the_rule_of_three() -> None:
+    low, high = Rate(count=0, flights=20_000).interval
+    assert low == 0 and high == pytest.approx(3.69 / 20_000, rel=0.01)
+
+
+@given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 40), st.integers(1, 40))
+def test_an_interval_holds_the_difference_and_turns_with_the_sides(both: int, a: int, b: int, neither: int) -> None:
+    flights = both + a + b + neither
+    one = RateDifference(what="", flights=flights, only_a=a, only_b=b, both=both)
+    other = RateDifference(what="", flights=flights, only_a=b, only_b=a, both=both)
+    low, high = one.interval
+    assert -1 <= low <= one.difference <= high <= 1
+    assert other.interval == pytest.approx((-high, -low))
+    assert one.p == pytest.approx(other.p)
+
+
+def test_one_extension_is_compared_with_its_absence_flight_by_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    tuning = (ROOT / "air/vehicles/tuning.toml").read_text()
+    assert "[extensions]" not in tuning
+    without = tmp_path / "without"
+    without.mkdir()
+    (without / "sim.toml").write_text((ROOT / "air/vehicles/sim.toml").read_text())
+    (without / "tuning.toml").write_text(f"{tuning}\n[extensions]\nobstacle_memory = false\n")
+    for name, vehicle in {"a": ROOT / "air/vehicles/sim.toml", "b": without / "sim.toml"}.items():
+        (tmp_path / f"{name}.toml").write_text(PLAN.replace("{vehicle}", str(vehicle)))
+        done = goshawk("campaign", "run", tmp_path / f"{name}.toml", "--out", tmp_path / name)
+        assert done.exit_code == 0, done.output
+    words = goshawk("campaign", "compare", tmp_path / "a", tmp_path / "b")
+    assert words.exit_code == 0, words.output
+    assert "in 10 flights only A" in words.stdout and "(McNemar, exact)" in words.stdout
+    facts = json.loads(goshawk("campaign", "compare", tmp_path / "a", tmp_path / "b", "--json").stdout)
+    assert [cell["cell"] for cell in facts["cells"]] == ["Dense, 8 m/s, 2 m, policy"]
+    # It matters among trees this dense: not all flights are the same.
+    (clearance,) = [m for m in facts["cells"][0]["medians"] if m["what"].startswith("least clearance")]
+    assert clearance["greater"] + clearance["less"] > 0
+    (same,) = compare(Store(str(tmp_path / "a")), Store(str(tmp_path / "a")))
+    assert all(rate.difference == 0 and rate.p == 1 for rate in same.rates)
+    assert all(isinstance(m, MedianDifference) and m.median == 0 and m.p == 1 for m in same.medians)
+
+
+def test_campaigns_of_other_seeds_or_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    plain = PLAN.replace("{vehicle}", "air/vehicles/sim.toml").replace("trials = 10", "trials = 1")
+    for name, text in {
+        "a": plain,
+        "b": plain.replace("seed = 6", "seed = 7"),
+        "c": plain.replace("Dense", "Other"),
+    }.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+        assert goshawk("campaign", "run", tmp_path / f"{name}.toml", "--out", tmp_path / name).exit_code == 0
+    seeds = goshawk("campaign", "compare", tmp_path / "a", tmp_path / "b")
+    assert seeds.exit_code == 2 and "flew other seeds" in seeds.stderr
+    rows = goshawk("campaign", "compare", tmp_path / "a", tmp_path / "c")
+    assert rows.exit_code == 2 and "share no flight" in rows.stderr
+    one = goshawk("campaign", "compare", tmp_path / "a")
+    assert one.exit_code == 2 and "compare two campaigns" in one.stderr
