@@ -263,7 +263,7 @@ def from_log(
     reasons = _reasons(mine)
     if ("disagree" in reasons) != (other is not None):
         raise typer.BadParameter("--mine disagree and --other belong together", param_hint="--mine")
-    with ends_in_one_line(context):
+    with ends_in_one_line(context, "nothing was written: it begins anew"):
         from goshawk_train.data.flown import convert
 
         choice = convert.Choice(rate_hz=rate_hz, mine=reasons, other=other)

@@ -38,7 +38,7 @@ def end(status: int) -> NoReturn:
 
 
 @contextmanager
-def ends_in_one_line(context: typer.Context) -> Generator[None]:
+def ends_in_one_line(context: typer.Context, interrupted: str = "what is finished is kept") -> Generator[None]:
     """What is wrong becomes one line and an exit status; a termination signal ends like Ctrl-C, a simulator that the
     command runs with it."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -51,7 +51,7 @@ def ends_in_one_line(context: typer.Context) -> Generator[None]:
     except OSError as error:
         _fail(context, f"{error.filename}: {error.strerror}" if error.filename else str(error), UNUSABLE)
     except KeyboardInterrupt:
-        _fail(context, "interrupted; what is finished is kept", INTERRUPTED)
+        _fail(context, f"interrupted; {interrupted}", INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)
 
