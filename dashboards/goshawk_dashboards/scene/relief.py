@@ -13,9 +13,9 @@ from goshawk_dashboards.state.views import Array, WorldView
 
 NEAREST = 4
 """Trees that decide about one place."""
-CELL_M = 2.0
+CELL_M = 4.0
 """Between the nodes of the mesh; a larger world has larger cells."""
-MOST_CELLS = 64
+MOST_CELLS = 32
 """Along each side of the mesh: it is to be drawn without a graphics card."""
 
 

@@ -17,7 +17,7 @@ from goshawk_dashboards.state.views import Array, BoxesView, WorldView
 
 WALL_OPACITY = 0.4
 """What flies inside a house is to be seen from outside."""
-NEAR_M = 50.0
+NEAR_M = 35.0
 """Trees farther off than this are not drawn."""
 RENEW_M = 6.0
 """The choice of trees is made anew when the vehicle has flown this far."""
@@ -68,7 +68,7 @@ class WorldScene:
             return
         vertices, faces = relief.mesh()
         add = self._scene.add_mesh_simple
-        add(self._ground, vertices, faces, color=theme.GROUND, flat_shading=True, side="double", cast_shadow=False)
+        add(self._ground, vertices, faces, color=theme.GROUND, flat_shading=True, cast_shadow=False)
         lines = vertices + (0.0, 0.0, 0.03)
         add(f"{self._ground}/lines", lines, faces, color=theme.GRID_SECTION, wireframe=True, cast_shadow=False)
 
