@@ -5,13 +5,22 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable
+from functools import partial
 
+import pytest
 from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Page, expect
 from stage import Ground, Seen
 
 Start = Callable[..., Ground]
 Visit = Callable[..., Seen]
+
+
+@pytest.fixture
+def visit(visit: Callable[..., Seen]) -> Visit:
+    """A page whose scene is not drawn: what is pressed and said here is about everything else, and a software renderer
+    takes most of a machine for the scene. `test_dashboard.py` looks for Stop over a scene that is drawn."""
+    return partial(visit, scene=False)
 
 
 def flying(g: Ground) -> None:
