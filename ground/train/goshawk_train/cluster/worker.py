@@ -144,5 +144,7 @@ def fly_on_node(digest: str, files: list[Any], probe: list[str], arguments: list
 
             content: Any = ray.get(files[0])
             unpack(content, folder)
+        if folder.stat().st_uid != os.getuid():
+            raise UnitError(f"{folder} is another user's, so nothing of it is run: remove it")
         _benches[digest] = Bench(kit=folder, probe=probe)
     return _benches[digest].fly(arguments)
