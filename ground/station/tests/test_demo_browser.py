@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import webbrowser
 
 import pytest
@@ -35,7 +36,7 @@ def test_nobody_who_looks_is_waited_for_a_while_and_a_browser_opens_on_a_desktop
         for display, wanted in (("", []), (":0", [dashboard.url])):
             monkeypatch.setenv("DISPLAY", display)
             monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-            assert not await_browser(dashboard, Console(quiet=True), wait_s=0.2)
+            assert not await_browser(dashboard, Console(quiet=True), threading.Event(), wait_s=0.2)
             assert opened == wanted
     finally:
         dashboard.close()

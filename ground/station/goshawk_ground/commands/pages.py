@@ -24,7 +24,7 @@ from goshawk_ground.commands.options import (
     TokenFile,
     fail,
 )
-from goshawk_ground.commands.stopping import until_interrupted
+from goshawk_ground.interrupt import until_interrupted
 from goshawk_ground.demo import places
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 from goshawk_ground.orders.stop_file import state_folder

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Generator
-from contextlib import contextmanager
 
 import typer
 from goshawk_dashboards.state.views import CommandView
 
+from goshawk_ground.interrupt import interrupted
 from goshawk_ground.link import GroundLink
 
 SAY_EVERY_S = 3.0
@@ -30,28 +27,3 @@ def stop_until_confirmed(link: GroundLink, timeout_s: float | None) -> CommandVi
                 said_s = now_s
                 typer.echo(f"goshawk: stop pending for {now_s - began_s:.0f} s. {link.why_undelivered()}", err=True)
     return link.snapshot().command or pressed
-
-
-@contextmanager
-def interrupted() -> Generator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set, in place of what they do otherwise."""
-    done = threading.Event()
-
-    def end(*_: object) -> None:
-        done.set()
-
-    before = {s: signal.signal(s, end) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield done
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextmanager
-def until_interrupted() -> Generator[None]:
-    """What is said in it can be answered with Ctrl-C or SIGTERM at once: its end waits for either."""
-    with interrupted() as done:
-        yield
-        while not done.wait(0.5):
-            pass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 import webbrowser
 
@@ -19,12 +20,12 @@ def on_desktop() -> bool:
     return sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
-def await_browser(dashboard: LiveDashboard, console: Console, wait_s: float = WAIT_S) -> bool:
-    """Whether one came in time."""
+def await_browser(dashboard: LiveDashboard, console: Console, ended: threading.Event, wait_s: float = WAIT_S) -> bool:
+    """Whether one came in time, and before somebody ended it all."""
     if on_desktop():
         webbrowser.open(dashboard.url)
     until_s = time.monotonic() + wait_s
     with console.status(f"open the dashboard to see the flight; it begins without you in {wait_s:.0f} s"):
-        while not dashboard.views and time.monotonic() < until_s:
-            time.sleep(0.1)
+        while not dashboard.views and time.monotonic() < until_s and not ended.wait(0.1):
+            pass
     return bool(dashboard.views)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import signal
 import tempfile
 import threading
 import time
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +23,7 @@ from goshawk_ground.demo.browser import await_browser
 from goshawk_ground.demo.children import Child, stop_all
 from goshawk_ground.demo.director import Action, Director, Limits, Phase
 from goshawk_ground.demo.flight_record import FlightRecord, Summary
+from goshawk_ground.interrupt import interrupted
 from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.link import GroundLink
 from goshawk_ground.pages.ports import free_port
@@ -59,8 +58,8 @@ class DemoOptions:
     """… or of ArduPilot; none of both: the simulator's stand-in."""
 
 
-class _Interrupted(BaseException):
-    """Ctrl-C, SIGTERM or a closed terminal."""
+class _Interrupted(Exception):
+    """Somebody wants the demo to end now."""
 
 
 def run_demo(options: DemoOptions) -> bool:
@@ -70,22 +69,20 @@ def run_demo(options: DemoOptions) -> bool:
     children: list[Child] = []
     link: GroundLink | None = None
     dashboard: LiveDashboard | None = None
-    with _interruptible() as interrupted:
+    with interrupted() as ended:
         try:
             children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
             link = GroundLink(connect=endpoint, identity=identity)
             tuning = Tuning.of_toml(places.tuning_of(_vehicle_file(options)))
             dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port), tuning=tuning)
-            if interrupted.is_set():
-                raise _Interrupted
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             if console.is_terminal and not options.headless:
-                await_browser(dashboard, console)
-            summary = _fly(options, link, children, console)
+                await_browser(dashboard, console, ended)
+            summary = _fly(options, link, children, console, ended)
             _report(summary, options, console)
             _print_tails(children, summary, console)
             if not options.headless:
-                _stay(children, dashboard, console)
+                _stay(children, dashboard, console, ended)
             return summary.succeeded
         except _Interrupted:
             console.print("interrupted: stopping everything")
@@ -93,12 +90,12 @@ def run_demo(options: DemoOptions) -> bool:
         except OSError as error:
             raise DemoError(str(error)) from error
         finally:
-            with _uninterruptible():
-                if dashboard is not None:
-                    dashboard.close()
-                if link is not None:
-                    link.close()
-                stop_all(children)
+            # Nothing cuts this short, not even another Ctrl-C; it is bounded by itself.
+            if dashboard is not None:
+                dashboard.close()
+            if link is not None:
+                link.close()
+            stop_all(children)
 
 
 def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path, Path]:
@@ -149,7 +146,9 @@ def _autopilot(options: DemoOptions, mavlink_port: int) -> tuple[list[str], list
     return ["--mavlink-bind", f"127.0.0.1:{mavlink_port}"], ["--mavlink-port", str(mavlink_port)]
 
 
-def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console: Console) -> Summary:
+def _fly(
+    options: DemoOptions, link: GroundLink, children: list[Child], console: Console, ended: threading.Event
+) -> Summary:
     """One flight from readiness to landing."""
     record = FlightRecord(options.distance_m)
     lock = threading.Lock()
@@ -171,6 +170,8 @@ def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console:
     trouble: tuple[str, ...] = ()
     with console.status(director.phase.value) as status:
         while not trouble:
+            if ended.wait(0.02):
+                raise _Interrupted
             snap = link.snapshot()
             with lock:
                 arrived, collided = record.arrived, record.collided
@@ -183,7 +184,7 @@ def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console:
                 why_not_ready="; ".join(failing_checks(snap)),
             )
             if action is Action.START:
-                reply = link.start(timeout_s=10.0)
+                reply = link.start()
                 if not reply.accepted:
                     director.refused(time.monotonic(), reply.text)
             elif action is Action.STOP:
@@ -191,7 +192,6 @@ def _fly(options: DemoOptions, link: GroundLink, children: list[Child], console:
             elif action is Action.END:
                 break
             status.update(_progress(director.phase, snap))
-            time.sleep(0.02)
             trouble = tuple(
                 f"{child.name} ended by itself (status {child.exit_code}), see {child.output}"
                 for child in children
@@ -256,45 +256,12 @@ def _print_tails(children: list[Child], summary: Summary, console: Console) -> N
         console.print(child.tail(), markup=False)
 
 
-def _stay(children: list[Child], dashboard: LiveDashboard, console: Console) -> None:
+def _stay(children: list[Child], dashboard: LiveDashboard, console: Console, ended: threading.Event) -> None:
     """Keeps the dashboard open, where Start and Stop still work, until Ctrl-C or a child's end."""
     console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
     while all(child.exit_code is None for child in children):
-        time.sleep(0.2)
+        if ended.wait(0.2):
+            raise _Interrupted
     for child in children:
         if child.exit_code is not None:
             console.print(f"{child.name} ended (status {child.exit_code}), see {child.output}", markup=False)
-
-
-@contextmanager
-def _interruptible() -> Generator[threading.Event]:
-    """SIGINT, SIGTERM and SIGHUP raise _Interrupted inside. The event remembers them: libraries catch everything."""
-    interrupted = threading.Event()
-
-    def interrupt(*_: object) -> None:
-        interrupted.set()
-        raise _Interrupted
-
-    with _handling(interrupt):
-        yield interrupted
-
-
-@contextmanager
-def _uninterruptible() -> Generator[None]:
-    """Nothing may cut the clean-up short; it is bounded by itself."""
-
-    def go_on(*_: object) -> None:
-        pass
-
-    with _handling(go_on):
-        yield
-
-
-@contextmanager
-def _handling(handler: Any) -> Generator[None]:
-    before = {s: signal.signal(s, handler) for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, old in before.items():
-            signal.signal(number, old)
