@@ -2,5 +2,6 @@
 
 pub mod access;
 pub mod commands;
+pub mod missed;
 pub mod switch;
 pub mod visitors;

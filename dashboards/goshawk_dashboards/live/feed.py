@@ -8,7 +8,6 @@ from functools import cached_property
 
 from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live import plots
 from goshawk_dashboards.live.candidates import picture_html, strip_html
 from goshawk_dashboards.live.link import link_html, radio_html
@@ -41,8 +40,6 @@ class Watched:
     """Asks until the vehicle confirms."""
     on_cancel: Callable[[], object]
     """Takes a Stop back that is not confirmed."""
-    tuning: Tuning | None = None
-    """Of its tuning file, where the ground has that; None: it does not."""
 
 
 class Words:
@@ -118,7 +115,7 @@ class Feed:
     def __init__(self, vehicle: Watched) -> None:
         self.vehicle = vehicle
         self.snap = vehicle.latest()
-        self.track = Track(vehicle.tuning)
+        self.track = Track()
         self._relief: tuple[WorldView, Relief] | None = None
         self.words = Words(self.snap, self.track, None)
         self.curves = tuple(plots.Curves(kind) for kind in plots.KINDS)

@@ -1,0 +1,287 @@
+//! What a ground that was away has missed: the newest events, and what controller and health said about each alert. It
+//! is bounded in number and bytes: the oldest falls out, and is counted.
+
+use std::collections::VecDeque;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use goshawk_proto::v1;
+use prost::Message;
+
+/// Events that are kept: as many as a ground lists.
+const EVENTS: usize = 200;
+/// Bytes of them: an autopilot's text or a stranger's name may be long.
+const EVENT_BYTES: usize = 64 << 10;
+/// Bytes of the samples that are kept: a dozen alerts.
+const SAMPLE_BYTES: usize = 512 << 10;
+/// Before an alert and after it, ns: 5 s. Chosen by eye.
+const AROUND_NS: u64 = 5_000_000_000;
+/// A controller step so often, ns: 5 Hz.
+const CONTROL_PERIOD_NS: u64 = 200_000_000;
+/// A page, bytes. What waits for a weak link is 32 kB of this urgency, and the whole page is dropped if it does not fit.
+const PAGE_BYTES: usize = 8 << 10;
+
+/// Something that was told, with its time.
+enum Sample {
+    Control(v1::Control),
+    Health(v1::Health),
+}
+
+impl Sample {
+    fn stamp_ns(&self) -> u64 {
+        match self {
+            Sample::Control(control) => control.stamp_ns,
+            Sample::Health(health) => health.stamp_ns,
+        }
+    }
+
+    fn size(&self) -> usize {
+        match self {
+            Sample::Control(control) => control.encoded_len(),
+            Sample::Health(health) => health.encoded_len(),
+        }
+    }
+}
+
+/// A queue whose oldest fall out.
+struct Kept<T> {
+    items: VecDeque<(usize, T)>,
+    bytes: usize,
+    dropped: u64,
+}
+
+impl<T> Kept<T> {
+    fn new() -> Self {
+        Kept { items: VecDeque::new(), bytes: 0, dropped: 0 }
+    }
+
+    fn push(&mut self, item: T, size: usize, most: usize, most_bytes: usize) {
+        self.items.push_back((size, item));
+        self.bytes += size;
+        while self.items.len() > most || self.bytes > most_bytes {
+            let Some((size, _)) = self.items.pop_front() else { break };
+            self.bytes -= size;
+            self.dropped += 1;
+        }
+    }
+}
+
+/// The room that is left in a page.
+struct Room(usize);
+
+impl Room {
+    /// Whether so many bytes go into it; the first item always does.
+    fn takes(&mut self, size: usize) -> bool {
+        let fits = self.0 == PAGE_BYTES || size <= self.0;
+        self.0 = if fits { self.0.saturating_sub(size) } else { self.0 };
+        fits
+    }
+}
+
+/// What is kept for whoever missed it.
+pub struct Memory {
+    session: u64,
+    /// Events since the session began.
+    told: u64,
+    events: Kept<v1::Event>,
+    /// The samples of the last [`AROUND_NS`], in case of an alert.
+    recent: VecDeque<Sample>,
+    samples: Kept<Sample>,
+    /// What is told before is kept.
+    keep_until_ns: u64,
+    last_control_ns: u64,
+}
+
+impl Default for Memory {
+    /// An empty one of a new session.
+    fn default() -> Self {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        Memory {
+            session: (since.as_nanos() as u64).max(1),
+            told: 0,
+            events: Kept::new(),
+            recent: VecDeque::new(),
+            samples: Kept::new(),
+            keep_until_ns: 0,
+            last_control_ns: 0,
+        }
+    }
+}
+
+impl Memory {
+    /// Another number each time that the process starts.
+    #[must_use]
+    pub fn session(&self) -> u64 {
+        self.session
+    }
+
+    /// Events since then.
+    #[must_use]
+    pub fn told(&self) -> u64 {
+        self.told
+    }
+
+    /// Numbers an event and keeps it. A warning, an error and a change of the mode are alerts.
+    pub fn event(&mut self, event: v1::Event) -> v1::Event {
+        self.told += 1;
+        let event = v1::Event { seq: self.told, ..event };
+        self.events.push(event.clone(), event.encoded_len(), EVENTS, EVENT_BYTES);
+        if event.severity() >= v1::Severity::Warning || event.kind == "mode" {
+            self.keep_until_ns = event.stamp_ns + AROUND_NS;
+            for sample in std::mem::take(&mut self.recent) {
+                if event.stamp_ns.saturating_sub(sample.stamp_ns()) <= AROUND_NS {
+                    self.keep(sample);
+                }
+            }
+        }
+        event
+    }
+
+    /// A controller step, which counts if it is one of five a second.
+    pub fn control(&mut self, control: &v1::Control) {
+        if control.stamp_ns.saturating_sub(self.last_control_ns) >= CONTROL_PERIOD_NS {
+            self.last_control_ns = control.stamp_ns;
+            self.sample(Sample::Control(control.clone()));
+        }
+    }
+
+    /// A heartbeat. Its histograms are of the whole session, and long.
+    pub fn health(&mut self, health: &v1::Health) {
+        let mut health = health.clone();
+        health.latencies.iter_mut().for_each(|latency| latency.histogram.clear());
+        self.sample(Sample::Health(health));
+    }
+
+    fn sample(&mut self, sample: Sample) {
+        let stamp_ns = sample.stamp_ns();
+        if stamp_ns <= self.keep_until_ns {
+            return self.keep(sample);
+        }
+        self.recent.push_back(sample);
+        while self.recent.front().is_some_and(|oldest| stamp_ns.saturating_sub(oldest.stamp_ns()) > AROUND_NS) {
+            self.recent.pop_front();
+        }
+    }
+
+    fn keep(&mut self, sample: Sample) {
+        let size = sample.size();
+        self.samples.push(sample, size, usize::MAX, SAMPLE_BYTES);
+    }
+
+    /// What the asker lacks, as much as goes into one page.
+    #[must_use]
+    pub fn page(&self, asked: &v1::MissedRequest) -> v1::Missed {
+        let after_event = if asked.session == self.session { asked.after_event } else { 0 };
+        let mut page = v1::Missed {
+            session: self.session,
+            dropped_events: self.events.dropped.saturating_sub(after_event),
+            dropped_samples: self.samples.dropped,
+            ..v1::Missed::default()
+        };
+        let mut room = Room(PAGE_BYTES);
+        for (size, event) in self.events.items.iter().filter(|(_, event)| event.seq > after_event) {
+            if !room.takes(*size) {
+                page.more = true;
+                return page;
+            }
+            page.events.push(event.clone());
+        }
+        let missed = |sample: &Sample| (asked.after_ns + 1..asked.before_ns).contains(&sample.stamp_ns());
+        for (size, sample) in self.samples.items.iter().filter(|(_, sample)| missed(sample)) {
+            if !room.takes(*size) {
+                page.more = true;
+                return page;
+            }
+            match sample {
+                Sample::Control(control) => page.controls.push(control.clone()),
+                Sample::Health(health) => page.healths.push(health.clone()),
+            }
+        }
+        page
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: u64 = 1_000_000_000;
+
+    fn event(at_s: u64, severity: v1::Severity, text: &str) -> v1::Event {
+        v1::Event { stamp_ns: at_s * SECOND, severity: severity.into(), text: text.to_owned(), ..Default::default() }
+    }
+
+    fn control(stamp_ns: u64) -> v1::Control {
+        v1::Control { stamp_ns, ..Default::default() }
+    }
+
+    /// Everything that an asker of `asked` is told, page by page.
+    fn all(memory: &Memory, mut asked: v1::MissedRequest) -> v1::Missed {
+        let mut whole = v1::Missed::default();
+        loop {
+            let page = memory.page(&asked);
+            assert!(page.encoded_len() < PAGE_BYTES + 1024, "{} bytes", page.encoded_len());
+            let stamps = page.controls.iter().map(|c| c.stamp_ns).chain(page.healths.iter().map(|h| h.stamp_ns));
+            asked.after_ns = stamps.max().unwrap_or(asked.after_ns);
+            (asked.session, asked.after_event) =
+                (page.session, page.events.last().map_or(asked.after_event, |event| event.seq));
+            whole.dropped_events = whole.dropped_events.max(page.dropped_events);
+            whole.dropped_samples = page.dropped_samples;
+            whole.events.extend(page.events);
+            whole.controls.extend(page.controls);
+            whole.healths.extend(page.healths);
+            if !page.more {
+                return whole;
+            }
+        }
+    }
+
+    #[test]
+    fn an_asker_is_told_the_events_that_it_lacks_and_of_another_session_all() {
+        let mut memory = Memory::default();
+        for k in 0..5 {
+            memory.event(event(k, v1::Severity::Info, "told"));
+        }
+        let asked = v1::MissedRequest { session: memory.session(), after_event: 3, ..Default::default() };
+        let seqs = |page: v1::Missed| page.events.iter().map(|event| event.seq).collect::<Vec<_>>();
+        assert_eq!(seqs(memory.page(&asked)), [4, 5]);
+        assert_eq!(seqs(memory.page(&v1::MissedRequest { session: 7, ..asked })), [1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn five_seconds_before_and_after_an_alert_are_kept_and_nothing_else() {
+        let mut memory = Memory::default();
+        for k in 0..600 {
+            if k == 300 {
+                memory.event(event(30, v1::Severity::Info, "of no matter"));
+                memory.event(event(30, v1::Severity::Warning, "an alert"));
+            }
+            memory.control(&control(k * SECOND / 10));
+            if k % 5 == 0 {
+                memory.health(&v1::Health { stamp_ns: k * SECOND / 10, ..Default::default() });
+            }
+        }
+        let told = all(&memory, v1::MissedRequest { before_ns: u64::MAX, ..Default::default() });
+        let times: Vec<u64> = told.controls.iter().map(|control| control.stamp_ns / (SECOND / 10)).collect();
+        assert_eq!(times, (250..=350).step_by(2).collect::<Vec<u64>>());
+        assert_eq!(told.healths.len(), 21);
+        let within = v1::MissedRequest { after_ns: 29 * SECOND, before_ns: 30 * SECOND, ..Default::default() };
+        assert_eq!(all(&memory, within).controls.len(), 4);
+    }
+
+    #[test]
+    fn a_flood_of_events_fills_no_memory_and_what_fell_out_is_counted() {
+        let mut memory = Memory::default();
+        for k in 0..10_000 {
+            memory.event(event(k, v1::Severity::Warning, &"long ".repeat(if k % 2 == 0 { 1 } else { 100 })));
+            for tenth in 0..10 {
+                memory.control(&v1::Control { thrust_n: 1.0, ..control(k * SECOND + tenth * SECOND / 10) });
+            }
+        }
+        assert!(memory.events.items.len() <= EVENTS && memory.events.bytes <= EVENT_BYTES);
+        assert!(memory.samples.bytes <= SAMPLE_BYTES && memory.samples.dropped > 0 && memory.recent.is_empty());
+        let told = all(&memory, v1::MissedRequest { before_ns: u64::MAX, ..Default::default() });
+        assert_eq!(told.dropped_events + told.events.len() as u64, 10_000);
+        assert_eq!(told.events.last().unwrap().seq, 10_000);
+        assert_eq!(told.dropped_samples, memory.samples.dropped);
+    }
+}
