@@ -74,6 +74,12 @@ class Track:
             self.stood_z_m = float(control.pos_world_3[2])
         self._history.add(control.stamp_ns * 1e-9, np.array([*self._accelerations(snap), *self._target(snap)]))
 
+    def fill(self, snap: Snapshot) -> None:
+        """Takes a snapshot of earlier, of which nothing was known."""
+        if snap.control is not None:
+            row = np.array([*self._accelerations(snap), *self._target(snap)])
+            self._history.fill(snap.control.stamp_ns * 1e-9, row)
+
     def _watch(self, control: ControlView) -> None:
         """Notices a take-off; the time stays after the landing, for what happened is told by it."""
         flies = control.mode in FLYING

@@ -205,6 +205,8 @@ class EventView:
     severity: pb.Severity
     kind: str
     text: str
+    late: bool = False
+    """It was told afterwards: the link was away when it happened, or was not there yet."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
