@@ -11,7 +11,7 @@ import pytest
 import zenoh
 from goshawk_dashboards.log.flight import Flight
 from goshawk_ground.link import GroundLink
-from goshawk_ground.link.missed import GAPS, STEPS, Missed
+from goshawk_ground.link.missed import EVENTS_BEYOND, GAPS, STEPS, Missed
 from goshawk_ground.link.recording import record
 from goshawk_proto import KEYS, PROTOCOL, key_expression
 from goshawk_proto import goshawk_pb2 as pb
@@ -34,11 +34,16 @@ def step(at_s: float) -> pb.Control:
     return pb.Control(stamp_ns=round(at_s * SECOND), world_from_body=pb.Quat(w=1.0), mode=pb.MODE_READY)
 
 
+def asked_of(missed: Missed) -> pb.MissedRequest:
+    asked = missed.request()
+    assert asked is not None
+    return asked
+
+
 def caught_up(missed: Missed, events: int = 0) -> Missed:
     """It has heard a heartbeat, and been told all before."""
     missed.heard_health(beat(10.0, events))
-    asked = missed.request()
-    assert asked is not None
+    asked = asked_of(missed)
     assert missed.take(asked, pb.Missed(session=7, events=[event(k + 1, 1.0) for k in range(events)]))
     assert missed.request() is None
     return missed
@@ -62,11 +67,11 @@ def test_after_a_cut_its_seconds_and_the_events_that_are_lacking_are_asked_for()
     missed = caught_up(Missed(), events=2)
     missed.heard_event(6)
     missed.heard_health(beat(40.0, events=6))
-    asked = missed.request()
+    asked = asked_of(missed)
     assert asked == pb.MissedRequest(session=7, after_event=2, after_ns=10 * SECOND, before_ns=40 * SECOND)
     page = pb.Missed(session=7, events=[event(k, 20.0) for k in (3, 4, 5)], controls=[step(25.0)], more=True)
     assert missed.take(asked, page)
-    asked = missed.request()
+    asked = asked_of(missed)
     assert asked == pb.MissedRequest(session=7, after_event=6, after_ns=25 * SECOND, before_ns=40 * SECOND)
     assert missed.take(asked, pb.Missed(session=7, controls=[step(30.0)]))
     assert missed.request() is None
@@ -75,12 +80,11 @@ def test_after_a_cut_its_seconds_and_the_events_that_are_lacking_are_asked_for()
 def test_events_that_the_vehicle_no_longer_keeps_are_not_asked_for_again() -> None:
     missed = Missed()
     missed.heard_health(beat(10.0, events=1000))
-    asked = missed.request()
-    assert asked is not None
+    asked = asked_of(missed)
     kept = [event(k, 9.0) for k in range(801, 901)]
     assert missed.take(asked, pb.Missed(session=7, dropped_events=800, events=kept, more=True))
-    asked = missed.request()
-    assert asked is not None and asked.after_event == 900
+    asked = asked_of(missed)
+    assert asked.after_event == 900
     assert missed.take(asked, pb.Missed(session=7, events=[event(k, 9.0) for k in range(901, 1001)]))
     assert missed.request() is None
 
@@ -102,8 +106,7 @@ def test_a_step_that_was_heard_is_not_told_again() -> None:
     missed = caught_up(Missed())
     missed.heard_step(step(10.2).stamp_ns)
     missed.heard_health(beat(20.0))
-    asked = missed.request()
-    assert asked is not None
+    asked = asked_of(missed)
     page = pb.Missed(session=7, controls=[step(10.2), step(10.4)])
     assert missed.take(asked, page)
     assert [control.stamp_ns for control in page.controls] == [step(10.4).stamp_ns]
@@ -115,8 +118,7 @@ def test_a_flickering_link_and_a_flood_of_events_fill_no_memory() -> None:
         missed.heard_health(beat(10.0 * k))
         missed.heard_event(2 * k + 2)
         missed.heard_step(k)
-    assert len(missed._gaps) == GAPS and len(missed._steps) == STEPS
-    assert len(missed._beyond) <= 1024
+    assert missed.held <= 2 * GAPS + STEPS + EVENTS_BEYOND
 
 
 class Vehicle:

@@ -29,12 +29,17 @@ class Missed:
         """Events of the session, as the newest heartbeat says."""
         self._upto = 0
         """Every event up to this one is here, or is kept nowhere."""
-        self._beyond = set[int]()
+        self._beyond: set[int] = set()
         """Later events that are here."""
         self._given_up = 0
         self._heard_ns: int | None = None
         self._gaps: deque[tuple[int, int]] = deque(maxlen=GAPS)
         self._steps: deque[int] = deque(maxlen=STEPS)
+
+    @property
+    def held(self) -> int:
+        """How many numbers are kept: bounded."""
+        return len(self._beyond) + 2 * len(self._gaps) + len(self._steps)
 
     def heard_step(self, stamp_ns: int) -> None:
         """A controller step came."""
@@ -48,13 +53,13 @@ class Missed:
             self._upto = max(self._beyond)
         while self._upto + 1 in self._beyond:
             self._upto += 1
-        self._beyond = {seq for seq in self._beyond if seq > self._upto}
+        self._beyond = {later for later in self._beyond if later > self._upto}
 
     def heard_health(self, health: pb.Health) -> None:
         """A heartbeat came."""
         if health.session not in (0, self._session):
             if self._session:
-                self._upto, self._beyond = 0, set()
+                self._upto, self._beyond = 0, set[int]()
             self._session, self._given_up = health.session, 0
         self._told = health.events
         before_ns, self._heard_ns = self._heard_ns, health.stamp_ns
