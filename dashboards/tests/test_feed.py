@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from goshawk_dashboards.live.feed import Feed, Watched
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import ControlView
+from goshawk_dashboards.state.views import CommandView, ControlView
 
 Make = Callable[..., Snapshot]
 
@@ -24,8 +24,11 @@ def step(snap: Snapshot, at_s: float, speed: float) -> ControlView:
 
 def test_what_was_told_after_a_cut_fills_the_gap_of_the_charts_once(snap: Make) -> None:
     base = snap()
-    feed = Feed(Watched(name="goshawk", latest=lambda: base, on_start=lambda _: None, on_stop=lambda: None,
-                        on_cancel=lambda: None))  # type: ignore[arg-type, return-value]  # fmt: skip
+    nothing = CommandView(verb="start", command_id="", answered=False, accepted=False, text="", mode=None)
+    vehicle = Watched(
+        name="goshawk", latest=lambda: base, on_start=lambda _: nothing, on_stop=bool, on_cancel=bool
+    )  # fmt: skip
+    feed = Feed(vehicle)
     for at_s in (10.0, 20.0):
         feed.take(replace(base, control=step(base, at_s, 1.0)))
     late = tuple(step(base, at_s, 5.0) for at_s in (13.0, 14.0))

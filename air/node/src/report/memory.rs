@@ -185,7 +185,7 @@ impl Memory {
             }
             page.events.push(event.clone());
         }
-        let missed = |sample: &Sample| (asked.after_ns + 1..asked.before_ns).contains(&sample.stamp_ns());
+        let missed = |sample: &Sample| sample.stamp_ns() > asked.after_ns && sample.stamp_ns() < asked.before_ns;
         for (size, sample) in self.samples.items.iter().filter(|(_, sample)| missed(sample)) {
             if !room.takes(*size) {
                 page.more = true;

@@ -38,14 +38,14 @@ class CatchUp:
         self._lock = threading.Lock()
         self._missed = Missed()
 
-    def heard(self, channel: str, message: Message) -> None:
+    def heard(self, message: Message) -> None:
         """A well-formed message came as it should."""
         with self._lock:
             if isinstance(message, pb.Event):
                 self._missed.heard_event(message.seq)
             elif isinstance(message, pb.Health):
                 self._missed.heard_health(message)
-            elif channel == "control":
+            elif isinstance(message, pb.Control):
                 self._missed.heard_step(message.stamp_ns)
 
     def run(self, closing: threading.Event) -> None:

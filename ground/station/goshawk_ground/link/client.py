@@ -240,7 +240,7 @@ class GroundLink:
                 self._add_event(view)
             else:
                 self._newest[name] = view
-        self._catch_up.heard(name, message)
+        self._catch_up.heard(message)
         for tap in self._taps:
             tap.put(name, message)
         for listener in self._listeners:
