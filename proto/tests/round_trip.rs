@@ -117,13 +117,7 @@ fn look() -> TargetLook {
 }
 
 fn event() -> Event {
-    Event {
-        stamp_ns: 1000,
-        severity: Severity::Warning.into(),
-        kind: "kind".into(),
-        text: "text".into(),
-        seq: 5000,
-    }
+    Event { stamp_ns: 1000, severity: Severity::Warning.into(), kind: "kind".into(), text: "text".into(), seq: 5000 }
 }
 
 fn missed() -> Missed {
@@ -314,10 +308,7 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("Preview", Preview { seq: 1000, stamp_ns: 2000, width: 30, height: 40, jpeg: vec![5, 0, 255] }),
         entry("Event", event()),
         entry("TargetLook", look()),
-        entry(
-            "MissedRequest",
-            MissedRequest { session: 1000, after_event: 2000, after_ns: 3000, before_ns: 4000 },
-        ),
+        entry("MissedRequest", MissedRequest { session: 1000, after_event: 2000, after_ns: 3000, before_ns: 4000 }),
         entry("Missed", missed()),
         entry(
             "Rgbd",

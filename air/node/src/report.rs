@@ -2,5 +2,4 @@
 
 pub mod flightlog;
 pub mod health;
-pub mod memory;
 pub mod telemetry;

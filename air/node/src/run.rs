@@ -1,9 +1,9 @@
 //! Builds every part from the vehicle file, starts the threads, and waits for the signal to stop.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{channel, sync_channel};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -26,11 +26,11 @@ use crate::flight::shared::Shared;
 use crate::flight::vision;
 use crate::network::access::{Access, Guard};
 use crate::network::commands;
+use crate::network::memory::Memory;
 use crate::network::missed;
 use crate::network::switch;
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
-use crate::report::memory::Memory;
 use crate::report::telemetry::{Identity, Telemetry};
 
 /// What the command line may change of the vehicle file.

@@ -11,7 +11,7 @@ use zenoh::Wait;
 use zenoh::query::Query;
 
 use crate::flight::shared::{Shared, lock};
-use crate::report::memory::Memory;
+use crate::network::memory::Memory;
 
 /// Answers until the process stops. What cannot be read goes unanswered.
 pub fn serve(asked: &Receiver<Query>, memory: &Mutex<Memory>, shared: &Shared) {

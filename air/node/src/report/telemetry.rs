@@ -1,9 +1,9 @@
 //! One thread that turns reports into telemetry, log records and health. It alone encodes, publishes and records, so
 //! that planner and controller never wait for a network or a disk.
 
-use std::sync::{Arc, Mutex};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
@@ -18,10 +18,10 @@ use goshawk_vehicle::{clock, convert, inputs, switch};
 
 use crate::flight::shared::{Planned, Report, Shared, Started, lock};
 use crate::network::access::INSECURE;
+use crate::network::memory::Memory;
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
 use crate::report::health::{self, Facts};
-use crate::report::memory::Memory;
 
 /// Reports are looked for so often; what one look finds leaves together, which is most of what sending costs. Waiting
 /// for them instead would make whoever reports wake this thread, under a lock.
