@@ -11,7 +11,7 @@ import pytest
 import zenoh
 from goshawk_dashboards.log.flight import Flight
 from goshawk_ground.link import GroundLink
-from goshawk_ground.link.missed import EVENTS_BEYOND, GAPS, STEPS, Missed
+from goshawk_ground.link.missed import BEFORE_S, EVENTS_BEYOND, GAPS, STEPS, Missed
 from goshawk_ground.link.recording import record
 from goshawk_proto import KEYS, PROTOCOL, key_expression
 from goshawk_proto import goshawk_pb2 as pb
@@ -53,6 +53,13 @@ def test_a_ground_that_opens_late_asks_for_all_that_was_before_it() -> None:
     missed = Missed()
     missed.heard_health(beat(10.0, events=3))
     assert missed.request() == pb.MissedRequest(session=7, before_ns=10 * SECOND)
+
+
+def test_of_a_long_time_before_it_opened_a_ground_asks_for_the_end() -> None:
+    missed = Missed()
+    missed.heard_health(beat(1000.0))
+    asked = asked_of(missed)
+    assert (asked.after_ns, asked.before_ns) == (round((1000.0 - BEFORE_S) * SECOND), 1000 * SECOND)
 
 
 def test_of_a_vehicle_that_was_heard_all_the_while_nothing_is_asked() -> None:

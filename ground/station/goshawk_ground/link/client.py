@@ -269,9 +269,9 @@ class GroundLink:
                 tap.put(name, message)
 
     def may_ask(self) -> bool:
-        """Whether what was missed may be asked for: the vehicle is there, and no Stop is pending."""
-        stop = self._stops.view()
-        return self.linked and (stop is None or stop.lapsed)
+        """Whether what was missed may be asked for: the vehicle is there, and no command waits for its answer."""
+        stop, command = self._stops.view(), self._command
+        return self.linked and (stop is None or stop.lapsed) and not (command is not None and command.pending)
 
     def _take_alive(self, sample: zenoh.Sample) -> None:
         with self._lock:

@@ -12,6 +12,8 @@ from goshawk_proto import goshawk_pb2 as pb
 
 GAP_S = 1.5
 """A vehicle whose heartbeat, which comes twice a second, was not heard for this long was away."""
+BEFORE_S = 120.0
+"""Of the time before it opened a ground asks for so much: its longest chart. The events it asks for whenever they were."""
 GAPS = 16
 """Most gaps that wait to be asked about; the oldest is forgotten."""
 EVENTS_BEYOND = 1024
@@ -64,7 +66,8 @@ class Missed:
         self._told = health.events
         before_ns, self._heard_ns = self._heard_ns, health.stamp_ns
         if before_ns is None or health.stamp_ns < before_ns:
-            self._gaps.append((0, health.stamp_ns))  # it was not heard yet, or its clock began anew
+            # It was not heard yet, or its clock began anew.
+            self._gaps.append((max(0, health.stamp_ns - round(BEFORE_S * 1e9)), health.stamp_ns))
         elif health.stamp_ns - before_ns > GAP_S * 1e9:
             self._gaps.append((before_ns, health.stamp_ns))
 
