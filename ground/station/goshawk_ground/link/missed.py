@@ -13,7 +13,7 @@ from goshawk_proto import goshawk_pb2 as pb
 GAP_S = 1.5
 """A vehicle whose heartbeat, which comes twice a second, was not heard for this long was away."""
 BEFORE_S = 120.0
-"""Of the time before it opened a ground asks for so much: its longest chart. The events it asks for whenever they were."""
+"""Of the time before it opened a ground asks for so much, its longest chart; events it asks for whenever they were."""
 GAPS = 16
 """Most gaps that wait to be asked about; the oldest is forgotten."""
 EVENTS_BEYOND = 1024
