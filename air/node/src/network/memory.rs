@@ -19,6 +19,8 @@ const AROUND_NS: u64 = 5_000_000_000;
 const CONTROL_PERIOD_NS: u64 = 200_000_000;
 /// A page, bytes. What waits for a weak link is 32 kB of this urgency, and the whole page is dropped if it does not fit.
 const PAGE_BYTES: usize = 8 << 10;
+/// What a message costs in a page beside itself, bytes: its tag and its length.
+const HEAD_BYTES: usize = 3;
 
 /// Something that was told, with its time.
 enum Sample {
@@ -36,8 +38,8 @@ impl Sample {
 
     fn size(&self) -> usize {
         match self {
-            Sample::Control(control) => control.encoded_len(),
-            Sample::Health(health) => health.encoded_len(),
+            Sample::Control(control) => HEAD_BYTES + control.encoded_len(),
+            Sample::Health(health) => HEAD_BYTES + health.encoded_len(),
         }
     }
 }
@@ -124,7 +126,7 @@ impl Memory {
     pub fn event(&mut self, event: v1::Event) -> v1::Event {
         self.told += 1;
         let event = v1::Event { seq: self.told, ..event };
-        self.events.push(event.clone(), event.encoded_len(), EVENTS, EVENT_BYTES);
+        self.events.push(event.clone(), HEAD_BYTES + event.encoded_len(), EVENTS, EVENT_BYTES);
         if event.severity() >= v1::Severity::Warning || event.kind == "mode" {
             self.keep_until_ns = event.stamp_ns + AROUND_NS;
             for sample in std::mem::take(&mut self.recent) {
@@ -147,7 +149,9 @@ impl Memory {
     /// A heartbeat. Its histograms are of the whole session, and long.
     pub fn health(&mut self, health: &v1::Health) {
         let mut health = health.clone();
-        health.latencies.iter_mut().for_each(|latency| latency.histogram.clear());
+        for latency in &mut health.latencies {
+            latency.histogram.clear();
+        }
         self.sample(Sample::Health(health));
     }
 
