@@ -142,7 +142,7 @@ impl Memory {
     pub fn control(&mut self, control: &v1::Control) {
         if control.stamp_ns.saturating_sub(self.last_control_ns) >= CONTROL_PERIOD_NS {
             self.last_control_ns = control.stamp_ns;
-            self.sample(Sample::Control(control.clone()));
+            self.sample(Sample::Control(*control));
         }
     }
 
@@ -196,7 +196,7 @@ impl Memory {
                 return page;
             }
             match sample {
-                Sample::Control(control) => page.controls.push(control.clone()),
+                Sample::Control(control) => page.controls.push(*control),
                 Sample::Health(health) => page.healths.push(health.clone()),
             }
         }
