@@ -63,6 +63,9 @@ pub(super) fn again(recording: &Recording, plans: &BTreeMap<u64, Plan>, outcome:
                 outcome.missing.push(format!("the input of controller step {}", logged.seq));
                 continue;
             }
+            if logged.disturbance_limit_mps2 == 0.0 {
+                again.answer.disturbance_limit_mps2 = 0.0; // a log from before it was told
+            }
             if let Some([field, said, replayed]) = outcome.controls.compare(&logged, &again.answer) {
                 let (stamp_ns, at_s) = (logged.stamp_ns, recording.since_begin(logged.stamp_ns));
                 let what = format!("control {}", logged.seq);

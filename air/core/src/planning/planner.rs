@@ -393,6 +393,7 @@ impl Asked<'_> {
             candidates,
             chosen,
             target: planner.filter.estimate(),
+            look: planner.filter.look(),
             room: planner.is_near_target(odometry).then(|| planner.obstacles.room(&odometry.pos_world)),
             movers,
             evasion,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tomllib
 from pathlib import Path
 
 BUILT = Path("target/release")
@@ -27,8 +26,3 @@ def programs() -> Path:
 def vehicle_file(name: str) -> Path:
     """A shipped vehicle file."""
     return (CHECKOUT if in_checkout() else PACKAGED) / name
-
-
-def tuning_of(vehicle: Path) -> str:
-    """The tuning file that a vehicle file names. Raises OSError where it cannot be read."""
-    return (vehicle.parent / tomllib.loads(vehicle.read_text(encoding="utf-8"))["tuning"]).read_text(encoding="utf-8")

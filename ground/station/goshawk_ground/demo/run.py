@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
@@ -73,8 +72,7 @@ def run_demo(options: DemoOptions) -> bool:
         try:
             children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
             link = GroundLink(connect=endpoint, identity=identity)
-            tuning = Tuning.of_toml(places.tuning_of(_vehicle_file(options)))
-            dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port), tuning=tuning)
+            dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port))
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             if console.is_terminal and not options.headless:
                 await_browser(dashboard, console, ended)
