@@ -24,8 +24,8 @@ from goshawk_ground.commands.options import (
     TokenFile,
     fail,
 )
-from goshawk_ground.interrupt import until_interrupted
 from goshawk_ground.demo import places
+from goshawk_ground.interrupt import until_interrupted
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 from goshawk_ground.orders.stop_file import state_folder
 from goshawk_ground.orders.stop_latch import RESUME_S
@@ -170,6 +170,10 @@ def review(
     replay: Annotated[
         Path | None, typer.Option(help="What another policy made of it: a log that goshawk-air replay wrote.")
     ] = None,
+    policy: Annotated[
+        list[Path] | None, typer.Option(help="A policy (.onnx) to plan again with, beside the shipped ones.")
+    ] = None,
+    bin_dir: BinDir = None,
     host: Host = "127.0.0.1",
     port: Port = 8080,
     token_file: TokenFile = None,
@@ -177,8 +181,9 @@ def review(
     key: KeyFile = None,
     operator_password_file: OperatorPassword = None,
 ) -> None:
-    """Serve recorded flights on a timeline until Ctrl-C: charts of any signal, play, step, compare."""
+    """Serve recorded flights on a timeline until Ctrl-C: charts of any signal, play, step, compare, plan again."""
     from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
+    from goshawk_ground.pages.replan import replanner_of
     from goshawk_ground.pages.review import LogError, open_review
 
     files = admission.Secrets(
@@ -187,7 +192,10 @@ def review(
     with admission.failing_in_one_line():
         admitted = admission.admit(host, files)
         try:
-            dashboard = open_review(logs, replay, host=host, port=port, access=admitted.access, tls=admitted.tls)
+            replanner = replanner_of(bin_dir or places.programs(), [*places.policies(), *(policy or [])])
+            dashboard = open_review(
+                logs, replay, host=host, port=port, access=admitted.access, tls=admitted.tls, replanner=replanner
+            )
         except LogError as error:
             fail(str(error), REFUSED)
     with until_interrupted():
@@ -211,5 +219,6 @@ def register(app: typer.Typer) -> None:
     app.command(
         epilog="Examples: goshawk review logs/goshawk-2026-05-01T093000123Z.mcap | "
         "goshawk review before.mcap after.mcap third.mcap | goshawk review flight.mcap --replay other-policy.mcap | "
+        "goshawk review flight.mcap --policy runs/flown.onnx | "
         "goshawk review flight.mcap --host 0.0.0.0"
     )(review)

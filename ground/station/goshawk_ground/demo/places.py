@@ -29,6 +29,11 @@ def vehicle_file(name: str) -> Path:
     return (CHECKOUT if in_checkout() else PACKAGED) / name
 
 
+def policies() -> list[Path]:
+    """The shipped policies."""
+    return sorted((CHECKOUT.parent / "models" if in_checkout() else PACKAGED / "models").glob("*.onnx"))
+
+
 def tuning_of(vehicle: Path) -> str:
     """The tuning file that a vehicle file names. Raises OSError where it cannot be read."""
     return (vehicle.parent / tomllib.loads(vehicle.read_text(encoding="utf-8"))["tuning"]).read_text(encoding="utf-8")

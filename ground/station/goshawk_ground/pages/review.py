@@ -8,6 +8,7 @@ from pathlib import Path
 from goshawk_dashboards.gate import Access, Gate, Tls
 from goshawk_dashboards.log.flight import Flight, LogError
 from goshawk_dashboards.log.recorded import Replay
+from goshawk_dashboards.review.altering import Replanner
 from goshawk_dashboards.review.dashboard import ReviewDashboard
 
 __all__ = ["LogError", "open_review"]
@@ -24,9 +25,10 @@ def open_review(
     port: int,
     access: Access | None = None,
     tls: Tls | None = None,
+    replanner: Replanner | None = None,
 ) -> ReviewDashboard:
     """A running review of flights, the first with the others beside it, and of a replay: named as such, or the second
-    log if it is one.
+    log if it is one. ``replanner`` plans the first flight again where a viewer alters it.
 
     Raises LogError (one line) for a file that is no log or does not belong here, PortBusyError (an OSError) if the
     port is taken, UnguardedError (an OSError) for a host that other machines reach, without ``tls``.
@@ -42,7 +44,7 @@ def open_review(
             raise LogError(f"{flight.path} holds no flight: nothing of the controller is in it; name flights only")
     answers = None if replay is None else _replay_of(flights[0], replay)
     gate = Gate(host=host, port=port, access=access or Access(), tls=tls)
-    dashboard = ReviewDashboard(gate=gate, flights=flights, replay=answers)
+    dashboard = ReviewDashboard(gate=gate, flights=flights, replay=answers, replanner=replanner)
     dashboard.start()
     return dashboard
 
