@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import viser
 
+from goshawk_dashboards.charts.beside import Beside
 from goshawk_dashboards.gate import Addition, Gate, Role
 from goshawk_dashboards.log import align, recorded
 from goshawk_dashboards.log.flight import Flight
@@ -39,7 +40,9 @@ class Recording:
     aligned: str
 
     @staticmethod
-    def of(flights: Sequence[Flight], replay: Replay | None, replanner: Replanner | None = None) -> Recording:
+    def of(
+        flights: Sequence[Flight], replay: Replay | None, replanner: Replanner | None, beside: Beside | None
+    ) -> Recording:
         """Reads what is needed of the flights."""
         alignments = align.common(flights)
         again = tuple(Flight.open(flight.path) for flight in flights)
@@ -50,6 +53,7 @@ class Recording:
             stops_s=recorded.stops_s(flights[0]),
             alignments=alignments,
             replanner=replanner,
+            beside=beside,
         )
         aligned = align.TAKE_OFF if align.TAKE_OFF in alignments else align.START
         return Recording(flights=tuple(flights), replay=replay, table=table, aligned=aligned)
@@ -76,6 +80,7 @@ class ReviewView:
             stops_s=table.stops_s,
             has_replay=recording.replay is not None,
             has_others=len(recording.flights) > 1,
+            beside="" if table.beside is None else table.beside.words,
         )
         self._past = Past(flight)
         self._camera = ViewerCamera(viewer) if isinstance(viewer, viser.ClientHandle) else None
@@ -111,18 +116,20 @@ class ReviewDashboard:
         flights: Sequence[Flight],
         replay: Replay | None = None,
         replanner: Replanner | None = None,
+        beside: Beside | None = None,
     ) -> None:
         """The first flight is reviewed, the others lie over it. It closes the gate with itself.
 
-        ``replanner`` plans again what a viewer alters.
+        ``replanner`` plans again what a viewer alters. ``beside`` is another log of the first flight.
         """
         self._gate = gate
-        self._recording = Recording.of(flights, replay, replanner)
+        self._recording = Recording.of(flights, replay, replanner, beside)
         desk = Desk(self._recording.table, self._seat_of, gate.folder)
         addition = Addition(foot=foot_html(), path=PATH, talk=desk.talk)
         self.server = open_server(gate, Role.OPERATOR, "Goshawk review", addition)
         prepare(self.server)
         place_first(self.server)
+        self.beside = beside
         self._wake = threading.Event()
         self._views = Views(self.server, lambda client: ReviewView(client, self._recording, self._wake))
         self._stop = threading.Event()

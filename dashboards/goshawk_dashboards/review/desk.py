@@ -19,6 +19,8 @@ import numpy as np
 from aiohttp import WSMsgType, web
 from goshawk_proto import goshawk_pb2 as pb
 
+from goshawk_dashboards.charts import beside
+from goshawk_dashboards.charts.beside import Beside
 from goshawk_dashboards.charts.curves import drawn
 from goshawk_dashboards.charts.signals import CHARTS, REPLAYED, Signals, looks_of, unit_of
 from goshawk_dashboards.log.flight import Flight, LogError
@@ -113,6 +115,8 @@ class Table:
     alignments: dict[str, tuple[float, ...]]
     replanner: Replanner | None = None
     """Plans the first flight again; None: there is no program for it."""
+    beside: Beside | None = None
+    """Another log of the first flight."""
 
     def duration_s(self, by_s: Sequence[float]) -> float:
         """Until the last of the flights ends."""
@@ -284,13 +288,13 @@ class Desk:
         seat.player.duration_s = self._table.duration_s(seat.by_s)
         seat.player.touch()
 
-    def _source(self, seat: Seat, flight: int, name: str) -> tuple[Signals, str] | None:
-        """Where a flight's signal is read, and its name there; None: nothing of that flight was altered."""
-        if not name.startswith(MARK):
-            return self._signals[flight], name
-        if flight > 0 or seat.altered is None:
-            return None
-        return seat.altered.signals, name.removeprefix(MARK)
+    def _source(self, seat: Seat, flight: int, name: str) -> tuple[Signals | Beside, str] | None:
+        """Where a flight's signal is read, and its name there; None: that flight has no such one."""
+        extras = {MARK: seat.altered and seat.altered.signals, beside.MARK: self._table.beside}
+        for mark, signals in extras.items():
+            if name.startswith(mark):
+                return (signals, name.removeprefix(mark)) if signals is not None and flight == 0 else None
+        return self._signals[flight], name
 
     def _about(self, seat: Seat) -> dict[str, Any]:
         flight = self._table.flights[0]
@@ -298,6 +302,8 @@ class Desk:
             names = list(dict.fromkeys(name for signals in self._signals for name in signals.names))
             if seat.altered is not None:
                 names += [MARK + name for name in seat.altered.signals.names]
+            if self._table.beside is not None:
+                names += [beside.MARK + name for name in self._table.beside.names]
             phases, fallbacks = flight.phases, flight.fallbacks
         several = len(self._table.flights) > 1
         true = flight.count("sim_truth") > 0
@@ -305,6 +311,8 @@ class Desk:
             [s for s in chart.signals[: chart.compared if several else None] if s in names and not (true and s == SLOW)]
             for chart in CHARTS
         ]
+        if self._table.beside is not None:
+            charts = [["speed", f"{beside.MARK}speed"], ["tilt", f"{beside.MARK}tilt"], *charts[1:]]
         short = short_names([f.path.stem for f in self._table.flights])
         return {
             "type": "about",
@@ -331,7 +339,7 @@ class Desk:
                 for m in self._table.marks
             ],
             "charts": [signals for signals in charts if signals],
-            "units": {name: unit_of(name.removeprefix(MARK)) for name in names},
+            "units": {name: unit_of(name.removeprefix(MARK).removeprefix(beside.MARK)) for name in names},
             "alter": self._alterable(),
             "altered": seat.altered is not None,
         }
@@ -356,7 +364,9 @@ class Desk:
                 signals, known_as = source
                 with self._reading:
                     ((times_s, values),) = signals.read([known_as]).values()
-                rgb, dashed = (theme.REPLAY, False) if known_as != name else looks_of(name, place)
+                rgb, dashed = looks_of(name, place)
+                if known_as != name:
+                    rgb, dashed = theme.REPLAY if name.startswith(MARK) else theme.SECOND, False
                 if several:
                     rgb, dashed = color_of(k), place > 0
                 t, v = drawn(times_s, values, request.from_s - by_s, request.to_s - by_s, columns)

@@ -36,7 +36,9 @@ class ReviewPanels:
         stops_s: Array,
         has_replay: bool,
         has_others: bool,
+        beside: str = "",
     ) -> None:
+        """``beside``: how another log lies beside the flight, in words."""
         self._player, self._flight, self._marks = player, flight, marks
         self._stops_s, self._takeoff_s = stops_s, takeoff_s(flight)
         self._mark_stops_s = np.unique([m.time_s for m in marks])
@@ -54,7 +56,7 @@ class ReviewPanels:
             self._candidates = gui.add_html("")
         self._add_view(gui, has_replay, has_others)
         with gui.add_folder("Flight", expand_by_default=False):
-            gui.add_html(tables.flight_html(flight))
+            gui.add_html(tables.flight_html(flight, beside))
             self._vehicle = gui.add_html("")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)

@@ -86,8 +86,8 @@ def marks_html(marks: Sequence[Mark], time_s: float, shown: int = 9) -> str:
     )
 
 
-def flight_html(flight: Flight) -> str:
-    """What the log says of itself."""
+def flight_html(flight: Flight, beside: str = "") -> str:
+    """What the log says of itself, and how another one lies ``beside`` it."""
     header = flight.header
     flaw = "" if flight.completeness == "complete" else f", {flight.completeness}"
     facts = (
@@ -98,6 +98,7 @@ def flight_html(flight: Flight) -> str:
         ("policy", header.policy_sha256[:12]),
         ("version", " ".join(filter(None, (header.version, header.git_revision[:12])))),
         ("length", f"{flight.duration_s:.1f} s{flaw}"),
+        ("beside", beside),
     )
     rows = "".join(
         f'<tr><td style="color:{DIM};padding-right:10px">{name}</td><td style="overflow-wrap:anywhere">'
