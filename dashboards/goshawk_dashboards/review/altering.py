@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, cast
 
 from goshawk_dashboards.charts.signals import Signals
 from goshawk_dashboards.log.flight import Flight
@@ -89,5 +89,6 @@ def parameters(tuning_toml: str) -> dict[str, str]:
 
 def _flat(name: str, value: Any) -> list[tuple[str, str]]:
     if isinstance(value, dict):
-        return [pair for key, inner in value.items() for pair in _flat(f"{name}.{key}", inner)]
+        table = cast(dict[str, Any], value)
+        return [pair for key, inner in table.items() for pair in _flat(f"{name}.{key}", inner)]
     return [(name, str(value).lower() if isinstance(value, bool) else str(value))]

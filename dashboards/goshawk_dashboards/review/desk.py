@@ -99,8 +99,9 @@ class Restore(msgspec.Struct, tag="restore", forbid_unknown_fields=True):
     """Show the flight as it was again."""
 
 
-Request = Hello | Seek | Toggle | Step | Speed | Align | Show | Alter | Restore
-_decode = msgspec.json.Decoder(Request).decode
+Request = Hello | Seek | Toggle | Step | Speed | Align | Show | Restore
+"""What is answered at once."""
+_decode = msgspec.json.Decoder(Request | Alter).decode
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -55,7 +55,7 @@ class Clock:
         """The fit in a line."""
         return (
             f"its {self.begin_s:.3f} s is the flight's 0, drift {1e6 * self.drift:+.0f} ppm; "
-            f"over {self.overlap_s:.0f} s {self.tilt_rms_deg:.2f}° of tilt and {self.speed_rms_mps:.2f} m/s of speed are left, "
+            f"over {self.overlap_s:.0f} s {self.tilt_rms_deg:.2f}° of tilt and {self.speed_rms_mps:.2f} m/s are left, "
             f"correlation {self.correlation:.3f}"
         )
 
