@@ -58,7 +58,10 @@ def write_flown(path: Path, flown: Flown) -> Path:
             ang_vel_body=pb.Vec3(),
         )
         log.write("odometry", stamp_ns, odometry)
-        log.write("control", stamp_ns, rec.control(time_s, k, float(flown.times_s[-1])))
+        control = rec.control(time_s, k, float(flown.times_s[-1]))
+        control.vel_world.CopyFrom(odometry.vel_world)
+        control.world_from_body.CopyFrom(odometry.world_from_body)
+        log.write("control", stamp_ns, control)
     log.close()
     return path
 

@@ -343,7 +343,15 @@ class Desk:
             "units": {name: unit_of(name.removeprefix(MARK).removeprefix(beside.MARK)) for name in names},
             "alter": self._alterable(),
             "altered": seat.altered is not None,
+            "beside": self._lies_beside(),
         }
+
+    def _lies_beside(self) -> dict[str, str] | None:
+        """How the other log lies, where there is one."""
+        other = self._table.beside
+        if other is None:
+            return None
+        return {"name": other.path.name, "words": other.words, "color": theme.css(theme.SECOND)}
 
     def _alterable(self) -> dict[str, Any] | None:
         """What may be altered; None: there is no program that plans again."""

@@ -241,6 +241,12 @@
         return make("span", { title: flight.name + shift }, make("i", { style: `background:${flight.color}` }), flight.short + shift);
       }),
     );
+    if (about.beside) {
+      const { name, words, color } = about.beside;
+      const span = make("span", { title: words }, make("i", { style: `background:${color}` }), `beside: ${name}`);
+      span.dataset.goshawk = "beside";
+      flights.append(span);
+    }
     drawBand();
     stack.bounds = [0, about.duration_s];
     stack.bands = about.phases;
