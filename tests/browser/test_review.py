@@ -395,10 +395,11 @@ def test_an_altered_planner_is_shown_over_the_flight_in_words_scene_picture_and_
     expect(said).to_have_text(re.compile(r"^at \d+\.\d\d s it would have flown .*; otherwise in \d+ of \d+ plans"))
     altered = view.seat.altered
     assert altered is not None and altered.words == said.inner_text()
-    flown = Flight.open(trial).plan_at(9.01)
-    assert flown is not None
+    flight = Flight.open(trial)
+    flown, index = flight.plan_at(9.01), flight.index_at("plan", 9.01)
+    assert flown is not None and index is not None
     # From the plan that was shown on.
-    assert altered.at_s == pytest.approx((flown.ready_ns - r.views[0].scene._flight.start_ns) * 1e-9, abs=1e-6)
+    assert altered.at_s == pytest.approx(flight.time_s("plan", index), abs=1e-6)
     first = altered.replay.plan_for(flown)
     assert first is not None
     eventually("the candidates were not drawn", lambda: view.scene.altered is not None and view.scene.altered.visible)

@@ -35,6 +35,13 @@ class Alteration:
     policy: str | None
     """By its name among those offered; None: the one that flew."""
 
+    def __post_init__(self) -> None:
+        """Raises AlterError for what takes too long."""
+        if len(self.changes) > MOST_CHANGES:
+            raise AlterError(f"{len(self.changes)} changes are too many: {MOST_CHANGES} at most")
+        if not 0.0 < self.for_s <= LONGEST_S:
+            raise AlterError(f"{self.for_s:g} s is no time to plan for: more than 0, {LONGEST_S:g} s at most")
+
 
 class Replanner(Protocol):
     """Plans again."""
@@ -66,9 +73,13 @@ class Altered:
     """For the charts', by a handle of its own."""
 
     @classmethod
-    def read(cls, figures: Mapping[str, Any], out: Path, flight: Flight) -> Self:
-        """Opens what was written; nothing else needs its file then."""
-        scene, charts = (Flight.open(out, start_ns=flight.start_ns) for _ in range(2))
+    def of(cls, replanner: Replanner, flight: Flight, asked: Alteration, out: Path) -> Self:
+        """Plans again by way of the new log ``out``. Raises AlterError, or LogError for what was written."""
+        figures = replanner.replan(flight.path, asked, out)
+        try:
+            scene, charts = (Flight.open(out, start_ns=flight.start_ns) for _ in range(2))
+        finally:
+            out.unlink(missing_ok=True)  # what is open stays readable
         return cls(
             words=str(figures["words"]),
             at_s=float(figures["from_s"]),

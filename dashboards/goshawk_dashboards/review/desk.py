@@ -264,12 +264,6 @@ class Desk:
     def _altered(self, time_s: float, request: Alter) -> Altered:
         if self._table.replanner is None or self._folder is None:
             raise AlterError("nothing plans again here: goshawk-air is not where --bin-dir says")
-        if len(request.changes) > altering.MOST_CHANGES:
-            raise AlterError(f"{len(request.changes)} changes are too many: {altering.MOST_CHANGES} at most")
-        if not 0.0 < request.for_s <= altering.LONGEST_S:
-            raise AlterError(
-                f"{request.for_s:g} s is no time to plan for: more than 0, {altering.LONGEST_S:g} s at most"
-            )
         flight = self._table.flights[0]
         with self._reading:
             index = flight.index_at("plan", time_s)
@@ -278,10 +272,7 @@ class Desk:
         from_s = max(shown_s if time_s - shown_s < SAMPLE_STALE_S else time_s, 0.0)
         asked = Alteration(from_s=from_s, for_s=request.for_s, changes=tuple(request.changes), policy=request.policy)
         out = self._folder / f"altered-{next(self._alterations)}.mcap"
-        try:
-            return Altered.read(self._table.replanner.replan(flight.path, asked, out), out, flight)
-        finally:
-            out.unlink(missing_ok=True)  # what is open stays readable
+        return Altered.of(self._table.replanner, flight, asked, out)
 
     def align(self, seat: Seat, to: str) -> None:
         """Lays the flights over each other at a moment that they have in common."""
