@@ -315,6 +315,11 @@ impl TargetFilter {
         Self { config, extensions, track: None, lost: None, rival: None, look: None }
     }
 
+    /// The same tracks, from here on by other rules.
+    pub(crate) fn with(self, config: TargetConfig, extensions: Extensions) -> Self {
+        Self { config, extensions, ..self }
+    }
+
     /// Forgets everything.
     pub fn reset(&mut self) {
         *self = Self::new(self.config, self.extensions);

@@ -26,3 +26,8 @@ def programs() -> Path:
 def vehicle_file(name: str) -> Path:
     """A shipped vehicle file."""
     return (CHECKOUT if in_checkout() else PACKAGED) / name
+
+
+def policies() -> list[Path]:
+    """The shipped policies."""
+    return sorted((CHECKOUT.parent / "models" if in_checkout() else PACKAGED / "models").glob("*.onnx"))
