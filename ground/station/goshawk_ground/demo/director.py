@@ -10,6 +10,8 @@ from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_ground.demo.flight_record import DOWN, TRACKING
 
+STOPPED = "it was stopped"
+"""The failure of a flight that somebody ended."""
 FLYING = (pb.MODE_TAKEOFF, *TRACKING, pb.MODE_NAVIGATE)
 
 
@@ -45,17 +47,26 @@ class Limits:
 class Director:
     """Call ``step`` often; it returns each of START and STOP at most once. A failed phase stops the flight."""
 
-    def __init__(self, limits: Limits, now_s: float) -> None:
+    def __init__(self, limits: Limits, now_s: float, phase: Phase = Phase.WAITING_READY) -> None:
+        """``phase`` is TAKING_OFF for a flight that somebody else has started."""
         self._limits = limits
         self._since_s = now_s
-        self.phase = Phase.WAITING_READY
+        self.phase = phase
         self.failure: str | None = None
         """Why the flight was cut short; None while all is well."""
 
     def step(
-        self, now_s: float, *, mode: pb.Mode | None, ready: bool, arrived: bool, collided: bool, why_not_ready: str = ""
+        self,
+        now_s: float,
+        *,
+        mode: pb.Mode | None,
+        ready: bool,
+        arrived: bool,
+        collided: bool,
+        stopped: bool = False,
+        why_not_ready: str = "",
     ) -> Action:
-        """The next action. ``mode`` None: the vehicle is not heard (yet)."""
+        """The next action. ``mode`` None: the vehicle is not heard (yet); ``stopped``: somebody has pressed Stop."""
         late_s = now_s - self._since_s
         word = "unknown" if mode is None else words.mode(mode)
         if self.phase is Phase.WAITING_READY:
@@ -64,6 +75,9 @@ class Director:
             if late_s > self._limits.ready_s:
                 self.failure = f"not ready after {self._limits.ready_s:.0f} s: {why_not_ready or 'no heartbeat'}"
                 return self._enter(Phase.ENDED, now_s, Action.END)
+        elif stopped and self.phase in (Phase.TAKING_OFF, Phase.CHASING) and not arrived:
+            self.failure = STOPPED
+            return self._enter(Phase.LANDING, now_s, Action.WAIT)
         elif self.phase is Phase.TAKING_OFF:
             if mode in TRACKING:
                 self._enter(Phase.CHASING, now_s, Action.WAIT)

@@ -16,12 +16,13 @@ from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_proto import goshawk_pb2 as pb
 from rich.console import Console
 
 from goshawk_ground.demo import places
 from goshawk_ground.demo.browser import await_browser
 from goshawk_ground.demo.children import Child, stop_all
-from goshawk_ground.demo.director import Action, Director, Limits, Phase
+from goshawk_ground.demo.director import STOPPED, Action, Director, Limits, Phase
 from goshawk_ground.demo.flight_record import FlightRecord, Summary
 from goshawk_ground.interrupt import interrupted
 from goshawk_ground.keys.chosen import demo_identities
@@ -58,7 +59,7 @@ class DemoOptions:
     """… or of ArduPilot; none of both: the simulator's stand-in."""
 
 
-class _Interrupted(Exception):
+class _EndedError(Exception):
     """Somebody wants the demo to end now."""
 
 
@@ -78,13 +79,14 @@ def run_demo(options: DemoOptions) -> bool:
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             if console.is_terminal and not options.headless:
                 await_browser(dashboard, console, ended)
-            summary = _fly(options, link, children, console, ended)
-            _report(summary, options, console)
-            _print_tails(children, summary, console)
+            summary = _fly(options, link, children, console, ended, Phase.WAITING_READY)
+            _write(summary, options)
+            _report(summary, children, console)
             if not options.headless:
-                _stay(children, dashboard, console, ended)
+                console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
+                _fly_on(options, link, children, console, ended)
             return summary.succeeded
-        except _Interrupted:
+        except _EndedError:
             console.print("interrupted: stopping everything")
             return False
         except OSError as error:
@@ -147,9 +149,14 @@ def _autopilot(options: DemoOptions, mavlink_port: int) -> tuple[list[str], list
 
 
 def _fly(
-    options: DemoOptions, link: GroundLink, children: list[Child], console: Console, ended: threading.Event
+    options: DemoOptions,
+    link: GroundLink,
+    children: list[Child],
+    console: Console,
+    ended: threading.Event,
+    phase: Phase,
 ) -> Summary:
-    """One flight from readiness to landing."""
+    """One flight from ``phase`` to landing."""
     record = FlightRecord(options.distance_m)
     lock = threading.Lock()
 
@@ -166,12 +173,12 @@ def _fly(
     chase_s = 3.0 * options.distance_m / options.speed_mps + 30.0
     # Real firmware boots, and finds itself by its sensors.
     ready_s = 60.0 if options.px4 is None and options.ardupilot is None else 150.0
-    director = Director(Limits(chase_s=chase_s, ready_s=ready_s), time.monotonic())
+    director = Director(Limits(chase_s=chase_s, ready_s=ready_s), time.monotonic(), phase)
     trouble: tuple[str, ...] = ()
     with console.status(director.phase.value) as status:
         while not trouble:
             if ended.wait(0.02):
-                raise _Interrupted
+                raise _EndedError
             snap = link.snapshot()
             with lock:
                 arrived, collided = record.arrived, record.collided
@@ -181,6 +188,7 @@ def _fly(
                 ready=snap.health is not None and snap.health.ready,
                 arrived=arrived,
                 collided=collided,
+                stopped=_stopped(snap),
                 why_not_ready="; ".join(failing_checks(snap)),
             )
             if action is Action.START:
@@ -214,16 +222,30 @@ def _progress(phase: Phase, snap: Snapshot) -> str:
     return words.replace("[", r"\[")
 
 
-def _report(summary: Summary, options: DemoOptions, console: Console) -> None:
-    """The table, and the file if one was asked for."""
+def _stopped(snap: Snapshot) -> bool:
+    """Whether the last that this ground asked for is the flight's end."""
+    return snap.stop is not None or (snap.command is not None and snap.command.verb == "stop" and snap.command.accepted)
+
+
+def _write(summary: Summary, options: DemoOptions) -> None:
+    """The file, if one was asked for."""
     if options.json_file is not None:
         facts = {"seed": options.seed, **dataclasses.asdict(summary)}
         try:
             options.json_file.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
         except OSError as error:
             raise DemoError(f"cannot write {options.json_file}: {error.strerror}") from error
+
+
+def _report(summary: Summary, children: list[Child], console: Console) -> None:
+    """The table, and of a flight that failed by itself the processes' last words."""
     for name, value in _rows(summary):
         console.print(f"{name:<15} {value}", markup=False, soft_wrap=True)
+    if summary.succeeded or STOPPED in summary.problems:
+        return
+    for child in children:
+        console.print(f"--- {child.name}: the end of {child.output}", style="bold", markup=False)
+        console.print(child.tail(), markup=False)
 
 
 def _rows(s: Summary) -> Iterator[tuple[str, str]]:
@@ -248,20 +270,16 @@ def _rows(s: Summary) -> Iterator[tuple[str, str]]:
     yield "log", s.log_path or "-"
 
 
-def _print_tails(children: list[Child], summary: Summary, console: Console) -> None:
-    if summary.succeeded:
-        return
-    for child in children:
-        console.print(f"--- {child.name}: the end of {child.output}", style="bold", markup=False)
-        console.print(child.tail(), markup=False)
-
-
-def _stay(children: list[Child], dashboard: LiveDashboard, console: Console, ended: threading.Event) -> None:
-    """Keeps the dashboard open, where Start and Stop still work, until Ctrl-C or a child's end."""
-    console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
+def _fly_on(
+    options: DemoOptions, link: GroundLink, children: list[Child], console: Console, ended: threading.Event
+) -> None:
+    """Judges each flight that Start on the dashboard begins, until Ctrl-C or a child's end."""
     while all(child.exit_code is None for child in children):
-        if ended.wait(0.2):
-            raise _Interrupted
+        if ended.wait(0.1):
+            return
+        if link.snapshot().mode == pb.MODE_TAKEOFF:
+            console.print("")
+            _report(_fly(options, link, children, console, ended, Phase.TAKING_OFF), children, console)
     for child in children:
         if child.exit_code is not None:
             console.print(f"{child.name} ended (status {child.exit_code}), see {child.output}", markup=False)

@@ -1,0 +1,189 @@
+//! Who is chased in real time. It runs while the vehicle follows, waits for one that has fallen behind, and comes back to
+//! one that does not come. Before a vehicle that has landed it stands anew, with another run.
+
+use std::f64::consts::{FRAC_PI_4, PI};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+
+use goshawk_core::{Time, Vec3};
+
+use crate::actors::evader::{Course, Evader, EvaderConfig, EvaderState};
+use crate::actors::person::Person;
+use crate::sense::rgbd::mix;
+use crate::trial::Scene;
+use crate::trial::rule::FAR_M;
+use crate::vehicle::quadrotor::QuadrotorState;
+
+/// Who stands still does not follow, m/s. Chosen by eye.
+const FOLLOWS_MPS: f64 = 1.0;
+/// It waits for so long before it comes back, s. Chosen by eye.
+const PATIENCE_S: f64 = 5.0;
+/// It comes back to within this, in sight of the vehicle, m. Chosen by eye.
+const NEAR_M: f64 = 8.0;
+/// It comes back at this share of its speed. Chosen by eye.
+const BACK: f64 = -0.5;
+/// A vehicle that has stood on the ground for so long has landed, s.
+const LANDED_S: f64 = 1.0;
+/// Another run leads where the vehicle looks, else ever more to its sides, rad …
+const BEARINGS_RAD: [f64; 8] =
+    [0.0, FRAC_PI_4, -FRAC_PI_4, 2.0 * FRAC_PI_4, -2.0 * FRAC_PI_4, 3.0 * FRAC_PI_4, -3.0 * FRAC_PI_4, PI];
+/// … and where the world has no room for it, it is this share of the first one's length.
+const SHARES: [f64; 3] = [1.0, 0.7, 0.4];
+
+/// What it is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Doing {
+    /// It has not begun to run.
+    Stands,
+    Runs,
+    /// For the vehicle, since then.
+    Waits(Time),
+    ComesBack,
+}
+
+/// Another run, from where the vehicle has landed.
+enum Another {
+    NotWanted,
+    /// In a thread of its own: it takes longer than a step of physics.
+    Planned(JoinHandle<Option<Evader>>),
+    /// There is no room for one here.
+    None,
+}
+
+/// The target of one simulation.
+pub(super) struct Target {
+    scene: Arc<Scene>,
+    config: EvaderConfig,
+    seed: u64,
+    evader: Option<Evader>,
+    doing: Doing,
+    /// Where in its timetable it is, s.
+    at_s: f64,
+    /// So fast it goes through it: 1 runs, 0 stands, less goes back.
+    pace: f64,
+    before: Time,
+    grounded: Option<Time>,
+    another: Another,
+    runs: u64,
+}
+
+impl Target {
+    /// The scene's own, if it has one, that runs `distance_m` at `speed_mps`.
+    pub(super) fn new(
+        scene: Arc<Scene>,
+        course: Course,
+        distance_m: f64,
+        speed_mps: f64,
+        seed: u64,
+        now: Time,
+    ) -> Self {
+        Self {
+            config: EvaderConfig { course, goal_m: distance_m, ..EvaderConfig::at_speed(speed_mps) },
+            seed,
+            evader: scene.evader.clone(),
+            scene,
+            doing: Doing::Stands,
+            at_s: 0.0,
+            pace: 0.0,
+            before: now,
+            grounded: None,
+            another: Another::NotWanted,
+            runs: 0,
+        }
+    }
+
+    /// It may begin to run.
+    pub(super) fn release(&mut self) {
+        if self.doing == Doing::Stands {
+            (self.doing, self.pace) = (Doing::Runs, 1.0);
+        }
+    }
+
+    /// Moves it on to `now`.
+    pub(super) fn advance(&mut self, now: Time) {
+        let dt_s = now.since(self.before);
+        self.before = now;
+        let Some(evader) = &self.evader else { return };
+        let wanted = match self.doing {
+            Doing::Runs => 1.0,
+            Doing::Stands | Doing::Waits(_) => 0.0,
+            Doing::ComesBack => BACK,
+        };
+        let most = self.config.acc_mps2 / self.config.speed_mps * dt_s;
+        self.pace += (wanted - self.pace).clamp(-most, most);
+        self.at_s = (self.at_s + self.pace * dt_s).clamp(0.0, evader.duration_s());
+    }
+
+    /// Looks where the vehicle is, and chooses what to do.
+    pub(super) fn decide(&mut self, now: Time, vehicle: &QuadrotorState) {
+        let Some(state) = self.state() else { return };
+        let centre = state.centre_world();
+        let away_m = (centre - vehicle.pos_world).norm();
+        let hidden = || self.scene.world.occluded(&vehicle.pos_world, &centre);
+        self.doing = match self.doing {
+            Doing::Runs if away_m > FAR_M => Doing::Waits(now),
+            Doing::Waits(_) if away_m < FAR_M && vehicle.vel_world.norm() > FOLLOWS_MPS => Doing::Runs,
+            Doing::Waits(since) if now.since(since) > PATIENCE_S && (away_m > NEAR_M || hidden()) => Doing::ComesBack,
+            Doing::ComesBack if away_m < NEAR_M && !hidden() || self.at_s <= 0.0 => Doing::Waits(now),
+            doing => doing,
+        };
+        self.begin_anew(now, vehicle);
+    }
+
+    /// Before a vehicle that has landed it stands anew.
+    fn begin_anew(&mut self, now: Time, vehicle: &QuadrotorState) {
+        self.grounded = vehicle.on_ground.then(|| self.grounded.unwrap_or(now));
+        let landed = self.grounded.is_some_and(|since| now.since(since) >= LANDED_S);
+        match std::mem::replace(&mut self.another, Another::NotWanted) {
+            Another::Planned(thread) if thread.is_finished() => {
+                if let Ok(Some(evader)) = thread.join() {
+                    (self.evader, self.doing, self.at_s, self.pace) = (Some(evader), Doing::Stands, 0.0, 0.0);
+                    println!("the target stands before the vehicle again");
+                } else {
+                    self.another = Another::None;
+                    println!("the target stays: no way leads on from where the vehicle has landed");
+                }
+            }
+            Another::NotWanted if landed && self.doing != Doing::Stands => {
+                self.runs += 1;
+                self.another = self.plan(*vehicle);
+            }
+            Another::None if !landed => {}
+            another => self.another = another,
+        }
+    }
+
+    fn plan(&self, vehicle: QuadrotorState) -> Another {
+        let (scene, config, seed) = (Arc::clone(&self.scene), self.config.clone(), mix(self.seed, 20 + self.runs));
+        let planned = thread::Builder::new().name("target".to_owned()).spawn(move || {
+            let world = &scene.world;
+            let (at, (_, _, heading_rad)) = (vehicle.pos_world, vehicle.world_from_body.euler_angles());
+            let foot_world = Vec3::new(at.x, at.y, world.ground_height(at.x, at.y));
+            SHARES.iter().find_map(|share| {
+                let config = EvaderConfig { goal_m: share * config.goal_m, ..config.clone() };
+                let toward = |bearing| Evader::plan(world, &config, foot_world, heading_rad + bearing, seed).ok();
+                BEARINGS_RAD.into_iter().find_map(toward)
+            })
+        });
+        planned.map_or(Another::None, Another::Planned)
+    }
+
+    /// Where it is; none: nobody runs.
+    pub(super) fn state(&self) -> Option<EvaderState> {
+        let evader = self.evader.as_ref()?;
+        let begun = self.doing != Doing::Stands;
+        let mut state = evader.at(&self.scene.world, if begun { self.at_s } else { -1.0 });
+        state.vel_world *= self.pace;
+        state.pose.stride = (state.vel_world.norm() / 2.5).min(1.0);
+        if self.pace < 0.0 {
+            state.pose.heading_rad += PI;
+        }
+        Some(state)
+    }
+
+    /// The person to draw.
+    pub(super) fn person(&self) -> Option<Person> {
+        let look = *self.evader.as_ref()?.look();
+        self.state().map(|state| Person { look, pose: state.pose })
+    }
+}
