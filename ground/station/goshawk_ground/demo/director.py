@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from goshawk_dashboards.state import words
 from goshawk_proto import goshawk_pb2 as pb
 
-from goshawk_ground.demo.flight_record import DOWN, TRACKING
+from goshawk_ground.demo.flight_record import DOWN, NAVIGATING, TRACKING
 
 STOPPED = "it was stopped"
 """The failure of a flight that somebody ended."""
-FLYING = (pb.MODE_TAKEOFF, *TRACKING, pb.MODE_NAVIGATE)
+ON_TASK = {*TRACKING, *NAVIGATING}
+FLYING = {pb.MODE_TAKEOFF, *ON_TASK}
 
 
 class Action(enum.Enum):
@@ -29,7 +30,7 @@ class Phase(enum.Enum):
 
     WAITING_READY = "waiting until ready"
     TAKING_OFF = "taking off"
-    CHASING = "chasing"
+    UNDER_WAY = "under way"
     LANDING = "landing"
     ENDED = "ended"
 
@@ -75,25 +76,25 @@ class Director:
             if late_s > self._limits.ready_s:
                 self.failure = f"not ready after {self._limits.ready_s:.0f} s: {why_not_ready or 'no heartbeat'}"
                 return self._enter(Phase.ENDED, now_s, Action.END)
-        elif stopped and self.phase in (Phase.TAKING_OFF, Phase.CHASING) and not arrived:
+        elif stopped and self.phase in (Phase.TAKING_OFF, Phase.UNDER_WAY) and not arrived:
             self.failure = STOPPED
             return self._enter(Phase.LANDING, now_s, Action.WAIT)
         elif self.phase is Phase.TAKING_OFF:
-            if mode in TRACKING:
-                self._enter(Phase.CHASING, now_s, Action.WAIT)
+            if mode in ON_TASK:
+                self._enter(Phase.UNDER_WAY, now_s, Action.WAIT)
             elif mode == pb.MODE_FAULT:
                 return self._abort(now_s, "the vehicle reported a fault at takeoff")
             elif late_s > self._limits.takeoff_s:
-                return self._abort(now_s, f"not tracking {self._limits.takeoff_s:.0f} s after start (mode {word})")
-        elif self.phase is Phase.CHASING:
+                return self._abort(now_s, f"not under way {self._limits.takeoff_s:.0f} s after start (mode {word})")
+        elif self.phase is Phase.UNDER_WAY:
             if arrived:
                 return self._enter(Phase.LANDING, now_s, Action.STOP)
             if collided:
                 return self._abort(now_s, "collision")
             if mode not in FLYING:
-                return self._abort(now_s, f"the chase ended by itself (mode {word})")
+                return self._abort(now_s, f"the flight ended by itself (mode {word})")
             if late_s > self._limits.chase_s:
-                return self._abort(now_s, f"the target did not arrive within {self._limits.chase_s:.0f} s")
+                return self._abort(now_s, f"nobody arrived within {self._limits.chase_s:.0f} s")
         elif self.phase is Phase.LANDING:
             if mode in DOWN:
                 return self._enter(Phase.ENDED, now_s, Action.END)

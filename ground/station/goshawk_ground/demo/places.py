@@ -29,6 +29,14 @@ def vehicle_file(name: str) -> Path:
     return (CHECKOUT if in_checkout() else PACKAGED) / name
 
 
+def goal_of(vehicle: Path) -> tuple[float, float]:
+    """How far ahead the goal of a vehicle file's default profile lies, m, and how fast it is flown to, m/s. Raises
+    OSError where the file cannot be read."""
+    told = tomllib.loads(vehicle.read_text(encoding="utf-8"))
+    profile = next(row for row in told["profile"] if row["name"] == told["default_profile"])
+    return profile["goal_m"][0], profile["speed_mps"]
+
+
 def tuning_of(vehicle: Path) -> str:
     """The tuning file that a vehicle file names. Raises OSError where it cannot be read."""
     return (vehicle.parent / tomllib.loads(vehicle.read_text(encoding="utf-8"))["tuning"]).read_text(encoding="utf-8")
