@@ -187,3 +187,88 @@ impl Target {
         self.state().map(|state| Person { look, pose: state.pose })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::{SceneConfig, WorldSource};
+
+    const TICK_S: f64 = 0.01;
+
+    struct Stage {
+        target: Target,
+        now: Time,
+        vehicle: QuadrotorState,
+    }
+
+    /// A target that runs, and a vehicle behind it.
+    fn stage() -> Stage {
+        let config = SceneConfig {
+            seed: 3,
+            world: WorldSource::Forest { spacing_m: 5.0 },
+            distance_m: 60.0,
+            evader: Some((Course::Goal, 3.0)),
+            moving: 0,
+        };
+        let scene = Arc::new(Scene::new(&config).unwrap());
+        let vehicle = QuadrotorState {
+            pos_world: scene.world.start_world() + Vec3::new(0.0, 0.0, 1.5),
+            vel_world: Vec3::new(3.0, 0.0, 0.0),
+            on_ground: false,
+            ..QuadrotorState::default()
+        };
+        let mut target = Target::new(scene, Course::Goal, 60.0, 3.0, 3, Time(0));
+        target.release();
+        Stage { target, now: Time(0), vehicle }
+    }
+
+    impl Stage {
+        /// Goes on for so long; the vehicle flies `gap_m` behind the target, or stands where it is.
+        fn run(&mut self, seconds: f64, gap_m: Option<f64>) -> EvaderState {
+            for _ in 0..(seconds / TICK_S) as usize {
+                self.now = self.now.plus(TICK_S);
+                self.target.advance(self.now);
+                if let Some(gap_m) = gap_m {
+                    let state = self.target.state().unwrap();
+                    let back = Vec3::new(state.pose.heading_rad.cos(), state.pose.heading_rad.sin(), 0.0) * gap_m;
+                    self.vehicle.pos_world = state.centre_world() - back;
+                }
+                self.target.decide(self.now, &self.vehicle);
+            }
+            self.target.state().unwrap()
+        }
+
+        fn away_m(&self) -> f64 {
+            (self.target.state().unwrap().centre_world() - self.vehicle.pos_world).norm()
+        }
+    }
+
+    #[test]
+    fn it_waits_for_a_vehicle_that_stays_behind_comes_back_into_its_sight_and_runs_on_with_it() {
+        let mut stage = stage();
+        assert!(stage.run(5.0, Some(6.0)).path_m > 10.0, "it runs with who follows");
+        stage.vehicle.vel_world = Vec3::zeros();
+        let waits = stage.run(8.0, None);
+        assert!(waits.vel_world.norm() < 1e-9 && (FAR_M..FAR_M + 3.0).contains(&stage.away_m()), "{}", stage.away_m());
+        let back = stage.run(30.0, None);
+        let seen = !stage.target.scene.world.occluded(&stage.vehicle.pos_world, &back.centre_world());
+        assert!(back.path_m < waits.path_m && stage.away_m() < NEAR_M && seen && back.vel_world.norm() < 1e-9);
+        stage.vehicle.vel_world = Vec3::new(3.0, 0.0, 0.0);
+        assert!(stage.run(30.0, Some(6.0)).arrived);
+    }
+
+    #[test]
+    fn before_a_vehicle_that_has_landed_it_stands_anew_and_runs_again() {
+        let mut stage = stage();
+        assert!(stage.run(40.0, Some(5.0)).arrived);
+        stage.vehicle.on_ground = true;
+        while stage.target.doing != Doing::Stands {
+            stage.run(0.1, None);
+        }
+        let stands = stage.target.state().unwrap();
+        assert!(stands.path_m == 0.0 && !stands.arrived && stage.away_m() < 7.0, "{stands:?}");
+        stage.vehicle.on_ground = false;
+        stage.target.release();
+        assert!(stage.run(90.0, Some(5.0)).arrived);
+    }
+}

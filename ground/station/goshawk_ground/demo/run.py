@@ -186,6 +186,8 @@ def _fly(
                 record.saw_mode(view.mode)
 
     end_listening = link.listen(listen)
+    before = link.snapshot().command
+    asked_before = None if before is None else before.command_id
     chase_s = 3.0 * options.distance_m / options.speed_mps + 30.0
     # Real firmware boots, and finds itself by its sensors.
     ready_s = 60.0 if options.px4 is None and options.ardupilot is None else 150.0
@@ -204,7 +206,7 @@ def _fly(
                 ready=snap.health is not None and snap.health.ready,
                 arrived=arrived,
                 collided=collided,
-                stopped=_stopped(snap),
+                stopped=_stopped(snap, asked_before),
                 why_not_ready="; ".join(failing_checks(snap)),
             )
             if action is Action.START:
@@ -226,6 +228,12 @@ def _fly(
         return record.summary(trouble + ((director.failure,) if director.failure else ()))
 
 
+def _stopped(snap: Snapshot, asked_before: str | None) -> bool:
+    """Whether Stop was pressed since ``asked_before``."""
+    asked = snap.command
+    return asked is not None and asked.verb == "stop" and asked.command_id != asked_before
+
+
 def _progress(phase: Phase, snap: Snapshot) -> str:
     words = phase.value
     if phase is Phase.WAITING_READY:
@@ -236,11 +244,6 @@ def _progress(phase: Phase, snap: Snapshot) -> str:
         goal = f"the goal is {goal_distance_m(truth):.0f} m away"
         words += f": {chase if truth.goal_world_3 is None else goal}; clearance {truth.clearance_m:.2f} m"
     return words.replace("[", r"\[")
-
-
-def _stopped(snap: Snapshot) -> bool:
-    """Whether the last that this ground asked for is the flight's end."""
-    return snap.stop is not None or (snap.command is not None and snap.command.verb == "stop" and snap.command.accepted)
 
 
 def _fly_on(
