@@ -18,12 +18,15 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
+from goshawk_ground.pages.ports import free_port
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs/pictures"
 GOSHAWK = (sys.executable, "-c", "from goshawk_ground.cli import main; main()")
+PORT = 8190
+"""Pages are served here, or at the next port that is free."""
 SEED = 5
 """Of the forest: trees near the way, and room to pass between them."""
 DESKTOP = (1440, 900)
@@ -54,13 +57,13 @@ def served(*arguments: str) -> Generator[str]:
     # As on a terminal a demo waits until somebody looks.
     environment = {**os.environ, "FORCE_COLOR": "1", "COLUMNS": "200"}
     with tempfile.NamedTemporaryFile("w+", encoding="utf-8") as heard:
-        command = (*GOSHAWK, *arguments, "--port", "0")
+        command = (*GOSHAWK, *arguments, "--port", str(free_port(PORT)))
         process = subprocess.Popen(command, stdout=heard, stderr=heard, cwd=ROOT, env=environment)
         try:
             while not (found := re.search(r"http://127[^\s\x1b]+", Path(heard.name).read_text(encoding="utf-8"))):
                 if process.poll() is not None:
-                    said = Path(heard.name).read_text(encoding="utf-8").strip().splitlines()[-1:]
-                    raise PictureError(f"goshawk {arguments[0]} showed no page: {' '.join(said)}")
+                    said = Path(heard.name).read_text(encoding="utf-8")
+                    raise PictureError(f"goshawk {arguments[0]} showed no page:\n{said}")
                 time.sleep(0.1)
             yield found.group()
         finally:
@@ -84,17 +87,15 @@ def visit(browser: Browser, url: str, size: tuple[int, int] = DESKTOP) -> Page:
     return page
 
 
-def live(browser: Browser, logs: Path) -> None:
-    """The dashboard of a chase: in flight, on the ground, and both on a phone; the flight's log stays in ``logs``."""
+def live(browser: Browser, logs: Path, size: tuple[int, int], kind: str) -> None:
+    """The dashboard of a chase, in flight and on the ground; the flight's log stays in ``logs``."""
     with served("demo", "--seed", str(SEED), "--log-dir", str(logs)) as url:
-        desk, phone = visit(browser, url), visit(browser, url, PHONE)
+        page = visit(browser, url, size)
         for word, name in (("track", "flight"), ("ready", "ground")):
-            for page, kind in ((desk, "live"), (phone, "phone")):
-                expect(page.locator('[data-goshawk="status"]').first).to_have_attribute("data-mode", word)
-                page.wait_for_timeout(SETTLES_MS)
-                take(page, f"{kind}-{name}")
-        desk.close()
-        phone.close()
+            expect(page.locator('[data-goshawk="status"]').first).to_have_attribute("data-mode", word)
+            page.wait_for_timeout(SETTLES_MS)
+            take(page, f"{kind}-{name}")
+        page.close()
 
 
 def afterwards(browser: Browser, logs: Path) -> None:
@@ -125,6 +126,7 @@ def main() -> int:
         print("docs/pictures.py: chromium is missing: install it (apt-get install chromium)", file=sys.stderr)
         return 1
     PICTURES.mkdir(exist_ok=True)
+    expect.set_options(timeout=PATIENCE_MS)
     with tempfile.TemporaryDirectory(prefix="goshawk-pictures-") as folder, sync_playwright() as playwright:
         # At a low priority: the renderer must not starve the flight beside it.
         nice = Path(folder, "chromium")
@@ -133,7 +135,8 @@ def main() -> int:
         browser = playwright.chromium.launch(executable_path=nice, args=FLAGS)
         logs = Path(folder, "logs")
         try:
-            live(browser, logs)
+            live(browser, logs, DESKTOP, "live")
+            live(browser, logs, PHONE, "phone")
             afterwards(browser, logs)
         except PictureError as error:
             print(f"docs/pictures.py: {error}", file=sys.stderr)

@@ -190,6 +190,8 @@ impl Target {
 
 #[cfg(test)]
 mod tests {
+    use goshawk_core::Rot;
+
     use super::*;
     use crate::trial::{SceneConfig, WorldSource};
 
@@ -214,8 +216,10 @@ mod tests {
         let vehicle = QuadrotorState {
             pos_world: scene.world.start_world() + Vec3::new(0.0, 0.0, 1.5),
             vel_world: Vec3::new(3.0, 0.0, 0.0),
+            acc_world: Vec3::zeros(),
+            world_from_body: Rot::identity(),
+            ang_vel_body: Vec3::zeros(),
             on_ground: false,
-            ..QuadrotorState::default()
         };
         let mut target = Target::new(scene, Course::Goal, 60.0, 3.0, 3, Time(0));
         target.release();

@@ -89,7 +89,7 @@ def run_demo(options: DemoOptions) -> bool:
             report.show(summary, children, console)
             if not options.headless:
                 console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
-                _fly_on(options, link, children, console, ended)
+                fly_on(options, link, children, console, ended)
             return summary.succeeded
         except _EndedError:
             console.print("interrupted: stopping everything")
@@ -246,7 +246,7 @@ def _progress(phase: Phase, snap: Snapshot) -> str:
     return words.replace("[", r"\[")
 
 
-def _fly_on(
+def fly_on(
     options: DemoOptions, link: GroundLink, children: list[Child], console: Console, ended: threading.Event
 ) -> None:
     """Judges each flight that Start on the dashboard begins, until Ctrl-C or a child's end."""
