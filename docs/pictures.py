@@ -91,10 +91,13 @@ def live(browser: Browser, logs: Path, size: tuple[int, int], kind: str) -> None
     """The dashboard of a chase, in flight and on the ground; the flight's log stays in ``logs``."""
     with served("demo", "--seed", str(SEED), "--log-dir", str(logs)) as url:
         page = visit(browser, url, size)
+        status = page.locator('[data-goshawk="status"]').first
         for word, name in (("track", "flight"), ("ready", "ground")):
-            expect(page.locator('[data-goshawk="status"]').first).to_have_attribute("data-mode", word)
+            expect(status).to_have_attribute("data-mode", word)
             page.wait_for_timeout(SETTLES_MS)
             take(page, f"{kind}-{name}")
+            if status.get_attribute("data-mode") != word:
+                raise PictureError(f"{kind}-{name}: the flight had gone on before: try again on a machine less busy")
         page.close()
 
 
