@@ -81,7 +81,9 @@ def take(page: Page, name: str) -> None:
 
 def visit(browser: Browser, url: str, size: tuple[int, int] = DESKTOP) -> Page:
     """A page of its own."""
-    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    page = browser.new_page(
+        viewport={"width": size[0], "height": size[1]}, device_scale_factor=2 if size == PHONE else 1
+    )
     page.set_default_timeout(PATIENCE_MS)
     page.goto(url)
     return page
@@ -111,9 +113,9 @@ def afterwards(browser: Browser, logs: Path) -> None:
             page.wait_for_timeout(SETTLES_MS)
             take(page, name)
             page.close()
-    report, season = logs / "report.html", logs / "season.html"
-    for command in (("report", str(log), "-o", str(report)), ("logs", str(logs), "--report", str(season))):
-        subprocess.run((*GOSHAWK, *command), check=True, capture_output=True, cwd=ROOT)
+    report, season = logs.with_name("report.html"), logs.with_name("season.html")
+    for command in (("report", str(log), "-o", str(report)), ("logs", logs.name, "--report", str(season))):
+        subprocess.run((*GOSHAWK, *command), check=True, capture_output=True, cwd=logs.parent)
     for file, name in ((report, "report"), (season, "season")):
         for size, prefix in ((DESKTOP, ""), (PHONE, "phone-")):
             page = visit(browser, file.as_uri(), size)

@@ -67,6 +67,7 @@ pub struct ServeArgs {
     /// Mean spacing of the trees, m.
     #[arg(long, value_name = "M", default_value_t = 5.0)]
     spacing: f64,
+    /// What is flown: a chase, or the way to a goal, with nobody to chase.
     #[arg(long, value_enum, default_value = "track")]
     task: TaskName,
     /// Most speed of the evader, m/s.

@@ -252,7 +252,7 @@ mod tests {
         let mut stage = stage();
         assert!(stage.run(5.0, Some(6.0)).path_m > 10.0, "it runs with who follows");
         stage.vehicle.vel_world = Vec3::zeros();
-        let waits = stage.run(8.0, None);
+        let waits = stage.run(5.0, None);
         assert!(waits.vel_world.norm() < 1e-9 && (FAR_M..FAR_M + 3.0).contains(&stage.away_m()), "{}", stage.away_m());
         let back = stage.run(30.0, None);
         let seen = !stage.target.scene.world.occluded(&stage.vehicle.pos_world, &back.centre_world());
@@ -266,10 +266,11 @@ mod tests {
         let mut stage = stage();
         assert!(stage.run(40.0, Some(5.0)).arrived);
         stage.vehicle.on_ground = true;
-        while stage.target.doing != Doing::Stands {
+        while stage.target.doing != Doing::Stands && !matches!(stage.target.another, Another::None) {
             stage.run(0.1, None);
         }
         let stands = stage.target.state().unwrap();
+        assert_eq!(stage.target.doing, Doing::Stands);
         assert!(stands.path_m == 0.0 && !stands.arrived && stage.away_m() < 7.0, "{stands:?}");
         stage.vehicle.on_ground = false;
         stage.target.release();
