@@ -26,6 +26,7 @@ help: ## this list
 	@echo
 	@echo "  HEADLESS=1 make demo     fly without waiting: exit status 0 only if the flight succeeded"
 	@echo "  SEED=7 make demo         another forest, another target"
+	@echo "  TASK=navigate make demo  to a goal, with nobody to chase"
 	@echo "  ARCH=arm64 make deb      for the other processor (amd64, arm64)"
 	@echo "  TORCH_BACKEND=cpu make setup-train   torch without CUDA, of PyTorch's own builds"
 
@@ -101,8 +102,8 @@ release: ## the files in dist as the release TAG=v…, which must be the version
 	@test "$(TAG)" = "v$$(sed -n 's/^version = "\([^"]*\)".*/\1/p' pyproject.toml)" || { echo "TAG=$(TAG) is not the version in pyproject.toml"; exit 1; }
 	gh release create $(TAG) --verify-tag --generate-notes dist/*.whl dist/*.deb
 
-demo: setup ## simulator, vehicle and ground station: a chase through a forest (SEED=n, HEADLESS=1)
-	$(VENV)/bin/goshawk demo --seed $(SEED) $(if $(HEADLESS),--headless)
+demo: setup ## simulator, vehicle and ground station: a chase through a forest (SEED=n, TASK=navigate, HEADLESS=1)
+	$(VENV)/bin/goshawk demo --seed $(SEED) $(if $(TASK),--task $(TASK)) $(if $(HEADLESS),--headless)
 
 sitl: setup ## the demo flown by firmware that you have built: PX4=DIR or ARDUPILOT=DIR (docs/how-to/firmware.md)
 	$(VENV)/bin/goshawk demo --seed $(SEED) $(if $(HEADLESS),--headless) $(if $(PX4),--px4 "$(PX4)") $(if $(ARDUPILOT),--ardupilot "$(ARDUPILOT)")
@@ -114,8 +115,9 @@ lint: setup-test ## formatters and linters
 	$(VENV)/bin/ruff format --check
 	$(VENV)/bin/pyright
 
-docs: setup-test build ## docs/reference made anew from the programs, the wire and the log's channels
+docs: setup-test build ## docs/reference made anew from the programs, the wire and the log's channels; docs/pictures from a demo
 	$(VENV)/bin/python docs/generate.py
+	$(VENV)/bin/python docs/pictures.py
 
 test-rust: setup-test
 	cargo test --release --locked --workspace

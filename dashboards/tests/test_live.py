@@ -244,6 +244,15 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, sn
     assert drawn.moving.count == 0 and not moving.visible
 
 
+def test_a_navigations_goal_stands_where_the_simulator_says_and_a_chase_has_none(live: Live, snap: Make) -> None:
+    chased = truth(boxes(0))
+    live.tick(snap(truth=chased))
+    assert not live.scene.goal.frame.visible
+    live.tick(snap(truth=replace(chased, goal_world_3=np.array([90.0, 1.0, -0.5]))))
+    assert live.scene.goal.frame.visible
+    np.testing.assert_allclose(live.scene.goal.frame.position, [90.0, 1.0, -0.5])
+
+
 def test_a_broken_picture_changes_nothing(live: Live, snap: Make) -> None:
     live.tick(snap(preview=PreviewView(seq=1, stamp_ns=1, width=160, height=96, picture=b"not a jpeg")))
     live.tick(snap(preview=PreviewView(seq=2, stamp_ns=2, width=160, height=96, picture=b"\xff\xd8\xff\xe0broken")))

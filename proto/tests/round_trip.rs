@@ -255,6 +255,7 @@ fn sim_truth() -> SimTruth {
         target_visible: true,
         moving: vec![sim_box()],
         acc_world: vec3(),
+        goal_world: vec3(),
     }
 }
 

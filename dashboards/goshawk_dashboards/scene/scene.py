@@ -13,6 +13,7 @@ import viser
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves, shapes
+from goshawk_dashboards.scene.goal import GoalScene
 from goshawk_dashboards.scene.picture import decode_preview
 from goshawk_dashboards.scene.remembered import RememberedScene
 from goshawk_dashboards.scene.target import TargetScene
@@ -84,6 +85,7 @@ class LiveScene:
         self._make_vehicle()
         self._make_plan()
         self.target = TargetScene(viewer, root)
+        self.goal = GoalScene(viewer, root)
 
     def _make_vehicle(self) -> None:
         scene = self._viewer.scene
@@ -165,6 +167,7 @@ class LiveScene:
         self.target.update(snap.target if snap.fresh("target") else None, trail=options.trails)
         truth = snap.truth if snap.fresh("sim_truth") else None
         self.target.show_truth(truth if options.truth else None)
+        self.goal.update(truth)
         about_3 = None if snap.control is None else snap.control.pos_world_3
         moving = None if truth is None else truth.moving
         self.world.update(snap.world, moving, shown=options.world, about_3=about_3)
@@ -184,6 +187,7 @@ class LiveScene:
             node.visible = False
         self.detections.visible = self._vehicle_line.visible = False
         self.target.forget()
+        self.goal.update(None)
         self.remembered.update(None)
         if self.candidates is not None:
             self.candidates.visible = False

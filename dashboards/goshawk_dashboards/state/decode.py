@@ -237,6 +237,7 @@ def truth(m: pb.SimTruth) -> view.TruthView:
         target_arrived=m.target_arrived,
         target_visible=m.target_visible,
         moving=_boxes("that moves", m.moving),
+        goal_world_3=_vec("goal", m.goal_world) if m.HasField("goal_world") else None,
     )
 
 

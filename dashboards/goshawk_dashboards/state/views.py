@@ -243,6 +243,8 @@ class TruthView:
     target_visible: bool
     moving: BoxesView
     """Boxes around the moving obstacles, now."""
+    goal_world_3: Array | None = None
+    """Where a navigation leads, on the ground; None: somebody is chased, or a log from before it was told."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

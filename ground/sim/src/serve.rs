@@ -9,6 +9,7 @@ mod external;
 mod local;
 mod mishap;
 mod session;
+mod target;
 mod watch;
 
 use std::path::PathBuf;
@@ -23,6 +24,7 @@ use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
+use crate::fly::args::TaskName;
 use crate::sense::file::SensorArgs;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::airframe;
@@ -32,6 +34,7 @@ use crate::vehicle::quadrotor::{Quadrotor, STEP_S, Wind};
 use autopilot::{Autopilot, AutopilotArgs, Instant, Start};
 use camera::{Camera, Exposure};
 use session::Session;
+use target::Target;
 use watch::{Surroundings, Watch};
 
 /// One physics step.
@@ -43,7 +46,7 @@ const WATCH_STEPS: u64 = 5;
 const TRUTH_STEPS: u64 = 50;
 /// Behind the wall clock by more than this, the simulation lets time go instead of racing after it.
 const HOPELESS_NS: u64 = 200 * STEP_NS;
-/// The evader runs once the vehicle has been this high for so long.
+/// The evader runs once the vehicle has been this high for so long, and looks at it.
 const AIRBORNE_M: f64 = 0.8;
 const AIRBORNE_S: f64 = 2.0;
 
@@ -51,6 +54,7 @@ const AIRBORNE_S: f64 = 2.0;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim serve --seed 3 --spacing 5 --speed 3\n  \
                   goshawk-sim serve --world buildings --moving 8\n  \
+                  goshawk-sim serve --task navigate --vehicle-file air/vehicles/navigate.toml\n  \
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
                   goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20\n  \
                   goshawk-sim serve --autopilot px4 --firmware ~/PX4-Autopilot\n  \
@@ -63,6 +67,9 @@ pub struct ServeArgs {
     /// Mean spacing of the trees, m.
     #[arg(long, value_name = "M", default_value_t = 5.0)]
     spacing: f64,
+    /// What is flown: a chase, or the way to a goal, with nobody to chase.
+    #[arg(long, value_enum, default_value = "track")]
+    task: TaskName,
     /// Most speed of the evader, m/s.
     #[arg(long, value_name = "MPS", default_value_t = 3.0)]
     speed: f64,
@@ -72,7 +79,7 @@ pub struct ServeArgs {
     /// What the evader runs: goal, eight, or a CSV file of waypoints (x,y in m ahead and left).
     #[arg(long, value_name = "COURSE", default_value = "goal")]
     course: String,
-    /// How far ahead of the vehicle the evader's goal is, m.
+    /// How far ahead of the vehicle the goal is, the evader's or the vehicle's own, m.
     #[arg(long, value_name = "M", default_value_t = 40.0)]
     distance: f64,
     /// The vehicle file.
@@ -135,11 +142,12 @@ impl ServeArgs {
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop)).wrap_err("cannot handle signals")?;
         }
+        let course = Course::parse(&self.course)?;
         let scene = Arc::new(Scene::new(&SceneConfig {
             seed: self.seed,
             world: WorldSource::parse(&self.world, self.spacing)?,
             distance_m: self.distance,
-            evader: Some((Course::parse(&self.course)?, self.speed)),
+            evader: (self.task == TaskName::Track).then(|| (course.clone(), self.speed)),
             moving: self.moving.moving,
         })?);
         let mut parameters = airframe(&vehicle);
@@ -152,17 +160,13 @@ impl ServeArgs {
         let quad = Quadrotor::new(parameters, start.pos_world, start.heading_rad);
         let mut session = Session::dial(&vehicle.name, &self.connect, &scene, autopilot.local())?;
         let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, fault, Arc::clone(&stop))?;
-        let mut simulation = Simulation::new(&self, quad, autopilot, &scene);
-        println!(
-            "seed {}, {} ({} obstacles): the target runs {} m at up to {} m/s; vehicle at {}, {}",
-            self.seed,
-            self.world,
-            scene.world.parts().len(),
-            self.distance,
-            self.speed,
-            self.connect,
-            met_at
-        );
+        let mut simulation = Simulation::new(&self, course, quad, autopilot, &scene);
+        let (seed, world, obstacles) = (self.seed, &self.world, scene.world.parts().len());
+        let what = match self.task {
+            TaskName::Track => format!("the target runs {} m at up to {} m/s", self.distance, self.speed),
+            TaskName::Navigate => format!("the goal lies {} m ahead", self.distance),
+        };
+        println!("seed {seed}, {world} ({obstacles} obstacles): {what}; vehicle at {}, {met_at}", self.connect);
         let end = self.exit_after.map(|s| clock::now().plus(s));
         while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
             simulation.catch_up(clock::now(), &mut session, &camera);
@@ -177,6 +181,9 @@ impl ServeArgs {
 
 struct Simulation<'a> {
     scene: &'a Scene,
+    target: Target,
+    distance_m: f64,
+    goal_world: Option<Vec3>,
     quad: Quadrotor,
     autopilot: Autopilot,
     wind: Wind,
@@ -188,15 +195,19 @@ struct Simulation<'a> {
     frame_period_ns: u64,
     next_frame: Time,
     airborne_since: Option<Time>,
+    /// When the evader began to run for the first time; what moves besides it moves from then on.
     runs: Option<Time>,
     skipped_s: f64,
 }
 
 impl<'a> Simulation<'a> {
-    fn new(args: &ServeArgs, quad: Quadrotor, autopilot: Autopilot, scene: &'a Scene) -> Self {
+    fn new(args: &ServeArgs, course: Course, quad: Quadrotor, autopilot: Autopilot, scene: &'a Arc<Scene>) -> Self {
         let now = clock::now();
         Self {
+            target: Target::new(Arc::clone(scene), course, args.distance, args.speed, args.seed, now),
             scene,
+            distance_m: args.distance,
+            goal_world: None,
             quad,
             autopilot,
             wind: Wind::new(args.wind, mix(args.seed, 12)),
@@ -240,28 +251,48 @@ impl<'a> Simulation<'a> {
             world,
         };
         self.autopilot.fly(&mut self.quad, &at);
-        self.release_the_evader();
+        self.release_the_evader(camera.sees_target());
+        self.target.advance(self.now);
         let since = self.running_for();
         if self.now >= self.next_frame {
             self.next_frame = Time((self.next_frame.0 + self.frame_period_ns).max(self.now.0));
-            camera.expose(Exposure { stamp: self.now, vehicle: *self.quad.state(), running_for_s: since });
+            camera.expose(Exposure {
+                stamp: self.now,
+                vehicle: *self.quad.state(),
+                person: self.target.person(),
+                moving: self.scene.moving_at(since),
+                running_for_s: since,
+            });
         }
         if self.step.is_multiple_of(WATCH_STEPS) {
-            let evader = self.scene.evader_at(since);
-            let surroundings = Surroundings { world, moving: self.scene.moving_at(since), evader };
+            self.target.decide(self.now, self.quad.state());
+            self.place_the_goal();
+            let surroundings = Surroundings { world, moving: self.scene.moving_at(since), evader: self.target.state() };
             self.watch.look(self.now, surroundings, self.quad.state(), self.runs.is_some(), camera.sees_target());
             if self.step.is_multiple_of(TRUTH_STEPS) {
-                session.truth(self.watch.truth(self.now, self.quad.state()));
+                session.truth(self.watch.truth(self.now, self.quad.state(), self.goal_world));
             }
         }
     }
 
-    fn release_the_evader(&mut self) {
+    /// Where nobody runs the goal lies straight ahead of where the vehicle last stood.
+    fn place_the_goal(&mut self) {
+        let vehicle = self.quad.state();
+        if self.scene.evader.is_none() && vehicle.on_ground {
+            let (_, _, heading_rad) = vehicle.world_from_body.euler_angles();
+            let ahead = vehicle.pos_world + Vec3::new(heading_rad.cos(), heading_rad.sin(), 0.0) * self.distance_m;
+            self.goal_world = Some(Vec3::new(ahead.x, ahead.y, self.scene.world.ground_height(ahead.x, ahead.y)));
+        }
+    }
+
+    fn release_the_evader(&mut self, seen: bool) {
         let at = self.quad.state().pos_world;
         let high = at.z - self.scene.world.ground_height(at.x, at.y) > AIRBORNE_M;
         self.airborne_since = if high { self.airborne_since.or(Some(self.now)) } else { None };
-        if self.runs.is_none() && self.airborne_since.is_some_and(|since| self.now.since(since) >= AIRBORNE_S) {
-            self.runs = Some(self.now);
+        let looks = seen || self.scene.evader.is_none();
+        if looks && self.airborne_since.is_some_and(|since| self.now.since(since) >= AIRBORNE_S) {
+            self.target.release();
+            self.runs = self.runs.or(Some(self.now));
         }
     }
 

@@ -277,6 +277,8 @@ pub struct Truth<'a> {
     pub collisions: u32,
     /// The last frame showed the target.
     pub visible: bool,
+    /// On the ground, where a navigation leads; none: somebody is chased.
+    pub goal_world: Option<Vec3>,
 }
 
 /// Someone who records a flight. All methods do nothing unless they are overridden.
@@ -336,6 +338,7 @@ impl Truth<'_> {
             target_visible: self.visible,
             moving: self.moving.iter().map(|part| part.shape.around().to_proto()).collect(),
             acc_world: Some(convert::vec3(self.vehicle.acc_world)),
+            goal_world: self.goal_world.map(convert::vec3),
         }
     }
 }

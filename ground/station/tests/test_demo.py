@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from goshawk_ground.cli import app
 from goshawk_ground.demo import places
+from goshawk_ground.demo.children import Child, stop_all
+from goshawk_ground.demo.run import DemoOptions, fly_on
+from goshawk_ground.link import GroundLink
+from goshawk_ground.pages.ports import free_port
+from goshawk_proto import goshawk_pb2 as pb
+from rich.console import Console
+from typer.testing import CliRunner
 
 ROOT = Path(__file__).resolve().parents[3]
 FAKE = ROOT / "tests/browser/fake_vehicle.py"
@@ -75,6 +85,47 @@ def test_a_headless_demo_flies_and_succeeds(tmp_path: Path) -> None:
     assert facts["collisions"] == 0
     assert facts["planner_hz"] > 50
     assert not descendants(tmp_path)
+
+
+def test_each_start_after_the_demos_own_flight_is_judged(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port(17700)}"
+    options = DemoOptions(
+        seed=1, navigate=False, headless=False, speed_mps=3.0, spacing_m=5.0, distance_m=3.0, port=0,
+        bin_dir=tmp_path, log_dir=tmp_path, json_file=None,
+    )  # fmt: skip
+    vehicle = Child("air", [sys.executable, str(FAKE), "--listen", endpoint], tmp_path / "air.log")
+    said, ended = io.StringIO(), threading.Event()
+    with GroundLink(connect=endpoint) as link:
+        console = Console(file=said, width=200)
+        judge = threading.Thread(target=fly_on, args=(options, link, [vehicle], console, ended))
+        judge.start()
+
+        def fly(*, until: str, stop: bool = False) -> None:
+            assert link.wait_for(lambda s: s.mode in (pb.MODE_READY, pb.MODE_LANDED), 20) is not None
+            assert link.start().accepted
+            assert link.wait_for(lambda s: s.mode == pb.MODE_TRACK, 20) is not None
+            if stop:
+                link.press_stop()
+            assert link.wait_for(lambda _: until in said.getvalue(), 20) is not None, said.getvalue()
+
+        try:
+            fly(until="succeeded")
+            fly(until="failed: it was stopped; the target had run", stop=True)
+            assert "the end of" not in said.getvalue(), "nothing is wrong with what was stopped"
+        finally:
+            ended.set()
+            stop_all([vehicle])
+            judge.join()
+
+
+def test_the_goal_of_a_navigation_is_the_vehicle_files() -> None:
+    assert places.goal_of(ROOT / "air/vehicles/navigate.toml") == (90.0, 5.0)
+
+
+def test_a_navigation_takes_no_options_of_a_chase() -> None:
+    done = CliRunner().invoke(app, ["demo", "--task", "navigate", "--speed", "4"])
+    assert done.exit_code == 1
+    assert done.output.startswith("goshawk: --task navigate: leave out --speed")
 
 
 def test_a_simulator_that_dies_is_a_failure_with_its_last_words(tmp_path: Path) -> None:

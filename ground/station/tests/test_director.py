@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from goshawk_ground.demo.director import Action, Director, Limits, Phase
+from goshawk_ground.demo.director import STOPPED, Action, Director, Limits, Phase
 from goshawk_proto import goshawk_pb2 as pb
 
 LIMITS = Limits(ready_s=60, takeoff_s=30, chase_s=70, landing_s=45)
@@ -27,7 +27,7 @@ class Rehearsal:
         assert self.at(1, pb.MODE_READY, ready=True) is Action.START
         assert self.at(1, pb.MODE_TAKEOFF, ready=True) is Action.WAIT
         assert self.at(1, pb.MODE_TRACK, ready=True) is Action.WAIT
-        assert self.director.phase is Phase.CHASING
+        assert self.director.phase is Phase.UNDER_WAY
         return self
 
 
@@ -73,7 +73,7 @@ def test_a_refused_start_ends(rehearsal: Rehearsal) -> None:
         (1, pb.MODE_LANDED, {}, "ended by itself"),
         (1, pb.MODE_FAULT, {}, "ended by itself"),
         (1, None, {}, "ended by itself"),
-        (71, pb.MODE_TRACK, {}, "did not arrive"),
+        (71, pb.MODE_TRACK, {}, "nobody arrived"),
     ],
 )
 def test_trouble_in_the_chase_stops_the_flight(
@@ -89,7 +89,22 @@ def test_trouble_in_the_chase_stops_the_flight(
 def test_a_takeoff_that_does_not_lead_to_tracking_is_stopped(rehearsal: Rehearsal) -> None:
     rehearsal.at(1, pb.MODE_READY, ready=True)
     assert rehearsal.at(31, pb.MODE_TAKEOFF) is Action.STOP
-    assert rehearsal.director.failure == "not tracking 30 s after start (mode takeoff)"
+    assert rehearsal.director.failure == "not under way 30 s after start (mode takeoff)"
+
+
+def test_a_flight_that_somebody_stops_lands_and_is_called_stopped(rehearsal: Rehearsal) -> None:
+    r = rehearsal.chasing()
+    assert r.at(1, pb.MODE_STOPPING, stopped=True) is Action.WAIT
+    assert r.at(1, pb.MODE_LANDED, stopped=True) is Action.END
+    assert r.director.failure == STOPPED
+
+
+def test_a_flight_that_somebody_else_has_started_is_followed_from_its_take_off() -> None:
+    director = Director(LIMITS, 0.0, Phase.TAKING_OFF)
+    facts = {"ready": False, "arrived": False, "collided": False}
+    assert director.step(1.0, mode=pb.MODE_TAKEOFF, **facts) is Action.WAIT
+    assert director.step(2.0, mode=pb.MODE_NAVIGATE, **facts) is Action.WAIT
+    assert director.phase is Phase.UNDER_WAY
 
 
 def test_a_landing_that_never_ends_ends_the_demo(rehearsal: Rehearsal) -> None:

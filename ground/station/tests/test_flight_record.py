@@ -22,6 +22,7 @@ def truth(
     arrived: bool = False,
     x_m: float = 0.0,
     speed_mps: float = 3.0,
+    goal_world_3: np.ndarray | None = None,
 ) -> TruthView:
     return TruthView(
         stamp_ns=int(time_s * 1e9),
@@ -37,6 +38,7 @@ def truth(
         target_arrived=arrived,
         target_visible=visible,
         moving=BoxesView(centre_world_B3=np.zeros((0, 3)), size_m_B3=np.zeros((0, 3)), yaw_rad_B=np.zeros(0)),
+        goal_world_3=goal_world_3,
     )
 
 
@@ -167,3 +169,27 @@ def test_nothing_after_the_arrival_changes_the_chases_figures() -> None:
     record.saw_truth(truth(20.0, distance_m=90.0, visible=False, speed_mps=50.0))
     after = record.summary()
     assert (after.max_speed_mps, after.target_distance_end_m) == (before.max_speed_mps, before.target_distance_end_m)
+
+
+def navigated(to_m: float) -> Summary:
+    """A navigation of 90 m at 3 m/s that ends ``to_m`` from its start."""
+    record = FlightRecord(90.0, navigates=True)
+    record.saw_mode(pb.MODE_TAKEOFF)
+    record.saw_truth(truth(0.0, goal_world_3=np.array([90.0, 0.0, -1.0])))
+    record.saw_mode(pb.MODE_NAVIGATE)
+    for k in range(int(to_m / 0.3) + 1):
+        # Who runs is nobody's business here.
+        record.saw_truth(truth(0.1 * k, x_m=0.3 * k, arrived=True, goal_world_3=np.array([90.0, 0.0, -1.0])))
+    return landed(record)
+
+
+def test_a_navigation_succeeds_at_its_goal_whatever_the_grounds_height_there() -> None:
+    summary = navigated(90.0)
+    assert summary.succeeded
+    assert summary.goal_distance_end_m == pytest.approx(1.8)
+    assert summary.vehicle_path_m == pytest.approx(88.2)
+    assert (summary.target_distance_end_m, summary.in_view_fraction) == (None, None)
+
+
+def test_a_navigation_that_ends_before_its_goal_says_how_far() -> None:
+    assert navigated(50.0).problems == ("the goal was 40 m away at the end",)

@@ -632,7 +632,7 @@ class CommandRecord(_message.Message):
     def __init__(self, stamp_ns: _Optional[int] = ..., verb: _Optional[str] = ..., profile: _Optional[str] = ..., reply: _Optional[_Union[CommandReply, _Mapping]] = ...) -> None: ...
 
 class SimTruth(_message.Message):
-    __slots__ = ("stamp_ns", "pos_world", "world_from_body", "vel_world", "target_pos_world", "target_vel_world", "clearance_m", "collisions", "target_distance_m", "target_path_m", "target_arrived", "target_visible", "moving", "acc_world")
+    __slots__ = ("stamp_ns", "pos_world", "world_from_body", "vel_world", "target_pos_world", "target_vel_world", "clearance_m", "collisions", "target_distance_m", "target_path_m", "target_arrived", "target_visible", "moving", "acc_world", "goal_world")
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     WORLD_FROM_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -647,6 +647,7 @@ class SimTruth(_message.Message):
     TARGET_VISIBLE_FIELD_NUMBER: _ClassVar[int]
     MOVING_FIELD_NUMBER: _ClassVar[int]
     ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
+    GOAL_WORLD_FIELD_NUMBER: _ClassVar[int]
     stamp_ns: int
     pos_world: Vec3
     world_from_body: Quat
@@ -661,7 +662,8 @@ class SimTruth(_message.Message):
     target_visible: bool
     moving: _containers.RepeatedCompositeFieldContainer[SimBox]
     acc_world: Vec3
-    def __init__(self, stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., target_distance_m: _Optional[float] = ..., target_path_m: _Optional[float] = ..., target_arrived: _Optional[bool] = ..., target_visible: _Optional[bool] = ..., moving: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
+    goal_world: Vec3
+    def __init__(self, stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., target_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., target_distance_m: _Optional[float] = ..., target_path_m: _Optional[float] = ..., target_arrived: _Optional[bool] = ..., target_visible: _Optional[bool] = ..., moving: _Optional[_Iterable[_Union[SimBox, _Mapping]]] = ..., acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., goal_world: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
 
 class SimTree(_message.Message):
     __slots__ = ("base_world", "top_world", "radius_m", "foliage_radius_m")

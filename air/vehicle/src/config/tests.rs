@@ -22,8 +22,23 @@ fn every_shipped_vehicle_file_loads() {
     let of_vehicles = |path: &PathBuf| std::fs::read_to_string(path).unwrap().contains("\n[airframe]");
     let mut loaded = files.filter(of_vehicles).map(|path| Vehicle::load(&path).unwrap().name).collect::<Vec<_>>();
     loaded.sort();
-    let simulated = ["goshawk"; 3]; // sim.toml, paper.toml, ardupilot-sitl.toml
+    let simulated = ["goshawk"; 4]; // sim.toml, navigate.toml, paper.toml, ardupilot-sitl.toml
     assert_eq!(loaded, [&simulated[..], &["micro-155", "x500"]].concat());
+}
+
+#[test]
+fn the_vehicle_that_navigates_differs_from_the_shipped_one_in_its_policy_and_profile_alone() {
+    let navigating = Vehicle::load(&shipped().with_file_name("navigate.toml")).unwrap();
+    let ours = Vehicle::load(&shipped()).unwrap();
+    assert_eq!(navigating.model(Task::Track), ours.model(Task::Navigate), "what it flies is what the simulator flies");
+    let goal = navigating.profile(None).unwrap();
+    assert!(goal.task == Task::Navigate && goal.goal.is_some());
+    let rest = |vehicle: &Vehicle| {
+        let mut table = toml::from_str::<toml::Table>(&vehicle.text).unwrap();
+        ["policy", "profile", "default_profile"].iter().for_each(|key| drop(table.remove(*key)));
+        table
+    };
+    assert_eq!(rest(&navigating), rest(&ours));
 }
 
 #[test]

@@ -14,6 +14,7 @@ use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::slot::Slot;
 
 use super::session::Session;
+use crate::actors::person::Person;
 use crate::render::{Frame, Renderer};
 use crate::sense::file::Sensors;
 use crate::sense::rgbd::{RgbdImage, Sensor, mix};
@@ -22,13 +23,16 @@ use crate::trial::fault::{CameraFault, Tampered};
 use crate::trial::judge::in_view;
 use crate::trial::{Fault, Scene};
 use crate::vehicle::quadrotor::QuadrotorState;
+use crate::world::Part;
 
 /// What the camera was pointed at.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Exposure {
     pub(super) stamp: Time,
     pub(super) vehicle: QuadrotorState,
-    /// Since the evader began to run; negative before.
+    pub(super) person: Option<Person>,
+    pub(super) moving: Vec<Part>,
+    /// Since the flight began in earnest; negative before.
     pub(super) running_for_s: f64,
 }
 
@@ -116,10 +120,9 @@ struct Work {
 
 impl Work {
     fn shoot(&mut self, renderer: &mut Renderer, sensor: &mut Sensor, exposure: &Exposure, seq: u64) {
-        let person = self.scene.person_at(exposure.running_for_s);
         let pose = self.mount.pose(&exposure.vehicle);
-        let moving = self.scene.moving_at(exposure.running_for_s);
-        renderer.render_with(&self.scene.world, &moving, person.as_ref(), &pose, &mut self.frame);
+        let (moving, person) = (&exposure.moving, exposure.person.as_ref());
+        renderer.render_with(&self.scene.world, moving, person, &pose, &mut self.frame);
         sensor.capture(
             &self.frame,
             &self.mount.motion(&exposure.vehicle),

@@ -66,7 +66,7 @@ impl Local {
     pub(super) fn of_truth(&self, mut truth: v1::SimTruth) -> v1::SimTruth {
         let turn = self.world_from_local().inverse();
         let read = |v: &v1::Vec3| Vec3::new(v.x, v.y, v.z);
-        for place in [&mut truth.pos_world, &mut truth.target_pos_world].into_iter().flatten() {
+        for place in [&mut truth.pos_world, &mut truth.target_pos_world, &mut truth.goal_world].into_iter().flatten() {
             *place = convert::vec3(self.point(read(place)));
         }
         for way in [&mut truth.vel_world, &mut truth.target_vel_world, &mut truth.acc_world].into_iter().flatten() {

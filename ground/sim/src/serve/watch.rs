@@ -1,6 +1,6 @@
 //! What the simulator knows of a flight and the vehicle does not: clearance, collisions, where the target is.
 
-use goshawk_core::Time;
+use goshawk_core::{Time, Vec3};
 use goshawk_proto::v1;
 
 use crate::actors::evader::EvaderState;
@@ -82,25 +82,26 @@ impl Watch {
         (self.evader, self.moving) = (evader, moving);
     }
 
-    pub(super) fn truth(&self, now: Time, vehicle: &QuadrotorState) -> v1::SimTruth {
+    /// `goal_world`: where a navigation leads.
+    pub(super) fn truth(&self, now: Time, vehicle: &QuadrotorState, goal_world: Option<Vec3>) -> v1::SimTruth {
         let &Self { evader, ref moving, clearance_m, visible, .. } = self;
-        Truth { vehicle, evader, moving, clearance_m, collisions: self.collisions, visible }.to_proto(now)
+        let collisions = self.collisions;
+        Truth { vehicle, evader, moving, clearance_m, collisions, visible, goal_world }.to_proto(now)
     }
 
     /// One line for the end.
     pub(super) fn summary(&self, frames: u64, skipped_s: f64) -> String {
-        let way = self.evader.map_or(0.0, |e| e.path_m);
         let in_view = if self.looks == 0 { 0.0 } else { 100.0 * self.looks_in_view as f64 / self.looks as f64 };
         let clearance = if self.least_clearance_m.is_finite() {
             format!("{:.2} m", self.least_clearance_m)
         } else {
             "none measured".to_owned()
         };
-        let mut line = format!(
-            "the target ran {way:.1} m, in view {in_view:.0} % of the time, at most {:.1} m away; least clearance \
-             {clearance}, {} collisions; {frames} images",
-            self.most_distance_m, self.collisions
-        );
+        let mut line = self.evader.map_or(String::new(), |evader| {
+            let (way, most) = (evader.path_m, self.most_distance_m);
+            format!("the target ran {way:.1} m, in view {in_view:.0} % of the time, at most {most:.1} m away; ")
+        });
+        line += &format!("least clearance {clearance}, {} collisions; {frames} images", self.collisions);
         if skipped_s > 0.0 {
             line += &format!("; this machine could not keep up: {skipped_s:.1} s were skipped");
         }

@@ -349,6 +349,7 @@ impl<'a> Lockstep<'a> {
             clearance_m: clearance(&self.scene.world, &self.moving, &vehicle.pos_world),
             collisions: u32::from(contact.is_some()),
             visible: in_view(&self.frame),
+            goal_world: self.scene.evader.is_none().then_some(self.scene.goal_world),
         }
     }
 

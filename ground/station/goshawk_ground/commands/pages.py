@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import json
 from contextlib import ExitStack
 from pathlib import Path
@@ -25,7 +26,6 @@ from goshawk_ground.commands.options import (
     fail,
 )
 from goshawk_ground.demo import places
-from goshawk_ground.interrupt import until_interrupted
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 from goshawk_ground.orders.stop_file import state_folder
 from goshawk_ground.orders.stop_latch import RESUME_S
@@ -124,12 +124,20 @@ def _say_if_pending(link: GroundLink) -> None:
         typer.echo(f"{words} within {RESUME_S / 60.0:.0f} minutes.", err=True)
 
 
+class DemoTask(enum.Enum):
+    """What the demo flies."""
+
+    TRACK = "track"
+    NAVIGATE = "navigate"
+
+
 def demo(
     seed: Annotated[int, typer.Option(min=0, help="Forest and target.")] = 1,
     headless: Annotated[
         bool, typer.Option("--headless", help="Do not wait at the end; the exit status tells.")
     ] = False,
-    speed: Annotated[float, typer.Option(min=0.5, help="The target's speed, m/s.")] = 3.0,
+    task: Annotated[DemoTask, typer.Option(help="Chase somebody, or fly to a goal.")] = DemoTask.TRACK,
+    speed: Annotated[float | None, typer.Option(min=0.5, help="The target's speed, m/s; absent: 3.")] = None,
     spacing: Annotated[float, typer.Option(min=1.0, help="Mean distance between trees, m.")] = 5.0,
     distance: Annotated[
         float | None, typer.Option(min=5.0, help="How far the target runs, m; absent: 90, headless 40.")
@@ -141,13 +149,20 @@ def demo(
     px4: Annotated[Path | None, typer.Option(help="Fly by your PX4: its source tree, or its build.")] = None,
     ardupilot: Annotated[Path | None, typer.Option(help="Fly by your ArduPilot Copter, likewise.")] = None,
 ) -> None:
-    """Fly: simulator, vehicle and ground station chase a target through a forest. Exit status 0 only on success."""
+    """Fly: simulator, vehicle and ground station chase a target through a forest, or fly to a goal. Exit status 0 only
+    on success."""
     from goshawk_ground.demo.run import DemoError, DemoOptions, run_demo
 
+    navigate = task is DemoTask.NAVIGATE
+    if navigate and (speed is not None or distance is not None or ardupilot is not None):
+        fail(
+            "--task navigate: leave out --speed, --distance and --ardupilot; navigate.toml says where and how", REFUSED
+        )
     options = DemoOptions(
         seed=seed,
+        navigate=navigate,
         headless=headless,
-        speed_mps=speed,
+        speed_mps=speed or 3.0,
         spacing_m=spacing,
         distance_m=distance or (40.0 if headless else 90.0),
         port=port,
@@ -227,7 +242,8 @@ def register(app: typer.Typer) -> None:
         "goshawk ground --host 0.0.0.0 --operator-password-file operator.txt --observer-password-file observer.txt"
     )(ground)
     app.command(
-        epilog="Examples: goshawk demo | goshawk demo --seed 7 --speed 4 | goshawk demo --headless --json out.json"
+        epilog="Examples: goshawk demo | goshawk demo --seed 7 --speed 4 | goshawk demo --task navigate | "
+        "goshawk demo --headless --json out.json"
     )(demo)
     app.command(
         epilog="Examples: goshawk review logs/goshawk-2026-05-01T093000123Z.mcap | "

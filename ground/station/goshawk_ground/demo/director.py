@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from goshawk_dashboards.state import words
 from goshawk_proto import goshawk_pb2 as pb
 
-from goshawk_ground.demo.flight_record import DOWN, TRACKING
+from goshawk_ground.demo.flight_record import DOWN, NAVIGATING, TRACKING
 
-FLYING = (pb.MODE_TAKEOFF, *TRACKING, pb.MODE_NAVIGATE)
+STOPPED = "it was stopped"
+"""The failure of a flight that somebody ended."""
+ON_TASK = {*TRACKING, *NAVIGATING}
+FLYING = {pb.MODE_TAKEOFF, *ON_TASK}
 
 
 class Action(enum.Enum):
@@ -27,7 +30,7 @@ class Phase(enum.Enum):
 
     WAITING_READY = "waiting until ready"
     TAKING_OFF = "taking off"
-    CHASING = "chasing"
+    UNDER_WAY = "under way"
     LANDING = "landing"
     ENDED = "ended"
 
@@ -45,17 +48,26 @@ class Limits:
 class Director:
     """Call ``step`` often; it returns each of START and STOP at most once. A failed phase stops the flight."""
 
-    def __init__(self, limits: Limits, now_s: float) -> None:
+    def __init__(self, limits: Limits, now_s: float, phase: Phase = Phase.WAITING_READY) -> None:
+        """``phase`` is TAKING_OFF for a flight that somebody else has started."""
         self._limits = limits
         self._since_s = now_s
-        self.phase = Phase.WAITING_READY
+        self.phase = phase
         self.failure: str | None = None
         """Why the flight was cut short; None while all is well."""
 
     def step(
-        self, now_s: float, *, mode: pb.Mode | None, ready: bool, arrived: bool, collided: bool, why_not_ready: str = ""
+        self,
+        now_s: float,
+        *,
+        mode: pb.Mode | None,
+        ready: bool,
+        arrived: bool,
+        collided: bool,
+        stopped: bool = False,
+        why_not_ready: str = "",
     ) -> Action:
-        """The next action. ``mode`` None: the vehicle is not heard (yet)."""
+        """The next action. ``mode`` None: the vehicle is not heard (yet); ``stopped``: somebody has pressed Stop."""
         late_s = now_s - self._since_s
         word = "unknown" if mode is None else words.mode(mode)
         if self.phase is Phase.WAITING_READY:
@@ -64,22 +76,25 @@ class Director:
             if late_s > self._limits.ready_s:
                 self.failure = f"not ready after {self._limits.ready_s:.0f} s: {why_not_ready or 'no heartbeat'}"
                 return self._enter(Phase.ENDED, now_s, Action.END)
+        elif stopped and self.phase in (Phase.TAKING_OFF, Phase.UNDER_WAY) and not arrived:
+            self.failure = STOPPED
+            return self._enter(Phase.LANDING, now_s, Action.WAIT)
         elif self.phase is Phase.TAKING_OFF:
-            if mode in TRACKING:
-                self._enter(Phase.CHASING, now_s, Action.WAIT)
+            if mode in ON_TASK:
+                self._enter(Phase.UNDER_WAY, now_s, Action.WAIT)
             elif mode == pb.MODE_FAULT:
                 return self._abort(now_s, "the vehicle reported a fault at takeoff")
             elif late_s > self._limits.takeoff_s:
-                return self._abort(now_s, f"not tracking {self._limits.takeoff_s:.0f} s after start (mode {word})")
-        elif self.phase is Phase.CHASING:
+                return self._abort(now_s, f"not under way {self._limits.takeoff_s:.0f} s after start (mode {word})")
+        elif self.phase is Phase.UNDER_WAY:
             if arrived:
                 return self._enter(Phase.LANDING, now_s, Action.STOP)
             if collided:
                 return self._abort(now_s, "collision")
             if mode not in FLYING:
-                return self._abort(now_s, f"the chase ended by itself (mode {word})")
+                return self._abort(now_s, f"the flight ended by itself (mode {word})")
             if late_s > self._limits.chase_s:
-                return self._abort(now_s, f"the target did not arrive within {self._limits.chase_s:.0f} s")
+                return self._abort(now_s, f"nobody arrived within {self._limits.chase_s:.0f} s")
         elif self.phase is Phase.LANDING:
             if mode in DOWN:
                 return self._enter(Phase.ENDED, now_s, Action.END)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tomllib
 from pathlib import Path
 
 BUILT = Path("target/release")
@@ -26,6 +27,14 @@ def programs() -> Path:
 def vehicle_file(name: str) -> Path:
     """A shipped vehicle file."""
     return (CHECKOUT if in_checkout() else PACKAGED) / name
+
+
+def goal_of(vehicle: Path) -> tuple[float, float]:
+    """How far ahead the goal of a vehicle file's default profile lies, m, and how fast it is flown to, m/s. Raises
+    OSError where the file cannot be read."""
+    told = tomllib.loads(vehicle.read_text(encoding="utf-8"))
+    profile = next(row for row in told["profile"] if row["name"] == told["default_profile"])
+    return profile["goal_m"][0], profile["speed_mps"]
 
 
 def policies() -> list[Path]:

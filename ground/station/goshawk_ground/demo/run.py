@@ -1,13 +1,11 @@
-"""The whole demonstration: simulator, vehicle and ground station as three processes, one chase, one verdict."""
+"""The whole demonstration: simulator, vehicle and ground station as three processes, and a verdict on each flight."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +13,14 @@ from typing import Any
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_proto import goshawk_pb2 as pb
 from rich.console import Console
 
-from goshawk_ground.demo import places
+from goshawk_ground.demo import places, report
 from goshawk_ground.demo.browser import await_browser
 from goshawk_ground.demo.children import Child, stop_all
 from goshawk_ground.demo.director import Action, Director, Limits, Phase
-from goshawk_ground.demo.flight_record import FlightRecord, Summary
+from goshawk_ground.demo.flight_record import FlightRecord, Summary, goal_distance_m
 from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.link import GroundLink
 from goshawk_ground.pages.ports import free_port
@@ -43,6 +42,8 @@ class DemoOptions:
     """What the command line asked for."""
 
     seed: int
+    navigate: bool
+    """Fly to the goal of navigate.toml, which says where and how fast; else chase."""
     headless: bool
     speed_mps: float
     spacing_m: float
@@ -57,13 +58,17 @@ class DemoOptions:
     """… or of ArduPilot; none of both: the simulator's stand-in."""
 
 
-class _InterruptedError(Exception):
+class _EndedError(Exception):
     """Somebody wants the demo to end now."""
 
 
 def run_demo(options: DemoOptions) -> bool:
     """Flies once; whether it succeeded. Every child is gone when it returns, whatever happened."""
     console = Console(highlight=False)
+    _check(options)
+    if options.navigate:
+        distance_m, speed_mps = places.goal_of(_vehicle_file(options))
+        options = dataclasses.replace(options, distance_m=distance_m, speed_mps=speed_mps)
     commands, endpoint, identity, folder = _prepare(options, console)
     children: list[Child] = []
     link: GroundLink | None = None
@@ -76,13 +81,15 @@ def run_demo(options: DemoOptions) -> bool:
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             if console.is_terminal and not options.headless:
                 await_browser(dashboard, console, ended)
-            summary = _fly(options, link, children, console, ended)
-            _report(summary, options, console)
-            _print_tails(children, summary, console)
+            summary = _fly(options, link, children, console, ended, Phase.WAITING_READY)
+            if options.json_file is not None:
+                report.write(summary, options.seed, options.json_file)
+            report.show(summary, children, console)
             if not options.headless:
-                _stay(children, dashboard, console, ended)
+                console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
+                fly_on(options, link, children, console, ended)
             return summary.succeeded
-        except _InterruptedError:
+        except _EndedError:
             console.print("interrupted: stopping everything")
             return False
         except OSError as error:
@@ -96,14 +103,17 @@ def run_demo(options: DemoOptions) -> bool:
             stop_all(children)
 
 
+def _check(options: DemoOptions) -> None:
+    for needed in (options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim", _vehicle_file(options)):
+        if not needed.is_file():
+            todo = "run from the repository's root after `make setup`, or install the package goshawk-sim"
+            raise DemoError(f"{needed} is missing: {todo}")
+
+
 def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path, Path]:
     """The two commands by name, the vehicle's endpoint, the operator's identity, and the folder for their output."""
     air, sim = options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim"
     vehicle = _vehicle_file(options)
-    for needed in (air, sim, vehicle):
-        if not needed.is_file():
-            todo = "run from the repository's root after `make setup`, or install the package goshawk-sim"
-            raise DemoError(f"{needed} is missing: {todo}")
     folder = options.log_dir / time.strftime("demo-%Y%m%d-%H%M%S")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -123,8 +133,7 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
             "--identity", str(flown), "--log-dir", str(folder), *at,
         ],
         "sim": [
-            str(sim), "serve", "--seed", str(options.seed), "--spacing", f"{options.spacing_m:g}",
-            "--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m + GOAL_BEYOND_M:g}",
+            str(sim), "serve", "--seed", str(options.seed), "--spacing", f"{options.spacing_m:g}", *_task(options),
             "--connect", sensors, "--vehicle-file", str(vehicle), *firmware,
         ],
     }  # fmt: skip
@@ -132,7 +141,16 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
 
 
 def _vehicle_file(options: DemoOptions) -> Path:
+    if options.navigate:
+        return places.vehicle_file("navigate.toml")
     return places.vehicle_file("sim.toml" if options.ardupilot is None else "ardupilot-sitl.toml")
+
+
+def _task(options: DemoOptions) -> list[str]:
+    """What says to the simulator who runs, or where the goal lies."""
+    if options.navigate:
+        return ["--task", "navigate", "--distance", f"{options.distance_m:g}"]
+    return ["--speed", f"{options.speed_mps:g}", "--distance", f"{options.distance_m + GOAL_BEYOND_M:g}"]
 
 
 def _autopilot(options: DemoOptions, mavlink_port: int) -> tuple[list[str], list[str]]:
@@ -145,10 +163,15 @@ def _autopilot(options: DemoOptions, mavlink_port: int) -> tuple[list[str], list
 
 
 def _fly(
-    options: DemoOptions, link: GroundLink, children: list[Child], console: Console, ended: threading.Event
+    options: DemoOptions,
+    link: GroundLink,
+    children: list[Child],
+    console: Console,
+    ended: threading.Event,
+    phase: Phase,
 ) -> Summary:
-    """One flight from readiness to landing."""
-    record = FlightRecord(options.distance_m)
+    """One flight from ``phase`` to landing."""
+    record = FlightRecord(options.distance_m, navigates=options.navigate)
     lock = threading.Lock()
 
     def listen(channel: str, view: Any) -> None:
@@ -161,15 +184,17 @@ def _fly(
                 record.saw_mode(view.mode)
 
     end_listening = link.listen(listen)
+    before = link.snapshot().command
+    asked_before = None if before is None else before.command_id
     chase_s = 3.0 * options.distance_m / options.speed_mps + 30.0
     # Real firmware boots, and finds itself by its sensors.
     ready_s = 60.0 if options.px4 is None and options.ardupilot is None else 150.0
-    director = Director(Limits(chase_s=chase_s, ready_s=ready_s), time.monotonic())
+    director = Director(Limits(chase_s=chase_s, ready_s=ready_s), time.monotonic(), phase)
     trouble: tuple[str, ...] = ()
     with console.status(director.phase.value) as status:
         while not trouble:
             if ended.wait(0.02):
-                raise _InterruptedError
+                raise _EndedError
             snap = link.snapshot()
             with lock:
                 arrived, collided = record.arrived, record.collided
@@ -179,6 +204,7 @@ def _fly(
                 ready=snap.health is not None and snap.health.ready,
                 arrived=arrived,
                 collided=collided,
+                stopped=_stopped(snap, asked_before),
                 why_not_ready="; ".join(failing_checks(snap)),
             )
             if action is Action.START:
@@ -200,66 +226,34 @@ def _fly(
         return record.summary(trouble + ((director.failure,) if director.failure else ()))
 
 
+def _stopped(snap: Snapshot, asked_before: str | None) -> bool:
+    """Whether Stop was pressed since ``asked_before``."""
+    asked = snap.command
+    return asked is not None and asked.verb == "stop" and asked.command_id != asked_before
+
+
 def _progress(phase: Phase, snap: Snapshot) -> str:
     words = phase.value
     if phase is Phase.WAITING_READY:
         words += ": " + ("; ".join(failing_checks(snap)) or "ready")
-    elif phase is Phase.CHASING and snap.truth is not None:
-        words += (
-            f": the target has run {snap.truth.target_path_m:.0f} m, {snap.truth.target_distance_m:.1f} m ahead; "
-            f"clearance {snap.truth.clearance_m:.2f} m"
-        )
+    elif phase is Phase.UNDER_WAY and snap.truth is not None:
+        truth = snap.truth
+        chase = f"the target has run {truth.target_path_m:.0f} m, {truth.target_distance_m:.1f} m ahead"
+        goal = f"the goal is {goal_distance_m(truth):.0f} m away"
+        words += f": {chase if truth.goal_world_3 is None else goal}; clearance {truth.clearance_m:.2f} m"
     return words.replace("[", r"\[")
 
 
-def _report(summary: Summary, options: DemoOptions, console: Console) -> None:
-    """The table, and the file if one was asked for."""
-    if options.json_file is not None:
-        facts = {"seed": options.seed, **dataclasses.asdict(summary)}
-        try:
-            options.json_file.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise DemoError(f"cannot write {options.json_file}: {error.strerror}") from error
-    for name, value in _rows(summary):
-        console.print(f"{name:<15} {value}", markup=False, soft_wrap=True)
-
-
-def _rows(s: Summary) -> Iterator[tuple[str, str]]:
-    def number(value: float | None, unit: str, digits: int = 1) -> str:
-        return "-" if value is None else f"{value:.{digits}f} {unit}"
-
-    yield "flight", "succeeded" if s.succeeded else "failed: " + "; ".join(s.problems)
-    yield (
-        "tracked",
-        f"{s.tracked_s:.1f} s, the target ran {s.target_path_m:.1f} m, the vehicle {s.vehicle_path_m:.1f} m",
-    )
-    yield "speed", f"mean {number(s.mean_speed_mps, 'm/s')}, max {number(s.max_speed_mps, 'm/s')}"
-    yield "clearance", f"min {number(s.min_clearance_m, 'm', 2)}, collisions {s.collisions}"
-    seen = "-" if s.in_view_fraction is None else f"{100 * s.in_view_fraction:.0f} % of the time"
-    yield "target in view", seen
-    yield (
-        "distance to it",
-        f"median {number(s.target_distance_median_m, 'm')}, max {number(s.target_distance_max_m, 'm')}, "
-        f"at the end {number(s.target_distance_end_m, 'm')}",
-    )
-    yield "rates", f"planner {number(s.planner_hz, 'Hz', 0)}, controller {number(s.controller_hz, 'Hz', 0)}"
-    yield "log", s.log_path or "-"
-
-
-def _print_tails(children: list[Child], summary: Summary, console: Console) -> None:
-    if summary.succeeded:
-        return
-    for child in children:
-        console.print(f"--- {child.name}: the end of {child.output}", style="bold", markup=False)
-        console.print(child.tail(), markup=False)
-
-
-def _stay(children: list[Child], dashboard: LiveDashboard, console: Console, ended: threading.Event) -> None:
-    """Keeps the dashboard open, where Start and Stop still work, until Ctrl-C or a child's end."""
-    console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
+def fly_on(
+    options: DemoOptions, link: GroundLink, children: list[Child], console: Console, ended: threading.Event
+) -> None:
+    """Judges each flight that Start on the dashboard begins, until Ctrl-C or a child's end."""
     while all(child.exit_code is None for child in children):
-        if ended.wait(0.2):
-            raise _InterruptedError
+        if ended.wait(0.1):
+            return
+        if link.snapshot().mode == pb.MODE_TAKEOFF:
+            console.print("")
+            report.show(_fly(options, link, children, console, ended, Phase.TAKING_OFF), children, console)
     for child in children:
         if child.exit_code is not None:
             console.print(f"{child.name} ended (status {child.exit_code}), see {child.output}", markup=False)
