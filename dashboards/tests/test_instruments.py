@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from goshawk_dashboards.instruments.chart import Line, scale
+from goshawk_dashboards.instruments.chart import Line, chart_svg, scale
 from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.state.snapshot import Snapshot
@@ -54,6 +54,15 @@ def test_what_the_ground_presses_is_neither_drawn_nor_shown(snap: Make) -> None:
     assert "On the ground" not in panel_html(lifted, track)
     up = track.window(60.0)[1]["commanded up"]
     assert np.isnan(up[:-1]).all() and up[-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("time_S", "strokes"), [([0.0, 0.1, 0.2, 5.0, 5.1], 2), ([0.0, 2.0, 4.0, 6.0], 1), ([1.0], 1), ([], 0)]
+)
+def test_no_line_is_drawn_over_seconds_of_which_nothing_is_known(time_S: list[float], strokes: int) -> None:
+    line = Line(label="x", color=(0, 0, 0), values_S=np.ones(len(time_S)))
+    drawn = re.findall(r'<path d="([^"]*)" fill="none"', chart_svg("x", np.array(time_S), [line], least=1.0))
+    assert sum(path.count("M") for path in drawn) == strokes
 
 
 def test_a_knock_does_not_blow_the_scale_up() -> None:

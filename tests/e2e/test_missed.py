@@ -64,7 +64,7 @@ def test_a_ground_that_opens_late_lists_the_newest_of_a_flood_of_events(rig: Rig
         for _ in range(KEPT + 60):  # each is refused, which is an event
             request = pb.StartRequest(command_id=str(uuid.uuid4())).SerializeToString()
             session.get(key_expression("cmd_start", near.vehicle), lambda _: None, payload=request, timeout=1.0)
-            time.sleep(0.03)
+            time.sleep(0.024)
         session.close()
         flooded = near.wait_for(lambda s: len(s.events) == KEPT, 10.0)
         assert flooded is not None

@@ -17,6 +17,8 @@ LEFT, RIGHT, TOP, BOTTOM = 34, 6, 20, 18
 INK, RULE = "#aab3c0", "#2a303b"
 POINTS = 160
 """Drawn of each line at most: two pixels apart."""
+GAP_S, GAP_STEPS = 1.5, 3.0
+"""Between two values that are farther apart than this, and than so many usual steps, nothing is known: a line ends."""
 ROBUST = (1.0, 99.0)
 """The scale holds what lies between these percentiles of a chart; what lies beyond is drawn at its edge."""
 
@@ -74,7 +76,8 @@ def chart_svg(
         for k in range(math.ceil(first / t_step - 1e-9), math.floor(last / t_step + 1e-9) + 1)
     ]
     keep = slice(None, None, max(1, math.ceil(len(time_S) / POINTS)))
-    parts += [_path(x(time_S[keep]), y(line.values_S[keep]), line) for line in lines]
+    anew_S = _after_gap(time_S[keep])
+    parts += [_path(x(time_S[keep]), y(line.values_S[keep]), anew_S, line) for line in lines]
     if now_s is not None:
         at = float(x(np.array(now_s)))
         parts.append(f'<path d="M{at:.1f} {TOP}V{HEIGHT - BOTTOM}" stroke="#fff" stroke-width="1"/>')
@@ -101,12 +104,19 @@ def _vertical(x: float, label: str) -> str:
     )
 
 
-def _path(x_S: Array, y_S: Array, line: Line) -> str:
+def _after_gap(time_S: Array) -> list[bool]:
+    """Of each value whether nothing is known of the time before it."""
+    steps_s = np.diff(time_S)
+    usual_s = float(np.median(steps_s)) if len(steps_s) else 0.0
+    return [True, *(steps_s > max(GAP_S, GAP_STEPS * usual_s)).tolist()][: len(time_S)]
+
+
+def _path(x_S: Array, y_S: Array, anew_S: Sequence[bool], line: Line) -> str:
     """One path, begun anew after each gap."""
     words, pen = list[str](), "M"
-    for x, y in zip(x_S, y_S, strict=True):
+    for x, y, anew in zip(x_S, y_S, anew_S, strict=True):
         if math.isfinite(y):
-            words.append(f"{pen}{x:.0f} {y:.1f}")
+            words.append(f"{'M' if anew else pen}{x:.0f} {y:.1f}")
         pen = "L" if math.isfinite(y) else "M"
     dash = ' stroke-dasharray="3 3"' if line.dashed else ""
     return f'<path d="{"".join(words)}" fill="none" stroke="{theme.css(line.color)}" stroke-width="1.5"{dash}/>'
