@@ -47,7 +47,7 @@ pub enum PreprocessError {
     /// The camera sees more or less than the policy was trained with.
     #[error(
         "{axis} field of view is {found_rad:.4} rad, the policy was trained with {needed_rad:.4}: crop the image, or \
-         train for this camera"
+         name a policy for this camera in the vehicle file"
     )]
     FieldOfView {
         /// "horizontal" or "vertical".

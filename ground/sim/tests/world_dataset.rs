@@ -15,7 +15,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn config(out: &Path, scenes: usize, frames: usize) -> DatasetConfig {
-    DatasetConfig { out: out.to_owned(), scenes, frames, seed: 77, commit: "test".to_owned(), only: 0..scenes }
+    let (camera, commit) = (Camera::default(), "test".to_owned());
+    DatasetConfig { out: out.to_owned(), scenes, frames, seed: 77, camera, commit, only: 0..scenes }
 }
 
 fn generate_on(threads: usize, config: &DatasetConfig) -> (usize, usize) {

@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from goshawk_sensors.setup.errors import CameraError
+from goshawk_sensors.setup.errors import CameraError, NarrowError
 from goshawk_sensors.setup.profile import Align
 from goshawk_sensors.setup.vehicle import Wanted
 from goshawk_sensors.view.pinhole import Floats, Lens, Rig
@@ -44,7 +44,7 @@ class Resampler:
     """Made once for a camera; called for each pair of images."""
 
     def __init__(self, rig: Rig, wanted: Wanted, align: Align, clip_m: tuple[float, float]) -> None:
-        """Raises CameraError if the camera sees less than the policy wants, or its depth image is not rectified."""
+        """Raises NarrowError if the camera sees less than the policy wants, CameraError if its depth is not rectified."""
         if rig.depth.distorted:
             raise CameraError("the depth image is not rectified: choose a mode of the camera in which it is")
         lens = rig.colour if align == "colour" else rig.depth
@@ -170,7 +170,7 @@ def _field(half: float, wanted_rad: float, way: str, align: Align) -> float:
     """Of the image that goes out: what is wanted, or the little less that the lens sees."""
     found_rad = 2.0 * math.atan(half)
     if found_rad < (1.0 - TOLERANCE) * wanted_rad:
-        raise CameraError(
+        raise NarrowError(
             f"the camera's {align} sees {math.degrees(found_rad):.1f} degrees {way}, the policy wants "
             f"{math.degrees(wanted_rad):.1f}: choose a wider mode or camera, or train a policy for this one"
         )
