@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camera_process import X500
 from goshawk_sensors.cameras.librealsense import rs
 from goshawk_sensors.setup.errors import CameraError
 from goshawk_sensors.setup.profile import Align
-from goshawk_sensors.setup.vehicle import Wanted
+from goshawk_sensors.setup.vehicle import Wanted, load
 from goshawk_sensors.view.pinhole import Distortion, Lens
 from goshawk_sensors.view.resample import Resampler
 from hypothesis import given
@@ -129,9 +130,18 @@ def test_a_field_that_is_a_little_narrow_goes_out_as_what_it_is() -> None:
 
 
 @pytest.mark.parametrize(("align", "seen"), [("depth", "87.0"), ("colour", "69.0")])
-def test_a_d435_sees_too_little_for_the_shipped_policies(align: Align, seen: str) -> None:
+def test_a_d435_sees_too_little_for_the_policies_of_90_degrees(align: Align, seen: str) -> None:
     with pytest.raises(CameraError, match=rf"{align} sees {seen} degrees from left to right, the policy wants 90\.0"):
         Resampler(d435(), WANTED, align, CLIP_M)
+
+
+def test_both_lenses_of_a_d435_see_all_that_the_x500s_policy_wants() -> None:
+    wanted = load(X500).wanted
+    resampler = Resampler(replace(d435(), translation_3=np.array([0.015, 0, 0], np.float32)), wanted, "colour", CLIP_M)
+    assert (resampler.hfov_rad, resampler.vfov_rad) == (wanted.hfov_rad, wanted.vfov_rad)
+    assert resampler.seen == 1.0
+    colour, depth = np.full((480, 848, 3), 99, np.uint8), np.full((480, 848), 400, np.uint16)
+    assert np.all(resampler(colour, depth)[1] == 400)  # from so near as well
 
 
 def test_the_share_that_depth_sees_of_a_wider_colour_is_told() -> None:

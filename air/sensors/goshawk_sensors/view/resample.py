@@ -44,7 +44,7 @@ class Resampler:
     """Made once for a camera; called for each pair of images."""
 
     def __init__(self, rig: Rig, wanted: Wanted, align: Align, clip_m: tuple[float, float]) -> None:
-        """Raises NarrowError if the camera sees less than the policy wants, CameraError if its depth is not rectified."""
+        """Raises NarrowError if the camera sees less than the policy wants, CameraError if depth is not rectified."""
         if rig.depth.distorted:
             raise CameraError("the depth image is not rectified: choose a mode of the camera in which it is")
         lens = rig.colour if align == "colour" else rig.depth

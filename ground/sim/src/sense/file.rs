@@ -160,6 +160,14 @@ mod tests {
     }
 
     #[test]
+    fn the_d435_differs_from_the_d455_in_its_coarser_depth_alone() {
+        let (plain, file) = (Sensors::default(), Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/sensors/d435.toml")));
+        let d435 = Sensors::load(Some(file), &[]).unwrap();
+        assert_eq!(Sensors { depth: plain.depth, ..d435 }, plain);
+        assert!(d435.depth.noise_per_m > plain.depth.noise_per_m && d435.depth.max_m < plain.depth.max_m);
+    }
+
+    #[test]
     fn a_bad_override_or_file_is_one_line_that_names_it() {
         for bad in ["odometry.delay=1", "depth", "depth.noise_per_m=much", "colour.shutter_s=1"] {
             let message = Sensors::load(None, &[bad.to_owned()]).unwrap_err().to_string();
