@@ -143,7 +143,7 @@ def added_ms(seconds: float) -> tuple[list[float], float]:
     """From each pair in hand to its image in another session; and how long it waited for a core, on average."""
     endpoint, came_ns, taken = f"tcp/127.0.0.1:{free_port()}", list[int](), list[float]()
     chosen, wanted = profile.load("d455"), vehicle.load(VEHICLE)
-    images, source = Images(wanted, chosen), Still(rig=D455)
+    images, source = Images(wanted.wanted, chosen), Still(rig=D455)
     with listening(endpoint) as session, publisher(wanted.name, endpoint, threading.Event(), print) as sending:
         assert sending is not None
         key = key_expression("rgbd", wanted.name)

@@ -87,7 +87,7 @@ def run(
     """
     with told(), interrupted() as ending:
         chosen, fed = profile.load(profile_name), vehicle.load(config)
-        images, opening = Images(fed, chosen), _opening(chosen, serial, play, record)
+        images, opening = Images(fed.wanted, chosen), _opening(chosen, serial, play, record)
         first = keeping.begun(opening, ending, say, wait=wait)
         with publisher(fed.name, connect or fed.endpoint, ending, say) as sending:
             told_s = begun_s = time.monotonic()
@@ -126,7 +126,7 @@ def check(
     """
     with told(), interrupted() as ending:
         chosen, fed = profile.load(profile_name), vehicle.load(config)
-        images, seen = Images(fed, chosen), tally.Tally()
+        images, seen = Images(fed.wanted, chosen), tally.Tally()
         begun_s: float | None = None
         opening = _opening(chosen, serial, play, None)
         for source, frame in keeping.frames(opening(), opening, ending, say):

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Generator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import zenoh
 from goshawk_proto import KEYS, LinkError, client_config, goshawk_pb2, key_expression
 
 from goshawk_sensors.cameras.source import Frame, Source
 from goshawk_sensors.keeping import Say
-from goshawk_sensors.setup.errors import CameraError, NarrowError
+from goshawk_sensors.setup.errors import CameraError
 from goshawk_sensors.setup.profile import Profile
-from goshawk_sensors.setup.vehicle import Vehicle, Wanted, others
+from goshawk_sensors.setup.vehicle import Wanted
 from goshawk_sensors.view.resample import Millimetres, Resampler
 
 DIAL_AGAIN_S = 0.5
@@ -22,28 +22,19 @@ DIAL_AGAIN_S = 0.5
 class Images:
     """Frames as the policy wants them: the tables are made for the first frame of each source."""
 
-    def __init__(self, fed: Vehicle, profile: Profile) -> None:
-        self._fed, self._profile = fed, profile
+    def __init__(self, wanted: Wanted, profile: Profile) -> None:
+        self._wanted, self._profile = wanted, profile
         self._source: Source | None = None
         self._resampler: Resampler | None = None
         self._count = 0
 
     def of(self, source: Source) -> Resampler:
-        """Raises CameraError if the camera's view does not do; it names a policy for which it does."""
+        """Raises CameraError if the camera's view does not do."""
         if self._resampler is None or source is not self._source:
             self._source = source
-            try:
-                self._resampler = self._seen_by(source, self._fed.wanted)
-            except NarrowError as error:
-                for path, wanted in others(self._fed.model):
-                    with suppress(NarrowError):
-                        self._seen_by(source, wanted)
-                        raise CameraError(f"{error}; {path} is one: name it in the vehicle file") from error
-                raise
+            profile = self._profile
+            self._resampler = Resampler(source.rig, self._wanted, profile.align, profile.depth.clip_m, rim=profile.rim)
         return self._resampler
-
-    def _seen_by(self, source: Source, wanted: Wanted) -> Resampler:
-        return Resampler(source.rig, wanted, self._profile.align, self._profile.depth.clip_m)
 
     def message(self, source: Source, frame: Frame) -> tuple[goshawk_pb2.Rgbd, Millimetres]:
         """What is sent, and its depth."""

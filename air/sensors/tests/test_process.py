@@ -193,18 +193,27 @@ def d435_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return SoftwareCamera(d435()).record(tmp_path_factory.mktemp("d435") / "d435.db3", [shot] * 10)
 
 
-def test_a_camera_that_sees_too_little_is_refused_with_both_figures_and_a_policy_that_fits(
+def test_the_x500s_d435_sends_the_view_that_the_policy_wants_and_says_how_much_of_it_it_sees(
     d435_recording: Path,
 ) -> None:
-    line = refused("check", "--config", VEHICLE, "--play", d435_recording, "--profile", "d435")
-    assert "colour sees 69.0 degrees from left to right, the policy wants 90.0" in line
-    assert "train a policy" in line and "track-64.onnx is one" in line
-
-
-def test_the_x500_takes_a_d435_and_sends_the_view_that_its_policy_wants(d435_recording: Path) -> None:
     done = camera("check", "--config", X500, "--play", d435_recording, "--profile", "d435")
-    # and no word of a rim that depth does not see
-    assert "160 x 96 pixels, 64.0 x 41.1 degrees\n" in done.stdout, done.stdout + done.stderr
+    line = "view          160 x 96 pixels, 90.0 x 61.9 degrees, depth sees 87% of it, colour 44%"
+    assert line in done.stdout.splitlines(), done.stdout + done.stderr
+
+
+def test_without_a_rim_a_camera_that_sees_too_little_is_refused_with_both_figures(
+    d435_recording: Path, tmp_path: Path
+) -> None:
+    shipped = (ROOT / "air/sensors/goshawk_sensors/profiles/d435.toml").read_text()
+    strict = tmp_path / "strict.toml"
+    strict.write_text(shipped.replace("rim = true", "rim = false"))
+    line = refused("check", "--config", X500, "--play", d435_recording, "--profile", strict)
+    assert "colour sees 69.0 degrees from left to right, the policy wants 90.0" in line
+    assert "rim = true" in line
+    strict.write_text(shipped.replace('align = "colour"', 'align = "depth"'))
+    assert 'rim = true is for align = "colour"' in refused(
+        "check", "--config", X500, "--play", d435_recording, "--profile", strict
+    )
 
 
 def test_a_damaged_and_a_missing_recording_are_one_line(recording: Path, tmp_path: Path) -> None:

@@ -1,11 +1,11 @@
 //! What can be told without anybody else: files, libraries, permissions, space.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use color_eyre::eyre::Report;
 use goshawk_core::Planner;
 use goshawk_policy::library::{Places, find};
-use goshawk_policy::{Contract, Policy, Provider, golden};
+use goshawk_policy::{Policy, Provider, golden};
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::errors::one_line;
@@ -52,31 +52,12 @@ pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -
     let task = policy.contract().model().task;
     findings.judge(
         "policy",
-        fits.map(|_| format!("{}: {task:?}, sha256 {sha}…", model.display())).map_err(|error| {
-            let other = of_this_view(vehicle, &policy, model).map(|path| format!(": {}", path.display()));
-            one_line(error.as_ref()) + &other.unwrap_or_default()
-        }),
+        fits.map(|_| format!("{}: {task:?}, sha256 {sha}…", model.display())).map_err(|error| one_line(error.as_ref())),
     );
     provider(asked, &policy, findings);
     let schedule = Schedule { priority: vehicle.realtime.planner_priority, core: None };
     inference(&mut policy, schedule, findings);
     Some(policy)
-}
-
-/// Where the planner does not take this policy for this camera: one beside it that it takes, of the same task and state.
-fn of_this_view(vehicle: &Vehicle, policy: &Policy, model: &Path) -> Option<PathBuf> {
-    let wanted = policy.contract();
-    let fits = |contract: &Contract| Planner::new(vehicle.planner_config(contract.model())).is_ok();
-    if fits(wanted) {
-        return None;
-    }
-    let mut beside: Vec<_> = model.parent()?.read_dir().ok()?.flatten().map(|entry| entry.path()).collect();
-    beside.retain(|path| path.extension().is_some_and(|end| end == "onnx"));
-    beside.sort();
-    beside.into_iter().find(|path| {
-        let other = Policy::load(path, vehicle.library().as_deref(), 1);
-        other.as_ref().map(Policy::contract).is_ok_and(|c| c.task == wanted.task && c.state == wanted.state && fits(c))
-    })
 }
 
 fn provider(asked: Provider, policy: &Policy, findings: &mut Findings) {

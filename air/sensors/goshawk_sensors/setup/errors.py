@@ -7,10 +7,6 @@ class CameraError(Exception):
     """Nothing can be sent until a person changes something."""
 
 
-class NarrowError(CameraError):
-    """The camera sees less than the policy wants."""
-
-
 class NoCameraError(CameraError):
     """The camera is not there, or not any more: it may come."""
 

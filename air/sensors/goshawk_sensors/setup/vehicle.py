@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,8 +31,6 @@ class Vehicle:
     name: str
     endpoint: str
     """Where it listens to its sensors."""
-    model: Path
-    """The policy's file."""
     wanted: Wanted
 
 
@@ -48,7 +45,7 @@ def load(path: Path) -> Vehicle:
         raise CameraError(f"vehicle file {path}: {error}") from error
     except KeyError as error:
         raise CameraError(f"vehicle file {path} has no {error}: goshawk-air check says what it needs") from error
-    return Vehicle(name=name, endpoint=endpoint(listen), model=model, wanted=_image(_contract(model)))
+    return Vehicle(name=name, endpoint=endpoint(listen), wanted=_wanted(model))
 
 
 def endpoint(listen: list[str]) -> str:
@@ -63,28 +60,14 @@ def endpoint(listen: list[str]) -> str:
     raise CameraError('the vehicle listens to no sensor: add "unixsock-stream//run/goshawk/sensors.sock" to its listen')
 
 
-def others(model: Path) -> Iterator[tuple[Path, Wanted]]:
-    """The policies beside this one that have its task and its input, and what they want."""
-    same = ("task", "state")
-    ours = _contract(model)
-    for path in sorted(model.parent.glob("*.onnx")):
-        contract = _contract(path)
-        if path != model and all(contract[key] == ours[key] for key in same):
-            yield path, _image(contract)
-
-
-def _image(contract: dict[str, Any]) -> Wanted:
-    return Wanted(**contract["image"])
-
-
-def _contract(model: Path) -> dict[str, Any]:
+def _wanted(model: Path) -> Wanted:
     import onnxruntime as ort  # half a second that `list` need not wait
 
     if not model.is_file():
         raise CameraError(f"the vehicle file's policy {model} is not there")
     try:
         session: Any = ort.InferenceSession(str(model), providers=["CPUExecutionProvider"])
-        return json.loads(session.get_modelmeta().custom_metadata_map[CONTRACT])
+        return Wanted(**json.loads(session.get_modelmeta().custom_metadata_map[CONTRACT])["image"])
     except KeyError as error:
         raise CameraError(f"policy {model} has no {CONTRACT}: export it with goshawk train export") from error
     except Exception as error:  # onnxruntime raises whatever it likes for a file that is missing or no model
