@@ -125,7 +125,9 @@ impl Rerun<'_> {
             Source { width: image.width, height: image.height, hfov_rad: image.hfov_rad, vfov_rad: image.vfov_rad };
         let preprocessor = match self.preprocessor.take().filter(|p| p.source() == source) {
             Some(fitting) => fitting,
-            None => Preprocessor::new(self.policy.contract(), source)?,
+            None => {
+                Preprocessor::new(self.policy.contract(), source)?.with_rim(self.recording.vehicle.camera.depth_rim_px)
+            }
         };
         let prepared = self.preprocessor.insert(preprocessor).run(&rgb, &depth_mm)?;
         let asked = self.planner.see(&logged.frame);
