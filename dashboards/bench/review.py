@@ -38,7 +38,7 @@ def main() -> None:
         # The server stands for a browser: what is sent to nobody costs as much to make.
         gate = Gate(host="127.0.0.1", port=PORT, access=Access())
         server = open_server(gate, Role.OPERATOR, "bench")
-        view = ReviewView(server, Recording.of([Flight.open(path)], None), threading.Event())
+        view = ReviewView(server, Recording.of([Flight.open(path)], None, None, None), threading.Event())
         view.show()
         wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
         print(f"open to the first picture   {wall_s:6.2f} s  ({cpu_s:.2f} s of processor)   limit {OPEN_LIMIT_S:.0f} s")

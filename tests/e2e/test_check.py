@@ -6,6 +6,7 @@ import json
 import subprocess
 from pathlib import Path
 
+import pytest
 from rig import BIN, VEHICLE, Rig, copied
 
 
@@ -72,3 +73,19 @@ def test_a_broken_vehicle_file_is_all_that_is_said(rig: Rig, tmp_path: Path) -> 
     status, found, _ = check(rig, "--config", config, wait_s=0.1)
     assert status == 1
     assert list(found) == ["vehicle file"]
+
+
+@pytest.mark.parametrize("name", ["micro-155", "x500"])
+def test_a_reference_vehicle_takes_the_policy_that_it_names(rig: Rig, name: str) -> None:
+    _, found, _ = check(rig, "--config", VEHICLE.with_name(f"{name}.toml"), wait_s=0.1)
+    assert found["vehicle file"]["level"] == found["policy"]["level"] == "ok", found["policy"]
+
+
+def test_a_vehicle_whose_camera_sees_less_than_its_policy_is_refused_and_told_what_to_do(
+    rig: Rig, tmp_path: Path
+) -> None:
+    config = tmp_path / "vehicle.toml"
+    config.write_text(copied().replace("hfov_deg = 90.0", "hfov_deg = 69.0"))
+    _, found, _ = check(rig, "--config", config, wait_s=0.1)
+    assert found["policy"]["level"] == "failed"
+    assert "more than 0.5 degrees" in found["policy"]["text"] and "rim" in found["policy"]["text"]

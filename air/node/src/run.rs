@@ -128,7 +128,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     };
     let schedule = Schedule { priority: r.planner_priority, core: None };
     let watched = AnswerMonitor::new(policy.contract());
-    let planning = Planning { policy, answers: watched, preprocessor: None, planner, idle_demand, schedule };
+    let depth_rim_px = vehicle.camera.depth_rim_px;
+    let planning =
+        Planning { policy, answers: watched, depth_rim_px, preprocessor: None, planner, idle_demand, schedule };
     if r.lock_memory
         && let Err(why) = realtime::lock_memory()
     {

@@ -4,6 +4,9 @@
 //! of 0..=255. Depth: millimetres; the source pixel under each target pixel's centre. That image of bytes and millimetres
 //! is all that the network's input follows from, so it is what a log keeps ([`Preprocessor::at_network_size`]).
 //!
+//! Then the rim, if the vehicle has one ([`Preprocessor::with_rim`]): depth lenses that see less than the image leave its
+//! border without measurements, and what has none looks free and far to the network.
+//!
 //! Then the input. Colour: divided by 255. Depth: 0 and whatever is nearer than `min_m` are no measurement;
 //! each filling pass gives a pixel without one the nearest of its 3 x 3 neighbours as they were before the pass; what
 //! still has none becomes `max_m`; clipped to `max_m` and divided by it. Nothing is allocated after construction.
@@ -111,6 +114,14 @@ impl Preprocessor {
             blocks: (0..width as usize).map(|u| u * COLUMNS / width as usize).collect(),
             rgbd: vec![0.0; 4 * image.width * image.height],
         })
+    }
+
+    /// With a rim of `pixels` of the network's image in which depth may be missing: there the network is shown the first
+    /// measurement further in, along the column, then along the row. [`Self::nearest`] tells of measurements alone.
+    #[must_use]
+    pub fn with_rim(mut self, pixels: usize) -> Self {
+        self.depth.rim = pixels;
+        self
     }
 
     /// What it was built for; a frame that differs needs another preprocessor.
@@ -268,6 +279,7 @@ struct DepthImage {
     near_mm: u16,
     far_mm: u16,
     passes: u32,
+    rim: usize,
     width: usize,
     height: usize,
     /// Index of each target row's first source pixel.
@@ -291,6 +303,7 @@ impl DepthImage {
             near_mm: (depth.min_m * 1000.0).round() as u16,
             far_mm: (depth.max_m * 1000.0).round() as u16,
             passes: depth.fill_passes,
+            rim: 0,
             width: image.width,
             height: image.height,
             row_starts: (0..image.height)
@@ -311,6 +324,9 @@ impl DepthImage {
                 *out = if mm < nearest { NONE } else { mm.min(FARTHEST) };
             }
         }
+        if self.rim > 0 {
+            self.fill_rim();
+        }
         for _ in 0..self.passes {
             self.fill_once();
         }
@@ -320,6 +336,28 @@ impl DepthImage {
             for (&mm, value) in row[1..].iter().zip(out) {
                 *value = f32::from(mm.min(self.far_mm)) / far;
             }
+        }
+    }
+
+    fn fill_rim(&mut self) {
+        let (width, height, stride) = (self.width, self.height, self.width + 2);
+        let place = |x: usize, y: usize| (y + 1) * stride + x + 1;
+        for x in 0..width {
+            self.fill_inward(place(x, 0), stride.cast_signed(), height);
+            self.fill_inward(place(x, height - 1), -stride.cast_signed(), height);
+        }
+        for y in 0..height {
+            self.fill_inward(place(0, y), 1, width);
+            self.fill_inward(place(width - 1, y), -1, width);
+        }
+    }
+
+    /// Gives the pixels before the first measurement its value, if no more than the rim are before it.
+    fn fill_inward(&mut self, first: usize, step: isize, size: usize) {
+        let place = |steps: usize| first.wrapping_add_signed(step * steps.cast_signed());
+        let measured = (0..=self.rim.min(size - 1)).find(|steps| self.image[place(*steps)] != NONE);
+        for steps in 0..measured.unwrap_or(0) {
+            self.image[place(steps)] = self.image[place(measured.unwrap_or(0))];
         }
     }
 

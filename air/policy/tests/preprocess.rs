@@ -202,6 +202,31 @@ fn a_hole_at_the_border_is_not_filled_from_the_opposite_side() {
 }
 
 #[test]
+fn a_rim_without_depth_is_shown_as_what_is_measured_beside_it_and_is_told_to_nobody_else() {
+    // A wall that comes nearer from left to right, of which the lenses do not see 4 pixels on each side.
+    let wall = |x: usize| 1000 + 100 * x as u16;
+    let inside = |x: usize, y: usize| (4..WIDTH - 4).contains(&x) && (4..HEIGHT - 4).contains(&y);
+    let mut depth_mm: Vec<u16> = Vec::new();
+    (0..HEIGHT).for_each(|y| depth_mm.extend((0..WIDTH).map(|x| if inside(x, y) { wall(x) } else { 0 })));
+    let plain = Preprocessor::new(&contract(), source(WIDTH as u32, HEIGHT as u32)).unwrap();
+    let plane = |preprocessor: &mut Preprocessor| {
+        preprocessor.run(&vec![0; 3 * WIDTH * HEIGHT], &depth_mm).unwrap()[3 * WIDTH * HEIGHT..].to_vec()
+    };
+    let shown = plane(&mut plain.clone().with_rim(8));
+    for (index, value) in shown.iter().enumerate() {
+        let mm = f32::from(wall((index % WIDTH).clamp(4, WIDTH - 5)));
+        assert!((value - (mm / 20_000.0)).abs() < 1e-6, "pixel {index}: {value}");
+    }
+    // Without a rim, or with one of 3 pixels, the border is as far as can be.
+    for rim in [0, 3] {
+        let shown = plane(&mut plain.clone().with_rim(rim));
+        assert!((0..WIDTH).all(|x| shown[x] == 1.0) && (0..HEIGHT).all(|y| shown[y * WIDTH] == 1.0), "{rim}");
+    }
+    let nearest = plain.nearest(&depth_mm).unwrap();
+    assert_eq!(nearest, plain.with_rim(8).nearest(&depth_mm).unwrap());
+}
+
+#[test]
 fn a_buffer_of_the_wrong_length_is_named() {
     let mut preprocessor = Preprocessor::new(&contract(), source(160, 96)).unwrap();
     let error = preprocessor.run(&[0; 10], &[0; WIDTH * HEIGHT]).unwrap_err();

@@ -35,6 +35,7 @@ const IMAGES: usize = 8;
 pub(super) struct Seeing {
     pub(super) policy: Policy,
     preprocessor: Option<Preprocessor>,
+    depth_rim_px: usize,
     images: VecDeque<v1::CompressedRgbd>,
 }
 
@@ -46,7 +47,8 @@ impl Seeing {
         if task != flown {
             bail!("it was trained to {task:?}, the flight was to {flown:?}: name a policy of the same task");
         }
-        Ok(Seeing { policy, preprocessor: None, images: VecDeque::new() })
+        let depth_rim_px = recording.vehicle.camera.depth_rim_px;
+        Ok(Seeing { policy, preprocessor: None, depth_rim_px, images: VecDeque::new() })
     }
 
     /// It is the policy that flew.
@@ -78,7 +80,7 @@ impl Seeing {
             Source { width: image.width, height: image.height, hfov_rad: image.hfov_rad, vfov_rad: image.vfov_rad };
         let preprocessor = match self.preprocessor.take().filter(|p| p.source() == source) {
             Some(fitting) => fitting,
-            None => Preprocessor::new(self.policy.contract(), source)?,
+            None => Preprocessor::new(self.policy.contract(), source)?.with_rim(self.depth_rim_px),
         };
         let prepared = self.preprocessor.insert(preprocessor).run(&rgb, &depth_mm)?;
         Ok(self.policy.infer(prepared, state)?)

@@ -32,7 +32,8 @@ class Images:
         """Raises CameraError if the camera's view does not do."""
         if self._resampler is None or source is not self._source:
             self._source = source
-            self._resampler = Resampler(source.rig, self._wanted, self._profile.align, self._profile.depth.clip_m)
+            profile = self._profile
+            self._resampler = Resampler(source.rig, self._wanted, profile.align, profile.depth.clip_m, rim=profile.rim)
         return self._resampler
 
     def message(self, source: Source, frame: Frame) -> tuple[goshawk_pb2.Rgbd, Millimetres]:

@@ -70,4 +70,5 @@ def view(resampler: Resampler) -> str:
     lens = resampler.view
     fov = f"{math.degrees(resampler.hfov_rad):.1f} x {math.degrees(resampler.vfov_rad):.1f} degrees"
     rim = "" if resampler.seen > 0.995 else f", depth sees {resampler.seen:.0%} of it"
-    return f"{lens.width} x {lens.height} pixels, {fov}{rim}"
+    border = "" if resampler.shown == 1.0 else f", colour {resampler.shown:.0%}"
+    return f"{lens.width} x {lens.height} pixels, {fov}{rim}{border}"

@@ -13,6 +13,7 @@ from goshawk_sensors.view.resample import Colour, Millimetres
 
 ROOT = Path(__file__).resolve().parents[3]
 VEHICLE = ROOT / "air/vehicles/sim.toml"
+X500 = ROOT / "air/vehicles/x500.toml"
 SHOTS = 30
 COMMAND = (sys.executable, "-c", "from goshawk_sensors.cli import main; main()")
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from camera_process import ROOT, SHOTS, VEHICLE, camera, colour_of, running
+from camera_process import ROOT, SHOTS, VEHICLE, X500, camera, colour_of, running
 from goshawk_proto import goshawk_pb2, key_expression
 from goshawk_sensors.setup.vehicle import endpoint
 from software_camera import Shot, SoftwareCamera, d435
@@ -184,15 +184,36 @@ def refused(*arguments: str | Path) -> str:
     return line
 
 
-def test_a_camera_that_sees_too_little_is_refused_with_both_figures(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def d435_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shot = Shot(
         colour_HW3=np.zeros((480, 848, 3), np.uint8), depth_HW=np.full((480, 848), 3000, np.uint16),
         wall_ms=time.time() * 1000.0,
     )  # fmt: skip
-    file = SoftwareCamera(d435()).record(tmp_path / "d435.db3", [shot] * 10)
-    line = refused("check", "--config", VEHICLE, "--play", file, "--profile", "d435")
-    assert "depth sees 87.0 degrees from left to right, the policy wants 90.0" in line
-    assert "train a policy" in line
+    return SoftwareCamera(d435()).record(tmp_path_factory.mktemp("d435") / "d435.db3", [shot] * 10)
+
+
+def test_the_x500s_d435_sends_the_view_that_the_policy_wants_and_says_how_much_of_it_it_sees(
+    d435_recording: Path,
+) -> None:
+    done = camera("check", "--config", X500, "--play", d435_recording, "--profile", "d435")
+    line = "view          160 x 96 pixels, 90.0 x 61.9 degrees, depth sees 87% of it, colour 44%"
+    assert line in done.stdout.splitlines(), done.stdout + done.stderr
+
+
+def test_without_a_rim_a_camera_that_sees_too_little_is_refused_with_both_figures(
+    d435_recording: Path, tmp_path: Path
+) -> None:
+    shipped = (ROOT / "air/sensors/goshawk_sensors/profiles/d435.toml").read_text()
+    strict = tmp_path / "strict.toml"
+    strict.write_text(shipped.replace("rim = true", "rim = false"))
+    line = refused("check", "--config", X500, "--play", d435_recording, "--profile", strict)
+    assert "colour sees 69.0 degrees from left to right, the policy wants 90.0" in line
+    assert "rim = true" in line
+    strict.write_text(shipped.replace('align = "colour"', 'align = "depth"'))
+    assert 'rim = true is for align = "colour"' in refused(
+        "check", "--config", X500, "--play", d435_recording, "--profile", strict
+    )
 
 
 def test_a_damaged_and_a_missing_recording_are_one_line(recording: Path, tmp_path: Path) -> None:

@@ -129,9 +129,28 @@ def test_a_field_that_is_a_little_narrow_goes_out_as_what_it_is() -> None:
 
 
 @pytest.mark.parametrize(("align", "seen"), [("depth", "87.0"), ("colour", "69.0")])
-def test_a_d435_sees_too_little_for_the_shipped_policies(align: Align, seen: str) -> None:
+def test_a_d435_sees_too_little_where_its_rim_is_not_taken(align: Align, seen: str) -> None:
     with pytest.raises(CameraError, match=rf"{align} sees {seen} degrees from left to right, the policy wants 90\.0"):
         Resampler(d435(), WANTED, align, CLIP_M)
+
+
+def test_beyond_a_narrower_lens_the_colour_repeats_its_border_and_depth_goes_on() -> None:
+    """Of the policy's 160 x 96 a D435's colour sees the middle 110 x 62, its depth the middle 152 x 88."""
+    colour = np.random.default_rng(3).integers(0, 256, (480, 848, 3), dtype=np.uint8)
+    resampler = Resampler(d435(), WANTED, "colour", CLIP_M, rim=True)
+    sent, depth = resampler(colour, np.full((480, 848), 3000, np.uint16))
+    assert (resampler.hfov_rad, resampler.vfov_rad) == (WANTED.hfov_rad, WANTED.vfov_rad)
+    rows, columns = np.arange(96).clip(17, 78), np.arange(160).clip(25, 134)
+    assert np.array_equal(sent, sent[np.ix_(rows, columns)])
+    assert len(np.unique(sent.reshape(-1, 3), axis=0)) > 0.9 * 110 * 62
+    assert np.all(depth[5:91, 5:155] == 3000) and np.all(depth[:, :3] == 0) and np.all(depth[:3] == 0)
+
+
+def test_a_rim_changes_nothing_for_a_lens_that_sees_enough() -> None:
+    wide = replace(rig(), colour=lens(1280, 800, 95.0, 70.0), depth=lens(848, 480, 87.0, 58.0))
+    images = np.random.default_rng(4).integers(0, 256, (800, 1280, 3), np.uint8), np.full((480, 848), 900, np.uint16)
+    plain, taken = (Resampler(wide, WANTED, "colour", CLIP_M, rim=rim)(*images) for rim in (False, True))
+    assert all(np.array_equal(a, b) for a, b in zip(plain, taken, strict=True))
 
 
 def test_the_share_that_depth_sees_of_a_wider_colour_is_told() -> None:

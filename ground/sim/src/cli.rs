@@ -6,6 +6,7 @@ use crate::dataset::{DatasetConfig, generate};
 use crate::faults::FaultsArgs;
 use crate::fly::args::FlyArgs;
 use crate::golden::GoldenArgs;
+use crate::render::Camera;
 use crate::seeds::{Seeds, SeedsArgs};
 use crate::serve::ServeArgs;
 use crate::trial::{TrialError, WorldSource};
@@ -78,7 +79,8 @@ pub struct WorldArgs {
 /// `goshawk-sim dataset`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim dataset --out data/train --scenes 480 --seed 900000\n  \
-                  goshawk-sim dataset --out data/train --scenes 480 --seed 900000 --only 240..480   # its second half")]
+                  goshawk-sim dataset --out data/train --scenes 480 --seed 900000 --only 240..480   # its second half\n  \
+                  goshawk-sim dataset --out data/narrow --scenes 480 --seed 950000 --hfov-deg 64   # for a narrower camera")]
 pub struct DatasetArgs {
     /// Folder of the data set; finished scenes in it are kept.
     #[arg(long, value_name = "DIR", default_value = "data")]
@@ -92,12 +94,21 @@ pub struct DatasetArgs {
     /// Seed of everything, of the training range (`goshawk-sim seeds`).
     #[arg(long, default_value_t = 900_000)]
     seed: u64,
+    /// The camera's horizontal field of view, degrees; its pixels are square.
+    #[arg(long, value_name = "A", default_value_t = 90.0, value_parser = field_of_view)]
+    hfov_deg: f64,
     /// Threads; 0: one for each core.
     #[arg(long, default_value_t = 0)]
     threads: usize,
     /// Make these scenes alone, the end not among them; each is as in the whole set. 0..0 makes `dataset.json` alone.
     #[arg(long, value_name = "FIRST..END", value_parser = scenes)]
     only: Option<Range<usize>>,
+}
+
+/// Degrees that a pinhole can have, and a sensor.
+fn field_of_view(text: &str) -> Result<f64, String> {
+    let degrees = text.parse().ok().filter(|degrees| (10.0..=170.0).contains(degrees));
+    degrees.ok_or_else(|| "degrees between 10 and 170".to_owned())
 }
 
 /// `12..16`.
@@ -170,6 +181,7 @@ impl DatasetArgs {
             scenes: self.scenes,
             frames: self.frames,
             seed: Seeds::Training.allow(self.seed)?,
+            camera: Camera { hfov_rad: self.hfov_deg.to_radians(), ..Camera::default() },
             commit: revision(),
             only: self.only.unwrap_or(0..self.scenes),
         };

@@ -49,6 +49,8 @@ pub struct DatasetConfig {
     pub frames: usize,
     /// Seed of everything.
     pub seed: u64,
+    /// The camera that sees them.
+    pub camera: Camera,
     /// Revision of the code, recorded.
     pub commit: String,
     /// The scenes to make now; others may be made elsewhere at the same time. Of none, `dataset.json` alone is made.
@@ -169,8 +171,13 @@ pub fn scene_world(seed: u64) -> Result<World, WorldError> {
 ///
 /// # Errors
 /// [`DatasetError::NoPlace`] if the world leaves no room.
-pub fn scene_frames(world: &World, scene: usize, frames: usize) -> Result<Vec<LabelledFrame>, DatasetError> {
-    let mut renderer = Renderer::new(Camera::default());
+pub fn scene_frames(
+    world: &World,
+    camera: Camera,
+    scene: usize,
+    frames: usize,
+) -> Result<Vec<LabelledFrame>, DatasetError> {
+    let mut renderer = Renderer::new(camera);
     let sensors = Sensors::default();
     let mut ideal = Frame::default();
     (0..frames)
@@ -226,7 +233,7 @@ pub fn generate(config: &DatasetConfig, done: impl Fn(bool) + Sync) -> Result<()
             return Ok(());
         }
         let world = scene_world(scene_seed(config.seed, scene))?;
-        let frames = scene_frames(&world, scene, config.frames)?;
+        let frames = scene_frames(&world, config.camera, scene, config.frames)?;
         write::scene(&folder, &world, &frames)?;
         done(false);
         Ok(())

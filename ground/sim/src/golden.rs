@@ -86,7 +86,7 @@ fn make(policy: &mut Policy, count: u32, seed: u64) -> Result<Golden> {
     let task = policy.contract().model().task;
     let scene =
         Scene::new(&SceneConfig::of_task(task, 4.0, WorldSource::Forest { spacing_m: 4.0 }, Course::Goal, seed))?;
-    let camera = Camera::default();
+    let camera = Camera { hfov_rad: policy.contract().image.hfov_rad, ..Camera::default() };
     let source = Source {
         width: camera.width as u32,
         height: camera.height as u32,

@@ -15,7 +15,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn config(out: &Path, scenes: usize, frames: usize) -> DatasetConfig {
-    DatasetConfig { out: out.to_owned(), scenes, frames, seed: 77, commit: "test".to_owned(), only: 0..scenes }
+    let (camera, commit) = (Camera::default(), "test".to_owned());
+    DatasetConfig { out: out.to_owned(), scenes, frames, seed: 77, camera, commit, only: 0..scenes }
 }
 
 fn generate_on(threads: usize, config: &DatasetConfig) -> (usize, usize) {
@@ -79,19 +80,36 @@ fn a_folder_of_another_data_set_is_refused() {
     generate_on(1, &config(dir.path(), 1, 2));
     let other = DatasetConfig { seed: 78, ..config(dir.path(), 1, 2) };
     assert!(matches!(generate(&other, |_| ()), Err(DatasetError::Other { .. })));
+    let other = DatasetConfig { camera: narrow(), ..config(dir.path(), 1, 2) };
+    assert!(matches!(generate(&other, |_| ()), Err(DatasetError::Other { .. })));
     assert!(matches!(generate(&config(dir.path(), 0, 2), |_| ()), Err(DatasetError::Empty)));
     let file = dir.path().join("dataset.json").join("below");
     let error = generate(&config(&file, 1, 1), |_| ()).unwrap_err();
     assert!(error.to_string().contains("cannot create"), "{error}");
 }
 
+/// 64 x 41 degrees, in place of 90 x 62.
+fn narrow() -> Camera {
+    Camera { hfov_rad: 64_f64.to_radians(), ..Camera::default() }
+}
+
 #[test]
 fn arrays_and_labels_can_be_read_back_and_agree() {
+    read_back(Camera::default());
+}
+
+#[test]
+fn arrays_and_labels_of_a_narrower_camera_agree_too() {
+    read_back(narrow());
+}
+
+fn read_back(camera: Camera) {
     let dir = tempfile::tempdir().unwrap();
     let frames = 40;
-    generate_on(2, &config(dir.path(), 1, frames));
+    generate_on(2, &DatasetConfig { camera, ..config(dir.path(), 1, frames) });
     let json: DatasetJson = serde_json::from_slice(&fs::read(dir.path().join("dataset.json")).unwrap()).unwrap();
     assert_eq!((json.version, json.width, json.height, json.frames), (1, 160, 96, frames));
+    assert_eq!((json.hfov_rad, json.vfov_rad), (camera.hfov_rad, camera.vfov_rad()));
 
     let scene = dir.path().join("scene_0000");
     let file = fs::read(scene.join("depth.npy")).unwrap();
@@ -110,7 +128,6 @@ fn arrays_and_labels_can_be_read_back_and_agree() {
     let node = |iy: usize, ix: usize| f32::from_le_bytes(heights[4 * (iy * 141 + ix)..][..4].try_into().unwrap());
     assert!((f64::from(node(30, 100)) - world.ground_height(50.0, -10.0)).abs() < 1e-6);
 
-    let camera = Camera::default();
     let labels = fs::read_to_string(scene.join("labels.csv")).unwrap();
     let (mut with_person, mut at_depth, mut clear_view) = (0, 0, 0);
     for (index, line) in labels.lines().skip(1).enumerate() {

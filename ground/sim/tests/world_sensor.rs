@@ -63,6 +63,22 @@ fn holes_are_rare_near_and_common_far() {
 }
 
 #[test]
+fn beyond_its_lenses_a_d435_repeats_the_border_of_its_colour_and_measures_nothing() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/sensors/d435.toml");
+    let (camera, mut image) = (Camera::default(), RgbdImage::default());
+    let mut sensor = Sensors::load(Some(file.as_ref()), &[]).unwrap().sensor(&camera, 1);
+    sensor.capture(&flat(2.0), &Motion::still(), 1, &mut image);
+    // 80 px tan(69 / 2 deg) = 55 columns and 80 px tan(42 / 2 deg) = 30.7 rows on each side of the axis
+    for (u, v) in (0..160).flat_map(|u| (0..96).map(move |v| (u, v))) {
+        let (colour, depth) = (&image.rgb[3 * (v * 160 + u)..][..3], image.depth_mm[v * 160 + u]);
+        assert_eq!(colour, &image.rgb[3 * (v.clamp(17, 78) * 160 + u.clamp(25, 134))..][..3], "{u}, {v}");
+        assert!(depth == 0 || ((4..156).contains(&u) && (4..92).contains(&v)), "{u}, {v}");
+    }
+    let measured = image.depth_mm.iter().filter(|mm| **mm > 0).count();
+    assert!(measured > 152 * 88 * 9 / 10, "{measured} pixels");
+}
+
+#[test]
 fn nothing_is_measured_below_the_minimum_or_beyond_the_maximum() {
     for depth in [0.0, 0.2, 0.39, 20.1, 50.0, f32::INFINITY] {
         assert!(capture(&flat(depth), 1).depth_mm.iter().all(|mm| *mm == 0), "{depth} m was measured");

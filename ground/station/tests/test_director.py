@@ -101,9 +101,8 @@ def test_a_flight_that_somebody_stops_lands_and_is_called_stopped(rehearsal: Reh
 
 def test_a_flight_that_somebody_else_has_started_is_followed_from_its_take_off() -> None:
     director = Director(LIMITS, 0.0, Phase.TAKING_OFF)
-    facts = {"ready": False, "arrived": False, "collided": False}
-    assert director.step(1.0, mode=pb.MODE_TAKEOFF, **facts) is Action.WAIT
-    assert director.step(2.0, mode=pb.MODE_NAVIGATE, **facts) is Action.WAIT
+    for at_s, mode in ((1.0, pb.MODE_TAKEOFF), (2.0, pb.MODE_NAVIGATE)):
+        assert director.step(at_s, mode=mode, ready=False, arrived=False, collided=False) is Action.WAIT
     assert director.phase is Phase.UNDER_WAY
 
 

@@ -227,7 +227,8 @@ fn validate(policy: &PolicyModel, camera: &CameraModel) -> Result<(), ConfigErro
     let near = |a: f64, b: f64| (a - b).abs() <= 0.009;
     if !near(camera.hfov, policy.hfov) || !near(camera.vfov, policy.vfov) {
         return Err(ConfigError::Contradiction(
-            "the camera's field of view differs from the policy's training images by more than 0.5 degrees",
+            "the camera's field of view differs from the policy's training images by more than 0.5 degrees: crop to \
+             the policy's, or fill the rim of a narrower camera",
         ));
     }
     if (camera.width, camera.height) != (policy.width, policy.height) {

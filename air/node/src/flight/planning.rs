@@ -21,6 +21,8 @@ pub struct Planning {
     pub policy: Policy,
     /// Watches what it answers.
     pub answers: AnswerMonitor,
+    /// The rim of its image in which depth may be missing, pixels.
+    pub depth_rim_px: usize,
     /// Its image preparation, made for the source of the last frame.
     pub preprocessor: Option<Preprocessor>,
     /// The core's planner.
@@ -83,7 +85,9 @@ impl Planning {
         let source = frame.source();
         let preprocessor = match self.preprocessor.take().filter(|p| p.source() == source) {
             Some(fitting) => fitting,
-            None => Preprocessor::new(self.policy.contract(), source).map_err(|e| e.to_string())?,
+            None => Preprocessor::new(self.policy.contract(), source)
+                .map_err(|e| e.to_string())?
+                .with_rim(self.depth_rim_px),
         };
         let preprocessor = self.preprocessor.insert(preprocessor);
         let nearest = preprocessor.nearest(&frame.depth_mm).map_err(|e| e.to_string())?;

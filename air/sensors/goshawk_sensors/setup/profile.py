@@ -54,10 +54,17 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     rate_hz: Annotated[int, Meta(ge=5, le=90)]
     align: Align
     """Whose view goes out; the other image is brought onto it."""
+    rim: bool = False
+    """Whether a colour lens that sees less than the policy wants is taken: beyond it the colour repeats its border.
+    Goes with align = "colour" alone."""
     latency_ms: Annotated[float, Meta(ge=0.0, le=200.0)]
     """From the middle of the exposure to its arrival here, where the camera does not tell."""
     depth: Depth
     colour: Image
+
+    def __post_init__(self) -> None:
+        if self.rim and self.align != "colour":
+            raise ValueError('rim = true is for align = "colour"')
 
 
 def shipped() -> list[str]:

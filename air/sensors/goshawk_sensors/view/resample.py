@@ -4,6 +4,7 @@ The image that goes out is a pinhole's with the view of the colour or of the dep
 first image is a table: which source pixels lie under which of ours.
 
 - Colour: the mean of the source pixels under ours, up to `MOST_ACROSS` by `MOST_ACROSS` of them, evenly spread.
+- Colour beyond its lens, where the profile takes a narrower one: its border again.
 - Depth in its own view: the measurement nearest to our pixel's centre, of nine that lie under it. Nothing is averaged,
   so nothing lies between a branch and what is behind it.
 - Depth in the colour's view: its points are seen from there. Of several on one pixel the nearest hides the rest.
@@ -43,14 +44,24 @@ Index = NDArray[np.int64]
 class Resampler:
     """Made once for a camera; called for each pair of images."""
 
-    def __init__(self, rig: Rig, wanted: Wanted, align: Align, clip_m: tuple[float, float]) -> None:
+    def __init__(
+        self, rig: Rig, wanted: Wanted, align: Align, clip_m: tuple[float, float], *, rim: bool = False
+    ) -> None:
         """Raises CameraError if the camera sees less than the policy wants, or its depth image is not rectified."""
         if rig.depth.distorted:
             raise CameraError("the depth image is not rectified: choose a mode of the camera in which it is")
         lens = rig.colour if align == "colour" else rig.depth
-        self.hfov_rad = _field(lens.half_x, wanted.hfov_rad, "from left to right", align)
-        self.vfov_rad = _field(lens.half_y, wanted.vfov_rad, "from top to bottom", align)
+        if rim:
+            self.hfov_rad, self.vfov_rad = wanted.hfov_rad, wanted.vfov_rad
+        else:
+            self.hfov_rad = _field(lens.half_x, wanted.hfov_rad, "from left to right", align)
+            self.vfov_rad = _field(lens.half_y, wanted.vfov_rad, "from top to bottom", align)
         self.view = _pinhole(wanted, self.hfov_rad, self.vfov_rad)
+        rows = _shown(wanted.height, self.view.fy * lens.half_y)
+        columns = _shown(wanted.width, self.view.fx * lens.half_x)
+        self._shown = np.ix_(rows, columns)
+        self.shown = len(np.unique(rows)) * len(np.unique(columns)) / (wanted.width * wanted.height)
+        """The share of our pixels that the lens sees whose view goes out: all, unless its rim is taken."""
         nearest, farthest = (round(1000.0 * each / rig.depth_unit_mm) for each in clip_m)
         self._clip = nearest, min(farthest, int(NONE) - 1)
         self._unit_mm = rig.depth_unit_mm
@@ -68,7 +79,8 @@ class Resampler:
         shape = self.view.height, self.view.width
         steps_N = self._depth(depth_HW, *self._clip)
         mm_N = steps_N if self._unit_mm == 1.0 else np.rint(steps_N * self._unit_mm).clip(0, 65535).astype(np.uint16)
-        return self._colour(colour_HW3, mm_N).reshape(*shape, 3), mm_N.reshape(shape)
+        sent_hw3 = self._colour(colour_HW3, mm_N).reshape(*shape, 3)
+        return sent_hw3 if self.shown == 1.0 else sent_hw3[self._shown], mm_N.reshape(shape)
 
 
 class _Depth(Protocol):
@@ -172,9 +184,16 @@ def _field(half: float, wanted_rad: float, way: str, align: Align) -> float:
     if found_rad < (1.0 - TOLERANCE) * wanted_rad:
         raise CameraError(
             f"the camera's {align} sees {math.degrees(found_rad):.1f} degrees {way}, the policy wants "
-            f"{math.degrees(wanted_rad):.1f}: choose a wider mode or camera, or train a policy for this one"
+            f"{math.degrees(wanted_rad):.1f}: choose a wider mode or camera, set rim = true in the profile, or train a "
+            "policy for this one"
         )
     return min(found_rad, wanted_rad)
+
+
+def _shown(size: int, reach: float) -> Index:
+    """For each of our rows, or columns, the nearest that a lens sees which reaches so many of them from the axis."""
+    seen = max(1, int(reach + 0.5))
+    return np.arange(size).clip(size // 2 - seen, size // 2 + seen - 1)
 
 
 def _pinhole(wanted: Wanted, hfov_rad: float, vfov_rad: float) -> Lens:

@@ -27,6 +27,11 @@ pub struct Camera {
     /// Pictures a second, least and most: fewer are too few to fly with, more are not one camera's.
     #[schemars(inner(range(min = 8.0, max = 240.0)), extend("x-why" = "at 8 Hz a plan is 0.3 s old when the next one comes, and no RGB-D camera gives more than 240 Hz", "x-source" = "the camera's setting; shipped: chosen by eye"))]
     pub rate_hz: [f64; 2],
+    /// Pixels of the network's image at its border where depth may be missing, because its lenses see less than the image:
+    /// there the network is shown what is measured beside it. Absent: none.
+    #[serde(default)]
+    #[schemars(range(min = 0, max = 16), extend("x-why" = "without it a rim that is not measured looks free, and more would invent what was never seen", "x-source" = "the share that goshawk-camera check says depth sees; shipped: D435 and D455 leave 4, and their edge is ragged"))]
+    pub depth_rim_px: usize,
 }
 
 /// The policy file and how to run it.

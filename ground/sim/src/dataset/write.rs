@@ -7,7 +7,6 @@
 use super::npy::write_npy;
 use super::voxels::{VOXEL_M, obstacle_voxels};
 use super::{DatasetConfig, DatasetError, DatasetJson, LabelledFrame};
-use crate::render::Camera;
 use crate::world::World;
 use crate::world::cloud::write_ply;
 use serde::Serialize;
@@ -35,7 +34,7 @@ fn failed<'a>(action: &'static str, path: &'a Path) -> impl FnOnce(io::Error) ->
 
 /// Makes the folder and `dataset.json`, or checks that what is there is the same data set.
 pub(super) fn open(config: &DatasetConfig) -> Result<(), DatasetError> {
-    let camera = Camera::default();
+    let camera = config.camera;
     let json = DatasetJson {
         version: 1,
         width: camera.width,

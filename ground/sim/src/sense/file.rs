@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::render::Camera;
 use crate::sense::odometry::OdometryConfig;
-use crate::sense::rgbd::{ColourConfig, DepthConfig, Sensor};
+use crate::sense::rgbd::{ColourConfig, DepthConfig, Sensor, ViewConfig};
 use crate::vehicle::imu::ImuConfig;
 
 /// The shipped file: a RealSense D455 with sources.
@@ -17,6 +17,9 @@ const D455: &str = include_str!("../../sensors/d455.toml");
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensors {
+    /// How much of the image the lenses see; absent: all of it.
+    #[serde(default)]
+    pub view: ViewConfig,
     /// The depth image.
     pub depth: DepthConfig,
     /// The colour image.
@@ -78,13 +81,17 @@ impl Sensors {
     /// The camera that `seed` draws, for images of `camera`.
     #[must_use]
     pub fn sensor(&self, camera: &Camera, seed: u64) -> Sensor {
-        Sensor::new(self.depth, self.colour, camera, seed)
+        Sensor::new(self.view, self.depth, self.colour, camera, seed)
     }
 
     fn validate(&self) -> Result<(), String> {
         let d = &self.depth;
         if !(d.min_m > 0.0 && d.min_m < d.poor_m && d.poor_m < d.max_m && d.max_m <= 65.0) {
             return Err("depth needs 0 < min_m < poor_m < max_m <= 65".to_owned());
+        }
+        let fields = [self.view.colour_deg, self.view.depth_deg].into_iter().flatten().flatten();
+        if !fields.into_iter().all(|degrees| degrees > 0.0 && degrees < 180.0) {
+            return Err("the fields of view need degrees above 0 and below 180".to_owned());
         }
         let [shortest, longest] = self.colour.shutter_s;
         if !(shortest > 0.0 && shortest <= longest && longest < 0.1) {
@@ -157,6 +164,15 @@ mod tests {
         let late = Sensors::load(None, &["odometry.delay_s=0.08".to_owned()]).unwrap();
         assert!((late.odometry.delay_s - 0.08).abs() < 1e-12);
         assert_eq!(Sensors { odometry: plain.odometry, ..late }, plain);
+    }
+
+    #[test]
+    fn the_d435_differs_from_the_d455_in_its_lenses_alone() {
+        let (plain, file) = (Sensors::default(), Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/sensors/d435.toml")));
+        let d435 = Sensors::load(Some(file), &[]).unwrap();
+        assert_eq!(Sensors { view: plain.view, depth: plain.depth, ..d435 }, plain);
+        assert_eq!(d435.view, ViewConfig { colour_deg: Some([69.0, 42.0]), depth_deg: Some([87.0, 58.0]) });
+        assert!(d435.depth.noise_per_m > plain.depth.noise_per_m && d435.depth.max_m < plain.depth.max_m);
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod depth;
 
 use crate::render::{Camera, Frame};
 use goshawk_core::Vec3;
+use serde::Deserialize;
 
 pub use colour::ColourConfig;
 pub use depth::DepthConfig;
@@ -42,9 +43,39 @@ impl Motion {
     }
 }
 
+/// How much of the image each lens sees. Beyond it the colour repeats the lens's border, as `goshawk-camera` sends it,
+/// and nothing is measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViewConfig {
+    /// Of the colour lens, degrees across and down; absent: all of it.
+    pub colour_deg: Option<[f64; 2]>,
+    /// Of the depth lenses, likewise.
+    pub depth_deg: Option<[f64; 2]>,
+}
+
+/// The pixels of `camera` beyond a lens's field, degrees across and down, each with the nearest that the lens sees.
+fn beyond(field_deg: Option<[f64; 2]>, camera: &Camera) -> Vec<(usize, usize)> {
+    let Some([across, down]) = field_deg else { return Vec::new() };
+    let (width, height) = (camera.width, camera.height);
+    // Pixels on one side of the axis whose middle the lens sees; one at least.
+    let seen = |degrees: f64, half: usize| {
+        ((camera.focal_px() * (0.5 * degrees.to_radians()).tan() + 0.5) as usize).clamp(1, half)
+    };
+    let (right, low) = (seen(across, width / 2), seen(down, height / 2));
+    let nearest = |place: usize, size: usize, seen: usize| place.clamp(size / 2 - seen, size / 2 + seen - 1);
+    let pairs = (0..width * height).map(|pixel| {
+        let (u, v) = (pixel % width, pixel / width);
+        (pixel, nearest(v, height, low) * width + nearest(u, width, right))
+    });
+    pairs.filter(|(pixel, nearest)| pixel != nearest).collect()
+}
+
 /// One camera; owns its scratch memory.
 #[derive(Clone, Debug)]
 pub struct Sensor {
+    /// What the colour lens does not see, and the depth lenses: see [`beyond`].
+    unseen: [Vec<(usize, usize)>; 2],
     depth: depth::DepthSensor,
     colour: colour::ColourSensor,
 }
@@ -52,8 +83,9 @@ pub struct Sensor {
 impl Sensor {
     /// The unit that `seed` draws, for images of `camera`.
     #[must_use]
-    pub fn new(depth: DepthConfig, colour: ColourConfig, camera: &Camera, seed: u64) -> Self {
+    pub fn new(view: ViewConfig, depth: DepthConfig, colour: ColourConfig, camera: &Camera, seed: u64) -> Self {
         Self {
+            unseen: [view.colour_deg, view.depth_deg].map(|field| beyond(field, camera)),
             depth: depth::DepthSensor::new(depth),
             colour: colour::ColourSensor::new(colour, camera.focal_px() as f32, seed),
         }
@@ -66,6 +98,9 @@ impl Sensor {
         image.depth_mm.resize(frame.depth_m.len(), 0);
         self.depth.measure(frame, seed, &mut image.depth_mm);
         self.colour.expose(frame, motion, seed ^ 0x5bd1_e995_7b93_1f27, &mut image.rgb);
+        let [colour, depth] = &self.unseen;
+        colour.iter().for_each(|&(pixel, seen)| image.rgb.copy_within(3 * seen..3 * seen + 3, 3 * pixel));
+        depth.iter().for_each(|&(pixel, _)| image.depth_mm[pixel] = 0);
     }
 }
 

@@ -79,7 +79,7 @@ impl<'a> PolicyPlanner<'a> {
         };
         Ok(Self {
             planner: Planner::new(vehicle.planner_config(network.contract().model()))?,
-            preprocessor: Preprocessor::new(network.contract(), source)?,
+            preprocessor: Preprocessor::new(network.contract(), source)?.with_rim(vehicle.camera.depth_rim_px),
             network,
             spent: Spent::default(),
         })
