@@ -32,7 +32,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     seen = visit(g.dashboard.url)
     page = seen.page
     mode(page, "ready")
-    assert g.dashboard.views[0].scene.candidates is None, "a plan is drawn before there is one"
+    assert g.dashboard.views[0].scene.candidates.tubes == [], "a plan is drawn before there is one"
     # The edges of a label have a few pixels of that colour too: more or less, as they are drawn.
     at_rest = look.flown_green(look.picture(page))
     press_start(page, "Start now")
@@ -44,14 +44,13 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     while look.flown_green(look.picture(page)) < at_rest + 60:
         assert time.monotonic() < deadline, "the chosen trajectory was never seen"
     scene = g.dashboard.views[0].scene
-    assert scene.candidates is not None
-    points, place = scene.candidates.points.copy(), np.asarray(scene.candidates.position).copy()
+    points, place = np.array(scene.chosen.curve_S3), np.array(scene.candidates.root.position)
     before = look.picture(page)
     time.sleep(1.0)
     after = look.picture(page)
-    assert points.shape[0] == 15 * 23
-    assert not np.array_equal(points, scene.candidates.points)
-    assert np.linalg.norm(np.asarray(scene.candidates.position) - place) > 1.0
+    assert len(scene.candidates.tubes) == 15
+    assert not np.array_equal(points, scene.chosen.curve_S3)
+    assert np.linalg.norm(np.asarray(scene.candidates.root.position) - place) > 1.0
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
 
     def drawn() -> bool:

@@ -127,9 +127,8 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text(f"{100 * control.hover_thrust:.1f} %")
     scene = view.scene.first
     assert np.allclose(scene.vehicle.position, control.pos_world_3, atol=1e-5)
-    assert scene.candidates is not None
-    assert scene.candidates.points.shape[0] == 15 * 23
-    assert np.allclose(scene.candidates.position, plan.start_pos_world_3, atol=1e-5)
+    assert len(scene.candidates.tubes) == 15
+    assert np.allclose(scene.candidates.root.position, plan.start_pos_world_3, atol=1e-5)
     eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)[:SCENE_PX]) > 40)
     assert plan.chosen is not None
     flown = page.locator(f'[data-goshawk="parts"] tr[data-candidate="{plan.chosen}"]')
@@ -333,9 +332,9 @@ def test_two_flights_and_a_replay_share_the_scene(review: Review, plain: Visit, 
     view.player.seek(2.0)
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text("the other policy chose 4")
     (beside,) = view.scene.others
-    assert beside.scene.chosen.visible
-    assert view.scene.replayed.visible
-    ends = view.scene.replayed.points[-1, 1]
+    assert beside.scene.chosen.node.visible
+    assert view.scene.replayed.node.visible
+    ends = view.scene.replayed.curve_S3[-1]
     plan = Flight.open(first).plan_at(2.0)
     assert plan is not None
     assert np.allclose(ends, plan.end_pos_world_N3[3], atol=1e-4)
@@ -364,4 +363,4 @@ def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, plain:
     view = first_view(r)
     assert view.scene.others == ()
     view.player.seek(2.0)
-    eventually("the other policy's choice was not drawn", lambda: view.scene.replayed.visible)
+    eventually("the other policy's choice was not drawn", lambda: view.scene.replayed.node.visible)

@@ -26,7 +26,7 @@ SAMPLES = 24
 """Points along a drawn trajectory."""
 VEHICLE_DRAWN = 3.0
 """The vehicle is drawn this many times its size: 155 mm cannot be seen across a forest."""
-CANDIDATE_RADIUS_M, FLOWN_RADIUS_M = 0.015, 0.045
+CANDIDATE_RADIUS_M, FLOWN_RADIUS_M = 0.022, 0.055
 """Of the tubes that trajectories are drawn as: some pixels from where a camera follows."""
 LEAST_OBJECTNESS = 0.1
 """A detection less sure than this is not drawn."""
@@ -52,10 +52,12 @@ def prepare(server: viser.ViserServer) -> None:
     scene.world_axes.visible = False
     scene.configure_fog(0.5 * NEAR_M, 1.1 * NEAR_M, color=theme.BACKGROUND)
     scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
-    scene.configure_default_lights(True, cast_shadow=False)
-    # Light from a picture of the sky is looked up for each pixel: too much without a graphics card.
+    # Each light is worked out for each pixel, and one from a picture of the sky looked up there: without a graphics card
+    # that is most of a frame. A sun and the sky's own light are enough.
+    scene.configure_default_lights(False)
     scene.configure_environment_map(None)
-    scene.add_light_hemisphere("/light", sky_color=(210, 222, 255), ground_color=(70, 66, 60), intensity=0.7)
+    scene.add_light_directional("/sun", intensity=2.0, position=(-0.4, -0.6, 1.0), cast_shadow=False)
+    scene.add_light_hemisphere("/light", sky_color=(225, 232, 255), ground_color=(150, 146, 140), intensity=2.2)
 
 
 class LiveScene:

@@ -70,14 +70,14 @@ def person() -> trimesh.Trimesh:
 
 def trunk() -> trimesh.Trimesh:
     """A unit cylinder standing on the origin: radius 1, height 1."""
-    mesh = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=10)
+    mesh = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=6)
     mesh.apply_translation((0.0, 0.0, 0.5))
     return mesh
 
 
 def foliage() -> trimesh.Trimesh:
     """A unit ball, coarse on purpose: it is drawn hundreds of times."""
-    return trimesh.creation.icosphere(subdivisions=1, radius=1.0)
+    return trimesh.creation.icosphere(subdivisions=0, radius=1.0)
 
 
 def mote() -> trimesh.Trimesh:

@@ -56,6 +56,7 @@ class Tube:
             tube_faces(samples),
             color=color,
             side="double",
+            material="toon5",
             cast_shadow=False,
             receive_shadow=False,
             visible=False,
