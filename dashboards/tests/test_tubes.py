@@ -7,7 +7,9 @@ import pytest
 from goshawk_dashboards.scene.tubes import SIDES, tube_faces, tube_S33
 
 
-@pytest.mark.parametrize("along_3", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 1.0)])
+@pytest.mark.parametrize(
+    "along_3", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 1.0)]
+)
 def test_a_tube_is_as_thick_as_asked_for_whichever_way_it_runs(along_3: tuple[float, float, float]) -> None:
     points_S3 = np.linspace(0.0, 2.0, 5)[:, None] * np.array(along_3)
     corner_S33 = tube_S33(points_S3, np.linspace(0.2, 0.0, 5))

@@ -52,8 +52,8 @@ def prepare(server: viser.ViserServer) -> None:
     scene.world_axes.visible = False
     scene.configure_fog(0.5 * NEAR_M, 1.1 * NEAR_M, color=theme.BACKGROUND)
     scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
-    # Each light is worked out for each pixel, and one from a picture of the sky looked up there: without a graphics card
-    # that is most of a frame. A sun and the sky's own light are enough.
+    # Each light is worked out for each pixel, and one from a picture of the sky looked up there: too much without a
+    # graphics card. A sun and the sky's own light are enough.
     scene.configure_default_lights(False)
     scene.configure_environment_map(None)
     scene.add_light_directional("/sun", intensity=2.0, position=(-0.4, -0.6, 1.0), cast_shadow=False)

@@ -1,7 +1,7 @@
 """Curves in the 3-D view, as thin tubes.
 
-viser's own lines are instanced, a segment an instance, which a browser without a graphics card draws one by one; `batch`
-tells more. A tube is a plain mesh, thick in metres, so it grows and shrinks with what is about it.
+viser's own lines are instanced, a segment an instance, which a browser without a graphics card draws one by one:
+`batch` tells more. A tube is a plain mesh, thick in metres, so it grows and shrinks with what is about it.
 """
 
 from __future__ import annotations
@@ -82,9 +82,7 @@ class Fan:
         """Shows those of the curves, from ``start_3`` on, that are to be shown."""
         while len(self.tubes) < len(curves_NS3):
             name = f"{self._name}/{len(self.tubes)}"
-            self.tubes.append(
-                Tube(self._viewer, name, theme.REJECTED, samples=self._samples, radius_m=self._radius_m)
-            )
+            self.tubes.append(Tube(self._viewer, name, theme.REJECTED, samples=self._samples, radius_m=self._radius_m))
         self.root.position = start_3
         self.root.visible = True
         for k, tube in enumerate(self.tubes):

@@ -68,7 +68,9 @@ class WorldScene:
             return
         vertices, faces = relief.mesh()
         add = self._scene.add_mesh_simple
-        add(self._ground, vertices, faces, color=theme.GROUND, material="toon3", cast_shadow=False, receive_shadow=False)
+        add(
+            self._ground, vertices, faces, color=theme.GROUND, material="toon3", cast_shadow=False, receive_shadow=False
+        )
         lines = vertices + (0.0, 0.0, 0.03)
         add(f"{self._ground}/lines", lines, faces, color=theme.GRID_SECTION, wireframe=True, cast_shadow=False)
 
