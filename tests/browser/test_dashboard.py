@@ -166,6 +166,34 @@ def test_stop_is_in_the_window_and_on_top_at_every_size_and_a_phone_shows_the_pi
     assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 30)
 
 
+COUNT_INSTANCES = """window.mostInstances = window.draws = 0;
+for (const name of ["drawElementsInstanced", "drawArraysInstanced"]) {
+  const draw = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    window.mostInstances = Math.max(window.mostInstances, given.at(-1));
+    window.draws++;
+    return draw.apply(this, given);
+  };
+}"""
+
+
+def test_a_flight_without_a_graphics_card_has_no_smoothed_edges_nor_many_instances(ground: Start, visit: Visit) -> None:
+    g = ground()
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)
+    assert g.link.start().accepted
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.remembered is not None, 10)
+    page = visit(g.dashboard.url).page
+    mode(page, "track")
+    page.evaluate(COUNT_INSTANCES)
+    page.wait_for_function("window.draws > 10")
+    # viser's own frustum has nine lines and its background one; the software renderer draws each instance by itself.
+    assert page.evaluate("window.mostInstances") <= 20
+    smooth = (
+        "[...document.querySelectorAll('canvas')].map(c => c.getContext('webgl2')?.getContextAttributes().antialias)"
+    )
+    assert False in page.evaluate(smooth) and True not in page.evaluate(smooth)
+
+
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:
     g = ground()
     assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)

@@ -89,4 +89,5 @@ class Fan:
             tube.node.visible = k < len(curves_NS3) and bool(shown_N[k])
             if tube.node.visible:
                 tube.draw(curves_NS3[k])
-                tube.node.color = tuple(int(c) for c in colors_N3[k])
+                red, green, blue = (int(c) for c in colors_N3[k])
+                tube.node.color = (red, green, blue)

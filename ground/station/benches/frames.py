@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import viser
@@ -111,7 +111,7 @@ def descends(pid: int, parents: dict[int, int]) -> bool:
 
 
 @contextlib.contextmanager
-def empty_scene() -> Iterator[str]:
+def empty_scene() -> Generator[str]:
     """A scene of viser's with nothing in it, which is told to draw as often as the dashboard is."""
     port = str(free_port())
     server = subprocess.Popen([sys.executable, __file__, port], stdout=subprocess.PIPE, text=True)
@@ -133,7 +133,7 @@ def serve_empty(port: int) -> None:
 
 
 @contextlib.contextmanager
-def flight() -> Iterator[str]:
+def flight() -> Generator[str]:
     """The dashboard of a stand-in vehicle that flies slowly through its forest, so that it does not leave it."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     fake = str(ROOT / "tests/browser/fake_vehicle.py")
