@@ -184,7 +184,7 @@ def test_a_flight_without_a_graphics_card_has_no_smoothed_edges_nor_many_instanc
     assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.remembered is not None, 10)
     page = visit(g.dashboard.url).page
     mode(page, "track")
-    page.evaluate(COUNT_INSTANCES)
+    page.evaluate(f"() => {{{COUNT_INSTANCES}}}")
     page.wait_for_function("window.draws > 10")
     # viser's own frustum has nine lines and its background one; the software renderer draws each instance by itself.
     assert page.evaluate("window.mostInstances") <= 20
