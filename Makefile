@@ -160,6 +160,7 @@ bench: setup setup-train setup-campaign setup-camera build ## speed, each figure
 	$(VENV)/bin/goshawk train bench
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
+	$(VENV)/bin/python ground/station/benches/dashboard.py --frames --seconds 30
 	$(VENV)/bin/python ground/station/benches/gate.py
 	$(VENV)/bin/python ground/train/benches/campaign_scaling.py
 	PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py

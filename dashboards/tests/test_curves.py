@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goshawk_dashboards.scene.curves import coefficients_N63, evaluate_NS3, segments_M23
+from goshawk_dashboards.scene.curves import coefficients_N63, evaluate_NS3
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -52,11 +52,3 @@ def test_a_duration_that_is_not_positive_and_finite_is_refused(duration_s: float
     zero_3, zero_13 = np.zeros(3), np.zeros((1, 3))
     with pytest.raises(ValueError, match="duration"):
         coefficients_N63((zero_3, zero_3, zero_3), (zero_13, zero_13, zero_13), duration_s)
-
-
-def test_segments_join_end_to_end_and_never_across_trajectories() -> None:
-    curves = np.arange(2 * 4 * 3, dtype=np.float64).reshape(2, 4, 3)
-    segments = segments_M23(curves)
-    assert segments.shape == (6, 2, 3)
-    np.testing.assert_array_equal(segments[0, 1], segments[1, 0])
-    assert not np.array_equal(segments[2, 1], segments[3, 0])

@@ -111,21 +111,20 @@ def test_the_vehicle_stands_where_control_says(live: Live, snap: Make) -> None:
 def test_fifteen_curves_start_at_the_plan_and_end_at_its_end_states(live: Live, snap: Make) -> None:
     plan = snap().plan
     live.tick(snap())
-    lines = live.scene.candidates
+    fan, chosen = live.scene.candidates, live.scene.chosen
     assert plan is not None
-    assert lines is not None
-    curves = lines.points.reshape(15, -1, 2, 3) + np.asarray(lines.position)
-    np.testing.assert_allclose(curves[:, 0, 0], np.tile(plan.start_pos_world_3, (15, 1)), atol=1e-5)
-    np.testing.assert_allclose(curves[:, -1, 1], plan.end_pos_world_N3, atol=1e-5)
-    chosen = live.scene.chosen.points + np.asarray(live.scene.chosen.position)
-    np.testing.assert_allclose(chosen[-1, 1], plan.end_pos_world_N3[7], atol=1e-5)
-    assert live.scene.chosen.thickness > 2 * lines.thickness
+    # A section has three corners, about the curve.
+    drawn = [np.asarray(tube.node.vertices).reshape(-1, 3, 3).mean(axis=1) for tube in (*fan.tubes, chosen)]
+    curves = np.array(drawn) + np.asarray(fan.root.position)
+    np.testing.assert_allclose(curves[:, 0], np.tile(plan.start_pos_world_3, (16, 1)), atol=1e-5)
+    np.testing.assert_allclose(curves[:15, -1], plan.end_pos_world_N3, atol=1e-5)
+    np.testing.assert_allclose(curves[15, -1], plan.end_pos_world_N3[7], atol=1e-5)
+    assert chosen.radius_S[0] > 2 * fan.tubes[0].radius_S[0]
 
 
 def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: Live, snap: Make) -> None:
     live.tick(snap())
-    assert live.scene.candidates is not None
-    colors = live.scene.candidates.colors.reshape(15, -1, 3)[:, 0]
+    colors = [tube.node.color for tube in live.scene.candidates.tubes]
     grey = [k for k in range(15) if tuple(colors[k]) == theme.REJECTED]
     assert grey == [k for k in range(15) if k not in (6, 7, 8)]
     assert tuple(colors[6]) == theme.vivid(theme.GOOD)
@@ -135,21 +134,19 @@ def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: Live
 def test_a_stale_plan_is_not_drawn(live: Live, snap: Make) -> None:
     live.tick(snap())
     live.tick(snap(age_s=2.0))
-    assert live.scene.candidates is not None
-    assert not live.scene.candidates.visible
-    assert not live.scene.chosen.visible
+    assert not live.scene.candidates.root.visible
+    assert not live.scene.chosen.node.visible
     assert not live.scene.target.frame.visible
     live.tick(snap())
-    assert live.scene.candidates.visible
+    assert live.scene.candidates.root.visible
 
 
 def test_no_choice_draws_no_thick_line(live: Live, snap: Make) -> None:
     base = snap()
     assert base.plan is not None
     live.tick(replace(base, plan=replace(base.plan, chosen=None)))
-    assert live.scene.candidates is not None
-    assert live.scene.candidates.visible
-    assert not live.scene.chosen.visible
+    assert live.scene.candidates.root.visible
+    assert not live.scene.chosen.node.visible
 
 
 def test_trees_appear_and_go_with_the_simulator(live: Live, snap: Make) -> None:
@@ -194,12 +191,11 @@ def test_of_a_forest_only_what_is_near_the_vehicle_is_drawn_and_it_follows(live:
         control = replace(base.control, pos_world_3=np.array([x_m, 0.0, 2.0]))
         live.tick(replace(base, control=control, world=world))
         trunks = live.scene.world.trunks
-        assert trunks.node is not None
-        shown_B3 = trunks.node.batched_positions[: trunks.count]
         assert 0 < trunks.count < len(world.radius_m_K)
-        assert np.abs(shown_B3[:, 0] - x_m).max() < NEAR_M
-        sizes_B3 = np.asarray(trunks.node.batched_scales)
-        assert not sizes_B3[trunks.count :].any(), "what is left over has a size"
+        assert np.abs(trunks.pos_B3[:, 0] - x_m).max() < NEAR_M
+        assert trunks.node is not None
+        corners_B3 = np.asarray(trunks.node.vertices)
+        assert np.abs(corners_B3[:, 0] - x_m).max() < NEAR_M + 1.0, "what was drawn before is still there"
 
 
 def test_the_ground_rises_where_its_trees_stand_higher(live: Live, snap: Make) -> None:
@@ -233,13 +229,13 @@ def test_walls_are_one_mesh_and_moving_obstacles_follow_the_truth(live: Live, sn
     drawn = live.scene.world
     live.tick(snap(world=world, truth=truth(boxes(2, x_m=5.0))))
     assert drawn.boxes.node is not None
-    assert len(drawn.boxes.node.batched_positions) == drawn.boxes.count == 300
+    assert len(drawn.boxes.node.vertices) == 8 * drawn.boxes.count == 8 * 300
     assert drawn.trunks.node is None
     moving = drawn.moving.node
     assert moving is not None
     live.tick(snap(world=world, truth=truth(boxes(2, x_m=6.5))))
     assert drawn.moving.node is moving
-    np.testing.assert_allclose(moving.batched_positions[:, 0], 6.5)
+    np.testing.assert_allclose(np.asarray(moving.vertices).reshape(2, 8, 3).mean(axis=1)[:, 0], 6.5)
     live.tick(snap(world=world, truth=truth(boxes(2, x_m=6.5)), age_s=5.0))
     assert drawn.moving.count == 0 and not moving.visible
 
@@ -288,10 +284,9 @@ def test_detections_stand_beside_the_estimate_and_weak_ones_are_left_out(live: L
     seen_N3 = np.tile([14.0, 1.0, 1.0], (15, 1)) + 0.1 * np.arange(15)[:, None]
     objectness_N = np.where(np.arange(15) == 7, 0.9, 0.01)
     live.tick(replace(base, plan=replace(base.plan, target_pos_world_N3=seen_N3, objectness_N=objectness_N)))
-    assert live.scene.detections.visible
-    np.testing.assert_allclose(live.scene.detections.points, np.tile(seen_N3[7], (15, 1)), atol=1e-5)
+    np.testing.assert_allclose(live.scene.detections.pos_B3, seen_N3[7:8])
     live.tick(snap(age_s=3.0))
-    assert not live.scene.detections.visible
+    assert live.scene.detections.count == 0
 
 
 def test_the_vehicle_asked_for_is_shown_and_the_other_leaves_the_scene(snap: Make) -> None:
@@ -303,7 +298,7 @@ def test_the_vehicle_asked_for_is_shown_and_the_other_leaves_the_scene(snap: Mak
         live.panels.show(1)
         live.tick(snap(vehicle="alpha"), quiet)
         assert not live.scene.vehicle.visible
-        assert not live.scene.chosen.visible
+        assert not live.scene.chosen.node.visible
     finally:
         live.dashboard.close()
 
@@ -318,9 +313,8 @@ def test_a_plan_is_drawn_anew_though_another_vehicles_had_its_number(snap: Make)
         live.tick(one, other)
         live.panels.show(1)
         live.tick(one, other)
-        assert live.scene.candidates is not None
-        assert live.scene.candidates.visible
-        np.testing.assert_allclose(live.scene.candidates.position, start_3)
+        assert live.scene.candidates.root.visible
+        np.testing.assert_allclose(live.scene.candidates.root.position, start_3)
     finally:
         live.dashboard.close()
 

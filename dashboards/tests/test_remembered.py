@@ -35,7 +35,9 @@ def places(scene: LiveScene) -> np.ndarray:
     """Where the cubes are drawn, in the world."""
     cubes = scene.remembered.cubes
     assert cubes.node is not None
-    return np.asarray(cubes.node.position) + cubes.node.batched_positions[: cubes.count]
+    return (
+        np.asarray(cubes.node.position) + np.asarray(cubes.node.vertices).reshape(-1, 8, 3).mean(axis=1)[: cubes.count]
+    )
 
 
 def test_a_voxels_place_is_the_middle_of_its_cell() -> None:

@@ -53,9 +53,9 @@ def test_a_trail_never_grows_beyond_its_capacity() -> None:
     for k in range(5000):
         trail.add(np.array([0.2 * k, 0.0, 0.0]))
     assert len(trail) == 50
-    segments = trail.segments_M23()
-    assert segments.shape == (49, 2, 3)
-    np.testing.assert_allclose(segments[0, 0, 0], 0.2 * 4999)
+    points = trail.points_S3()
+    assert points.shape == (50, 3)
+    np.testing.assert_allclose(points[[0, -1], 0], [0.2 * 4999, 0.2 * 4950])
 
 
 def test_a_trail_ignores_small_steps_and_starts_anew_after_a_jump() -> None:

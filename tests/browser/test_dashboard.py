@@ -32,7 +32,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     seen = visit(g.dashboard.url)
     page = seen.page
     mode(page, "ready")
-    assert g.dashboard.views[0].scene.candidates is None, "a plan is drawn before there is one"
+    assert g.dashboard.views[0].scene.candidates.tubes == [], "a plan is drawn before there is one"
     # The edges of a label have a few pixels of that colour too: more or less, as they are drawn.
     at_rest = look.flown_green(look.picture(page))
     press_start(page, "Start now")
@@ -44,14 +44,13 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     while look.flown_green(look.picture(page)) < at_rest + 60:
         assert time.monotonic() < deadline, "the chosen trajectory was never seen"
     scene = g.dashboard.views[0].scene
-    assert scene.candidates is not None
-    points, place = scene.candidates.points.copy(), np.asarray(scene.candidates.position).copy()
+    points, place = np.array(scene.chosen.curve_S3), np.array(scene.candidates.root.position)
     before = look.picture(page)
     time.sleep(1.0)
     after = look.picture(page)
-    assert points.shape[0] == 15 * 23
-    assert not np.array_equal(points, scene.candidates.points)
-    assert np.linalg.norm(np.asarray(scene.candidates.position) - place) > 1.0
+    assert len(scene.candidates.tubes) == 15
+    assert not np.array_equal(points, scene.chosen.curve_S3)
+    assert np.linalg.norm(np.asarray(scene.candidates.root.position) - place) > 1.0
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
 
     def drawn() -> bool:
@@ -165,6 +164,34 @@ def test_stop_is_in_the_window_and_on_top_at_every_size_and_a_phone_shows_the_pi
     expect(page.get_by_role("button", name="Start", exact=True)).to_be_hidden()
     page.locator(".goshawk-one").click()
     assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 30)
+
+
+COUNT_INSTANCES = """window.mostInstances = window.draws = 0;
+for (const name of ["drawElementsInstanced", "drawArraysInstanced"]) {
+  const draw = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    window.mostInstances = Math.max(window.mostInstances, given.at(-1));
+    window.draws++;
+    return draw.apply(this, given);
+  };
+}"""
+
+
+def test_a_flight_without_a_graphics_card_has_no_smoothed_edges_nor_many_instances(ground: Start, visit: Visit) -> None:
+    g = ground()
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)
+    assert g.link.start().accepted
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.remembered is not None, 10)
+    page = visit(g.dashboard.url).page
+    mode(page, "track")
+    page.evaluate(f"() => {{{COUNT_INSTANCES}}}")
+    page.wait_for_function("window.draws > 10")
+    # viser's own frustum has nine lines and its background one; the software renderer draws each instance by itself.
+    assert page.evaluate("window.mostInstances") <= 20
+    smooth = (
+        "[...document.querySelectorAll('canvas')].map(c => c.getContext('webgl2')?.getContextAttributes().antialias)"
+    )
+    assert False in page.evaluate(smooth) and True not in page.evaluate(smooth)
 
 
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:

@@ -131,9 +131,8 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text(f"{100 * control.hover_thrust:.1f} %")
     scene = view.scene.first
     assert np.allclose(scene.vehicle.position, control.pos_world_3, atol=1e-5)
-    assert scene.candidates is not None
-    assert scene.candidates.points.shape[0] == 15 * 23
-    assert np.allclose(scene.candidates.position, plan.start_pos_world_3, atol=1e-5)
+    assert len(scene.candidates.tubes) == 15
+    assert np.allclose(scene.candidates.root.position, plan.start_pos_world_3, atol=1e-5)
     eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)[:SCENE_PX]) > 40)
     assert plan.chosen is not None
     flown = page.locator(f'[data-goshawk="parts"] tr[data-candidate="{plan.chosen}"]')
@@ -337,9 +336,9 @@ def test_two_flights_and_a_replay_share_the_scene(review: Review, plain: Visit, 
     view.player.seek(2.0)
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text("the other policy chose 4")
     (beside,) = view.scene.others
-    assert beside.scene.chosen.visible
-    assert view.scene.replayed.visible
-    ends = view.scene.replayed.points[-1, 1]
+    assert beside.scene.chosen.node.visible
+    assert view.scene.replayed.node.visible
+    ends = view.scene.replayed.curve_S3[-1]
     plan = Flight.open(first).plan_at(2.0)
     assert plan is not None
     assert np.allclose(ends, plan.end_pos_world_N3[3], atol=1e-4)
@@ -368,7 +367,7 @@ def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, plain:
     view = first_view(r)
     assert view.scene.others == ()
     view.player.seek(2.0)
-    eventually("the other policy's choice was not drawn", lambda: view.scene.replayed.visible)
+    eventually("the other policy's choice was not drawn", lambda: view.scene.replayed.node.visible)
 
 
 def alter(page: Page, key: str, value: str) -> None:
@@ -402,8 +401,8 @@ def test_an_altered_planner_is_shown_over_the_flight_in_words_scene_picture_and_
     assert altered.at_s == pytest.approx(flight.time_s("plan", index), abs=1e-6)
     first = altered.replay.plan_for(flown)
     assert first is not None
-    eventually("the candidates were not drawn", lambda: view.scene.altered is not None and view.scene.altered.visible)
-    assert view.scene.altered is not None and len(view.scene.altered.points) == 15 * 23
+    eventually("the candidates were not drawn", lambda: view.scene.altered.root.visible)
+    assert len([tube for tube in view.scene.altered.tubes if tube.node.visible]) == 15
     expect(page.locator('[data-goshawk="picture"] g[data-goshawk="altered"] [data-candidate]')).to_have_count(15)
     assert first.chosen is not None
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text(f"the altered planner chose {first.chosen + 1}")
@@ -414,7 +413,7 @@ def test_an_altered_planner_is_shown_over_the_flight_in_words_scene_picture_and_
     assert window_s(page)[1] - window_s(page)[0] < 4.0
     press(page, "As it was flown")
     expect(page.locator('[data-line="0/altered: thrust"]')).to_have_count(0)
-    eventually("the candidates stayed", lambda: view.scene.altered is not None and not view.scene.altered.visible)
+    eventually("the candidates stayed", lambda: not view.scene.altered.root.visible)
     assert seen.errors == []
 
 

@@ -44,9 +44,9 @@ class Addition:
 
     foot: str
     """HTML at the end of the page."""
-    path: str
-    """Where its script opens a WebSocket."""
-    talk: Callable[[web.WebSocketResponse], Awaitable[None]]
+    path: str = ""
+    """Where its script opens a WebSocket; empty: nowhere."""
+    talk: Callable[[web.WebSocketResponse], Awaitable[None]] | None = None
     """Speaks over one that has been opened, in the gate's loop, until it ends."""
 
 
@@ -85,7 +85,7 @@ class Upstream:
 
     async def talk(self, request: web.BaseRequest, session: Session) -> web.StreamResponse | None:
         """The dashboard's own WebSocket, until it or the session ends; None: the browser asks for another one."""
-        if self._addition is None or request.path != self._addition.path:
+        if self._addition is None or self._addition.talk is None or request.path != self._addition.path:
             return None
         browser = web.WebSocketResponse(
             max_msg_size=MOST_MESSAGE_BYTES, compress=False, heartbeat=HEARTBEAT_S, timeout=2.0

@@ -6,6 +6,7 @@ import contextlib
 import io
 import threading
 from collections.abc import Generator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -14,6 +15,7 @@ import websockets.asyncio.server
 
 from goshawk_dashboards.gate import Addition, Gate, Role
 from goshawk_dashboards.page import theme
+from goshawk_dashboards.page.pace import pace_html
 
 LONGEST_PATH = 100
 """Characters: what every Unix takes."""
@@ -35,7 +37,8 @@ def open_server(gate: Gate, role: Role, label: str, addition: Addition | None = 
     server.gui.configure_theme(
         dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.VEHICLE, control_width="large"
     )
-    gate.lead_to(role, path, addition)
+    addition = addition or Addition(foot="")
+    gate.lead_to(role, path, replace(addition, foot=pace_html() + addition.foot))
     return server
 
 

@@ -17,9 +17,12 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves
 from goshawk_dashboards.scene.scene import SAMPLES, LiveScene, ViewOptions
+from goshawk_dashboards.scene.tubes import Fan, Tube
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import Array, PlanView
 
+WAY_RADIUS_M, REPLAYED_RADIUS_M, ALTERED_RADIUS_M = 0.015, 0.03, 0.012
+"""Of the tubes that a whole way, another policy's choice and an altered planner's candidates are drawn as."""
 SIDE_GAP_M = 12.0
 """Between flights that are shown side by side."""
 COLORS: tuple[theme.Rgb, ...] = (theme.VEHICLE, theme.SECOND, theme.TARGET, theme.GOOD, theme.DISTURBANCE, theme.REPLAY)
@@ -63,15 +66,10 @@ class ReviewScene:
         self._add_way("/first", self._flight, theme.VEHICLE)
         self.others = tuple(self._other(k, flight) for k, flight in enumerate(flights[1:], start=1))
         self.depth: viser.PointCloudHandle | None = None
-        self.replayed = viewer.scene.add_line_segments(
-            "/replay/chosen",
-            np.zeros((SAMPLES - 1, 2, 3)),
-            theme.vivid(theme.REPLAY),
-            thickness=5.0,
-            thickness_units="screen",
-            visible=False,
+        self.replayed = Tube(
+            viewer, "/replay/chosen", theme.vivid(theme.REPLAY), samples=SAMPLES, radius_m=REPLAYED_RADIUS_M
         )
-        self.altered: viser.LineSegmentsHandle | None = None
+        self.altered = Fan(viewer, "/replay/candidates", samples=SAMPLES, radius_m=ALTERED_RADIUS_M)
         """All candidates of what this viewer altered."""
 
     def _other(self, place: int, flight: Flight) -> Other:
@@ -86,13 +84,10 @@ class ReviewScene:
         if len(way_N3) < 2:
             return
         faint = 0.4 * np.array(theme.vivid(rgb)) + 0.6 * np.array(theme.BACKGROUND)
-        self._viewer.scene.add_line_segments(
-            f"{root}/way",
-            np.stack([way_N3[:-1], way_N3[1:]], axis=1),
-            (int(faint[0]), int(faint[1]), int(faint[2])),
-            thickness=1.5,
-            thickness_units="screen",
-        )
+        color = (int(faint[0]), int(faint[1]), int(faint[2]))
+        way = Tube(self._viewer, f"{root}/way", color, samples=len(way_N3), radius_m=WAY_RADIUS_M)
+        way.draw(way_N3)
+        way.node.visible = True
 
     def update(
         self,
@@ -112,7 +107,7 @@ class ReviewScene:
         self.first.update(snap, options.view)
         self._draw_depth(time_s, options.depth)
         self._draw_replayed(snap, replayed if options.replay or altered else None)
-        self._draw_altered(replayed if altered and self.first.chosen.visible else None)
+        self._draw_altered(replayed if altered and self.first.chosen.node.visible else None)
         south_m = 0.0
         above_N3 = recorded.path_N3(self._flight)
         for other, later_s in zip(self.others, by_s[1:], strict=True):
@@ -137,21 +132,18 @@ class ReviewScene:
 
     def _draw_replayed(self, snap: Snapshot, replayed: PlanView | None) -> None:
         chosen = recorded.only_chosen(replayed)
-        self.replayed.visible = chosen is not None and self.first.chosen.visible
+        self.replayed.node.visible = chosen is not None and self.first.chosen.node.visible
         if chosen is not None:
-            self.replayed.points = curves.segments_M23(curves.plan_curves_NS3(chosen, SAMPLES)).astype(np.float32)
+            self.replayed.draw(curves.plan_curves_NS3(chosen, SAMPLES)[0])
 
     def _draw_altered(self, plan: PlanView | None) -> None:
         if plan is None or len(plan.cost_N) == 0:
-            if self.altered is not None:
-                self.altered.visible = False
+            self.altered.root.visible = False
             return
-        points = curves.segments_M23(curves.plan_curves_NS3(plan, SAMPLES)).astype(np.float32)
-        if self.altered is None or self.altered.points.shape != points.shape:
-            self.altered = self._viewer.scene.add_line_segments(
-                "/replay/candidates", points, theme.vivid(theme.REPLAY), thickness=1.0, thickness_units="screen"
-            )
-        self.altered.points, self.altered.visible = points, True
+        count = len(plan.cost_N)
+        curves_NS3 = curves.plan_curves_NS3(plan, SAMPLES) - plan.start_pos_world_3
+        colors_N3 = np.tile(np.array(theme.vivid(theme.REPLAY), dtype=np.uint8), (count, 1))
+        self.altered.draw(plan.start_pos_world_3, curves_NS3, colors_N3, np.ones(count, dtype=bool))
 
     def _draw_other(self, other: Other, time_s: float, options: ReviewOptions, south_m: float) -> None:
         other.root.visible = options.others != "Hidden"

@@ -70,8 +70,3 @@ def colors_N3(plan: PlanView) -> NDArray[np.uint8]:
     out_N3 = np.tile(np.array(theme.REJECTED, dtype=np.uint8), (len(real_N), 1))
     out_N3[real_N] = theme.cost_colors_N3(plan.cost_N[real_N])
     return out_N3
-
-
-def segments_M23(curves_NS3: Array) -> Array:
-    """The line segments that draw the curves: M = N * (S - 1) pairs of points."""
-    return np.stack([curves_NS3[:, :-1], curves_NS3[:, 1:]], axis=2).reshape(-1, 2, 3)

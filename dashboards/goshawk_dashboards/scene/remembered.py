@@ -30,7 +30,8 @@ class RememberedScene:
             self._drawn = None
         elif self._drawn != (remembered.seq, remembered.stamp_ns):
             self._drawn = (remembered.seq, remembered.stamp_ns)
-            centre_V3 = remembered.centre_V3
+            # The farthest first: what is nearer, and its map is about the vehicle, is drawn over it.
+            centre_V3 = remembered.centre_V3[np.argsort(-np.linalg.norm(remembered.centre_V3, axis=1))]
             with self._viewer.atomic():
                 # About the origin, as it was sent: a node far out has no rounding then.
                 self.cubes.place(centre_V3, np.full_like(centre_V3, remembered.voxel_m))

@@ -13,10 +13,12 @@ import viser
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import curves, shapes
+from goshawk_dashboards.scene.batch import Batch
 from goshawk_dashboards.scene.goal import GoalScene
 from goshawk_dashboards.scene.picture import decode_preview
 from goshawk_dashboards.scene.remembered import RememberedScene
 from goshawk_dashboards.scene.target import TargetScene
+from goshawk_dashboards.scene.tubes import Fan, Tube
 from goshawk_dashboards.scene.world import GRID, NEAR_M, WorldScene
 from goshawk_dashboards.state.snapshot import MAP_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array, ControlView, PlanView
@@ -25,6 +27,8 @@ SAMPLES = 24
 """Points along a drawn trajectory."""
 VEHICLE_DRAWN = 3.0
 """The vehicle is drawn this many times its size: 155 mm cannot be seen across a forest."""
+CANDIDATE_RADIUS_M, FLOWN_RADIUS_M = 0.022, 0.055
+"""Of the tubes that trajectories are drawn as: some pixels from where a camera follows."""
 LEAST_OBJECTNESS = 0.1
 """A detection less sure than this is not drawn."""
 
@@ -49,8 +53,12 @@ def prepare(server: viser.ViserServer) -> None:
     scene.world_axes.visible = False
     scene.configure_fog(0.5 * NEAR_M, 1.1 * NEAR_M, color=theme.BACKGROUND)
     scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
-    scene.configure_default_lights(True, cast_shadow=False)
-    scene.add_light_hemisphere("/light", sky_color=(210, 222, 255), ground_color=(70, 66, 60), intensity=0.7)
+    # Each light is worked out for each pixel, and one from a picture of the sky looked up there: too much without a
+    # graphics card. A sun and the sky's own light are enough.
+    scene.configure_default_lights(False)
+    scene.configure_environment_map(None)
+    scene.add_light_directional("/sun", intensity=2.0, position=(-0.4, -0.6, 1.0), cast_shadow=False)
+    scene.add_light_hemisphere("/light", sky_color=(225, 232, 255), ground_color=(150, 146, 140), intensity=2.2)
 
 
 class LiveScene:
@@ -124,36 +132,20 @@ class LiveScene:
             wxyz=shapes.CV_FROM_FLU_WXYZ,
             cast_shadow=False,
         )
-        segments = self._vehicle_trail.segments_M23()
-        self._vehicle_line = scene.add_line_segments(
+        self._vehicle_line = Tube(
+            self._viewer,
             f"{self._root}/trail/vehicle",
-            segments,
-            shapes.fading_M23(len(segments), self._vehicle_rgb),
-            thickness=2.5,
-            thickness_units="screen",
-            visible=False,
+            self._vehicle_rgb,
+            samples=shapes.TRAIL_POINTS,
+            radius_m=shapes.TRAIL_RADIUS_M,
+            tapering=True,
         )
 
     def _make_plan(self) -> None:
-        scene = self._viewer.scene
-        self.candidates: viser.LineSegmentsHandle | None = None
-        self.detections = scene.add_point_cloud(
-            f"{self._root}/plan/detections",
-            np.zeros((1, 3), dtype=np.float32),
-            np.zeros((1, 3), dtype=np.uint8),
-            point_size=0.09,
-            point_shape="circle",
-            precision="float32",  # viser's usual half precision is wrong by decimetres some 200 m out
-            visible=False,
-        )
-        self.chosen = scene.add_line_segments(
-            f"{self._root}/plan/chosen",
-            np.zeros((SAMPLES - 1, 2, 3)),
-            self._flown_rgb,
-            thickness=7.0,
-            thickness_units="screen",
-            visible=False,
-        )
+        viewer, root = self._viewer, f"{self._root}/plan"
+        self.candidates = Fan(viewer, f"{root}/candidates", samples=SAMPLES, radius_m=CANDIDATE_RADIUS_M)
+        self.detections = Batch(viewer, f"{root}/detections", shapes.mote(), theme.vivid(theme.TARGET))
+        self.chosen = Tube(viewer, f"{root}/chosen", self._flown_rgb, samples=SAMPLES, radius_m=FLOWN_RADIUS_M)
 
     def update(self, snap: Snapshot, options: ViewOptions) -> None:
         """Shows one snapshot."""
@@ -175,22 +167,21 @@ class LiveScene:
     def retrace(self, vehicle_N3: Array, target_N3: Array) -> None:
         """Where vehicle and target have been, oldest first, in place of what was seen here."""
         self._vehicle_trail.retrace(vehicle_N3)
-        self._vehicle_line.points = self._vehicle_trail.segments_M23().astype(np.float32)
+        self._vehicle_line.draw(self._vehicle_trail.points_S3())
         self.target.retrace(target_N3)
 
     def forget(self) -> None:
         """Shows nothing of what was drawn: another vehicle is to be shown next."""
         self.clear_trails()
-        self._plan_drawn = self._preview_seq = None
+        self._preview_seq = None
         self.frustum.image = None
-        for node in (self.vehicle, self.camera, self.chosen, self._disturbance):
+        for node in (self.vehicle, self.camera, self._disturbance, self._vehicle_line.node):
             node.visible = False
-        self.detections.visible = self._vehicle_line.visible = False
+        self.detections.hide()
         self.target.forget()
         self.goal.update(None)
         self.remembered.update(None)
-        if self.candidates is not None:
-            self.candidates.visible = False
+        self._hide_plan()
 
     def clear_trails(self) -> None:
         """Forgets where vehicle and target have been."""
@@ -212,31 +203,21 @@ class LiveScene:
             self._disturbance.position = control.pos_world_3
             self._disturbance.points = np.array([[np.zeros(3), tip_3]], dtype=np.float32)
         if self._vehicle_trail.add(control.pos_world_3):
-            self._vehicle_line.points = self._vehicle_trail.segments_M23().astype(np.float32)
-        self._vehicle_line.visible = options.trails and len(self._vehicle_trail) > 1
+            self._vehicle_line.draw(self._vehicle_trail.points_S3())
+        self._vehicle_line.node.visible = options.trails and len(self._vehicle_trail) > 1
 
     def _draw_detections(self, plan: PlanView | None, shown: bool) -> None:
-        """Where the candidates' cells see the target, the surer the brighter, beside the filter's estimate."""
+        """Where the candidates' cells see the target, the surer the larger, beside the filter's estimate."""
         if plan is None or not shown or plan.target_pos_world_N3 is None:
-            self.detections.visible = False
+            self.detections.hide()
             return
-        sure_N1 = np.clip(plan.objectness_N, 0.0, 1.0)[:, None]
-        colors_N3 = sure_N1 * np.array(theme.vivid(theme.TARGET)) + (1.0 - sure_N1) * np.array(theme.BACKGROUND)
         keep_N = plan.objectness_N > LEAST_OBJECTNESS
-        self.detections.visible = bool(keep_N.any())
-        if self.detections.visible:
-            # Always as many points as candidates: those left out lie on one that is kept.
-            first = int(np.flatnonzero(keep_N)[0])
-            index_N = np.where(keep_N, np.arange(len(keep_N)), first)
-            self.detections.points = plan.target_pos_world_N3[index_N].astype(np.float32)
-            self.detections.colors = colors_N3[index_N].astype(np.uint8)
+        size_N1 = np.clip(plan.objectness_N[keep_N], 0.0, 1.0)[:, None]
+        self.detections.place(plan.target_pos_world_N3[keep_N], np.repeat(size_N1, 3, axis=1))
 
     def _draw_plan(self, plan: PlanView | None, fresh: bool, options: ViewOptions) -> None:
         if plan is None or not fresh or len(plan.cost_N) == 0:
-            self.chosen.visible = False
-            if self.candidates is not None:
-                self.candidates.visible = False
-            self._plan_drawn = None
+            self._hide_plan()
             return
         if self._plan_drawn == (plan.seq, options.rejected):
             return
@@ -244,25 +225,17 @@ class LiveScene:
         # Drawn from the start state, and the node moved there: a viewer that is slow to take new curves still shows
         # the ones it has where the vehicle is.
         curves_NS3 = curves.plan_curves_NS3(plan, SAMPLES) - plan.start_pos_world_3
-        colored_N, colors_N3 = curves.choices_N(plan), curves.colors_N3(plan)
-        shown_NS3 = (
-            curves_NS3 if options.rejected else np.where(colored_N[:, None, None], curves_NS3, curves_NS3[:, :1])
-        )
-        points = curves.segments_M23(shown_NS3).astype(np.float32)
-        colors = np.repeat(np.repeat(colors_N3, SAMPLES - 1, axis=0)[:, None, :], 2, axis=1)
+        shown_N = curves.choices_N(plan) | options.rejected
         with self._viewer.atomic():
-            if self.candidates is None or self.candidates.points.shape != points.shape:
-                self.candidates = self._viewer.scene.add_line_segments(
-                    f"{self._root}/plan/candidates", points, colors, thickness=2.0, thickness_units="screen"
-                )
-            else:
-                self.candidates.points = points
-                self.candidates.colors = colors
-            self.candidates.position = self.chosen.position = plan.start_pos_world_3
-            self.candidates.visible = True
-            self.chosen.visible = plan.chosen is not None
+            self.candidates.draw(plan.start_pos_world_3, curves_NS3, curves.colors_N3(plan), shown_N)
+            self.chosen.node.position = plan.start_pos_world_3
+            self.chosen.node.visible = plan.chosen is not None
             if plan.chosen is not None:
-                self.chosen.points = curves.segments_M23(curves_NS3[plan.chosen : plan.chosen + 1]).astype(np.float32)
+                self.chosen.draw(curves_NS3[plan.chosen])
+
+    def _hide_plan(self) -> None:
+        self.candidates.root.visible = self.chosen.node.visible = False
+        self._plan_drawn = None
 
     def _draw_camera(self, snap: Snapshot, options: ViewOptions) -> None:
         self.camera.visible = options.frustum and snap.control is not None

@@ -15,6 +15,11 @@ from goshawk_dashboards.state.views import Array
 CV_FROM_FLU_WXYZ = (0.5, -0.5, 0.5, -0.5)
 """Rotation flu_from_cv: viser draws cameras looking along z with y down, ours look along x with z up."""
 
+TRAIL_POINTS = 200
+"""Of a drawn trail, at most: 60 m at its usual spacing."""
+TRAIL_RADIUS_M = 0.03
+"""At its newest point; it tapers to nothing."""
+
 PERSON_HEIGHT_M = 1.75
 PERSON_CENTRE_M = 0.95
 """Height of a person's centre above its ground point."""
@@ -65,14 +70,19 @@ def person() -> trimesh.Trimesh:
 
 def trunk() -> trimesh.Trimesh:
     """A unit cylinder standing on the origin: radius 1, height 1."""
-    mesh = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=10)
+    mesh = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=6)
     mesh.apply_translation((0.0, 0.0, 0.5))
     return mesh
 
 
 def foliage() -> trimesh.Trimesh:
     """A unit ball, coarse on purpose: it is drawn hundreds of times."""
-    return trimesh.creation.icosphere(subdivisions=1, radius=1.0)
+    return trimesh.creation.icosphere(subdivisions=0, radius=1.0)
+
+
+def mote() -> trimesh.Trimesh:
+    """A small ball that marks a place, as coarse as can be."""
+    return trimesh.creation.icosphere(subdivisions=0, radius=0.07)
 
 
 def box() -> trimesh.Trimesh:
@@ -112,7 +122,7 @@ def ellipsoid(covariance_33: Array, sigmas: float = 2.0) -> tuple[Array, Array]:
 class Trail:
     """Where something has been: at most ``capacity`` points, none nearer than ``spacing_m`` to the one before."""
 
-    def __init__(self, capacity: int = 300, spacing_m: float = 0.15, jump_m: float = 5.0) -> None:
+    def __init__(self, capacity: int = TRAIL_POINTS, spacing_m: float = 0.15, jump_m: float = 5.0) -> None:
         self._points: deque[Array] = deque(maxlen=capacity)
         self._spacing_m = spacing_m
         self._jump_m = jump_m
@@ -141,18 +151,10 @@ class Trail:
         """Forgets everything."""
         self._points.clear()
 
-    def segments_M23(self) -> Array:
-        """Always capacity - 1 segments, newest first, padded with empty ones at the oldest point."""
+    def points_S3(self) -> Array:
+        """Always as many points as the capacity, newest first, the oldest repeated."""
         capacity = self._points.maxlen or 0
         if not self._points:
-            return np.zeros((capacity - 1, 2, 3))
+            return np.zeros((capacity, 3))
         points = np.array(self._points)[::-1]
-        padded = np.concatenate([points, np.repeat(points[-1:], capacity - len(points), axis=0)])
-        return np.stack([padded[:-1], padded[1:]], axis=1)
-
-
-def fading_M23(segments: int, rgb: theme.Rgb) -> np.ndarray:
-    """Colours for a trail: ``rgb`` at its head, the background at its tail."""
-    share = np.linspace(1.0, 0.0, segments + 1)[:, None]
-    colors = share * np.array(rgb) + (1.0 - share) * np.array(theme.BACKGROUND)
-    return np.stack([colors[:-1], colors[1:]], axis=1).astype(np.uint8)
+        return np.concatenate([points, np.repeat(points[-1:], capacity - len(points), axis=0)])

@@ -7,6 +7,7 @@ import numpy as np
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
+from goshawk_dashboards.scene.tubes import Tube
 from goshawk_dashboards.state.views import UNSEEN_S, Array, TargetView, TruthView
 
 
@@ -20,7 +21,7 @@ class TargetScene:
         self.frame = scene.add_frame(f"{root}/target", show_axes=False, visible=False)
         self._dot = scene.add_icosphere(f"{root}/target/mean", radius=0.14, color=color, subdivisions=2)
         self._covariance = scene.add_icosphere(
-            f"{root}/target/covariance", radius=1.0, color=color, opacity=0.22, subdivisions=3, cast_shadow=False
+            f"{root}/target/covariance", radius=1.0, color=color, opacity=0.22, subdivisions=2, cast_shadow=False
         )
         self._label = scene.add_label(f"{root}/target/label", "", position=(0.0, 0.0, 1.2))
         self._arrow = scene.add_arrows(
@@ -32,14 +33,13 @@ class TargetScene:
             head_length=0.2,
         )
         self._trail = shapes.Trail(spacing_m=0.3)
-        segments = self._trail.segments_M23()
-        self._line = scene.add_line_segments(
+        self._line = Tube(
+            viewer,
             f"{root}/trail/target",
-            segments,
-            shapes.fading_M23(len(segments), color),
-            thickness=2.5,
-            thickness_units="screen",
-            visible=False,
+            color,
+            samples=shapes.TRAIL_POINTS,
+            radius_m=shapes.TRAIL_RADIUS_M,
+            tapering=True,
         )
         mesh = shapes.person()
         self._truth = scene.add_mesh_simple(
@@ -49,7 +49,7 @@ class TargetScene:
     def update(self, target: TargetView | None, *, trail: bool) -> None:
         """Shows an estimate; None: there is none, or it is too old to be drawn."""
         self.frame.visible = target is not None
-        self._line.visible = trail and len(self._trail) > 1
+        self._line.node.visible = trail and len(self._trail) > 1
         if target is None:
             return
         self.frame.position = target.pos_world_3
@@ -85,10 +85,10 @@ class TargetScene:
     def forget(self) -> None:
         """Shows nothing of what was drawn."""
         self.clear_trail()
-        self.frame.visible = self._truth.visible = self._line.visible = False
+        self.frame.visible = self._truth.visible = self._line.node.visible = False
 
     def _draw_trail(self) -> None:
-        self._line.points = self._trail.segments_M23().astype(np.float32)
+        self._line.draw(self._trail.points_S3())
 
 
 def _words(target: TargetView) -> str:

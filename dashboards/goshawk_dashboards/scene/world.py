@@ -68,7 +68,9 @@ class WorldScene:
             return
         vertices, faces = relief.mesh()
         add = self._scene.add_mesh_simple
-        add(self._ground, vertices, faces, color=theme.GROUND, flat_shading=True, cast_shadow=False)
+        add(
+            self._ground, vertices, faces, color=theme.GROUND, material="toon3", cast_shadow=False, receive_shadow=False
+        )
         lines = vertices + (0.0, 0.0, 0.03)
         add(f"{self._ground}/lines", lines, faces, color=theme.GRID_SECTION, wireframe=True, cast_shadow=False)
 
@@ -78,13 +80,14 @@ class WorldScene:
             self.foliage.hide()
             return
         base_K3, top_K3 = world.base_world_K3, world.top_world_K3
-        near_K = np.full(len(base_K3), True)
-        if about_2 is not None:
-            near_K = np.linalg.norm(base_K3[:, :2] - about_2, axis=1) < NEAR_M
+        far_K = np.linalg.norm(base_K3[:, :2] - (base_K3[0, :2] if about_2 is None else about_2), axis=1)
+        # The farthest first, for their leaves are transparent.
+        order_K = np.argsort(-far_K)
+        near_K = order_K if about_2 is None else order_K[far_K[order_K] < NEAR_M]
         axis_K3 = top_K3 - base_K3
         wxyz_K4, height_K = shapes.wxyz_from_up_K4(axis_K3), np.linalg.norm(axis_K3, axis=1)
         size_K3 = np.stack([world.radius_m_K, world.radius_m_K, height_K], axis=1)
-        leafy_K = near_K & (world.foliage_radius_m_K > 0.0)
+        leafy_K = near_K[world.foliage_radius_m_K[near_K] > 0.0]
         leaves_K3 = np.repeat(world.foliage_radius_m_K[:, None], 3, axis=1)
         self.trunks.place(base_K3[near_K], size_K3[near_K], wxyz_K4[near_K])
         self.foliage.place(top_K3[leafy_K], leaves_K3[leafy_K], wxyz_K4[leafy_K])

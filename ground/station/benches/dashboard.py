@@ -1,11 +1,13 @@
 """What the ground station costs: ten vehicles at 30 Hz over real Zenoh, their dashboard served, memory over time.
 
     python dashboard.py [--seconds 120] [--browsers 1]
+    python dashboard.py --frames [--seconds 120]
 
 The vehicles are one other process, the ground station is `goshawk ground` itself in a third, so its figure is its own:
 share of one core, and the slope of its memory after it has warmed up. The browsers are a fourth process, which takes
 what is sent and draws nothing. The keys: `dashboard_core_fraction_10_vehicles`, `dashboard_memory_mb_per_min`; with
-another number of browsers than one they end in `_N_browsers`.
+another number of browsers than one they end in `_N_browsers`. With `--frames` a real browser draws one vehicle's flight
+instead: `frames.py`.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import sys
 import time
 from pathlib import Path
 
+import frames
 import numpy as np
 from common import core_seconds_of_threads, free_port, memory_mb, record, verdict, waited_seconds
 
@@ -36,7 +39,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=120.0, help="how long to measure")
     parser.add_argument("--warm-up", type=float, default=WARM_UP_S, help="seconds before it")
     parser.add_argument("--browsers", type=int, default=1, help="how many watch")
+    parser.add_argument("--frames", action="store_true", help="count what a browser draws, and measure nothing else")
     args = parser.parse_args()
+    if args.frames:
+        frames.measure(args.seconds)
+        return
     endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in range(VEHICLES)]
     script = Path(__file__).with_name("vehicles.py")
     fleet = subprocess.Popen([sys.executable, str(script), *endpoints], stdout=subprocess.PIPE, text=True)
