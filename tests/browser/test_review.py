@@ -409,6 +409,7 @@ def test_an_altered_planner_is_shown_over_the_flight_in_words_scene_picture_and_
     chart = page.locator('[data-goshawk="charts"] section').nth(0)
     value = chart.locator('[data-line="0/altered: candidate flown"] output')
     expect(value).to_have_text(re.compile(rf"^{first.chosen + 1} "))
+    view.player.seek(altered.at_s + 0.2)  # the controller answers after the plan
     expect(page.locator('[data-line="0/altered: thrust"] output')).to_have_text(re.compile(r"^\d"))
     assert window_s(page)[1] - window_s(page)[0] < 4.0
     press(page, "As it was flown")
@@ -422,6 +423,7 @@ def test_the_autopilots_own_log_lies_beside_under_the_same_cursor(review: Review
     log = other_logs.write_flown(tmp_path / "flight.mcap", flown)
     r = review(log, beside=other_logs.write_ulog(tmp_path / "flight.ulg", flown, 600.0, 100e-6))
     page, view = plain(r.url).page, first_view(r)
+    over(page, 0)
     page.get_by_role("button", name="+ signal").click()
     page.get_by_label("Search a signal").fill("beside voltage")
     page.get_by_label("Search a signal").press("Enter")
