@@ -16,7 +16,7 @@ def stands_near(snap: Snapshot) -> bool:
 
 def chased(snap: Snapshot) -> bool:
     """It has run for a while, and the vehicle is after it."""
-    return snap.mode == pb.MODE_TRACK and snap.truth is not None and snap.truth.target_path_m > 6.0
+    return snap.mode == pb.MODE_TRACK and snap.truth is not None and snap.truth.target_path_m > 3.0
 
 
 def test_after_a_landing_the_target_stands_near_the_vehicle_and_start_chases_it_again(rig: Rig) -> None:
