@@ -19,7 +19,7 @@ PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --overri
 TORCH := $(if $(TORCH_BACKEND),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --torch-backend $(TORCH_BACKEND) \
   $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt),$(INSTALL) -r ground/train/torch/requirements.txt)
 
-.PHONY: help setup setup-camera setup-train setup-campaign setup-rerun setup-test build demo sitl test test-rust test-python test-install lint docs pins deny fuzz bench chaos train wheel deb image release
+.PHONY: help setup setup-camera setup-train setup-campaign setup-rerun setup-test build build-tests demo sitl test test-rust test-python test-timed test-untimed test-install lint docs pins deny fuzz bench chaos train wheel deb image release
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -125,8 +125,22 @@ test-rust: setup-test
 fuzz: ## damaged input for MINUTES=60 each, all targets or TARGET=mcap (tests/fuzz); what breaks is kept in its corpus
 	BOLERO_RANDOM_TEST_TIME_MS=$$(($(or $(MINUTES),60) * 60000)) cargo test --release --locked -p goshawk-fuzz --test targets -- $(if $(TARGET),--exact $(TARGET))
 
-test-python: setup-test build
-	$(VENV)/bin/pytest -q
+# With the examples, and so with the features that `cargo test` gives the crates: it has built them all.
+build-tests:
+	cargo build --release --locked --workspace --bins --examples
+
+# What meets real processes and browsers, as time passes, goes first. All other tests have what processor time that leaves.
+TIMED := tests/browser tests/e2e tests/mavlink tests/ros2 tests/examples ground/station
+
+test-python: setup-test build-tests
+	@$(MAKE) --no-print-directory -j2 test-timed test-untimed
+
+test-timed:
+	$(VENV)/bin/pytest -q $(TIMED)
+
+test-untimed:
+	@nice -n 5 $(VENV)/bin/pytest -q $(TIMED:%=--ignore=%) >target/untimed.log 2>&1; status=$$?; \
+	  if [ $$status = 0 ]; then tail -n 1 target/untimed.log; else cat target/untimed.log; fi; exit $$status
 
 pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt

@@ -34,6 +34,7 @@ def make_control(seq: int = 1, stamp_s: float = 1.0, mode: pb.Mode = pb.MODE_TRA
         acc_des_world_3=np.array([1.0, 2.0, 3.0]),
         acc_att_world_3=np.zeros(3),
         acc_disturbance_world_3=np.array([0.0, 1.0, 0.0]),
+        disturbance_limit_mps2=6.0,
         acc_meas_world_3=np.ones(3),
         thrust_n=8.3,
         thrust_norm=0.3,
@@ -54,6 +55,17 @@ def make_target() -> view.TargetView:
         covariance_66=np.diag([0.04, 0.01, 0.09, 1.0, 1.0, 1.0]),
         confirmed=True,
         since_seen_s=0.02,
+        look=view.LookView(
+            detections=3,
+            passed=1,
+            gate_sigmas=5.0,
+            innovation_world_3=np.array([0.0, 0.2, 0.0]),
+            innovation_sigmas=0.7,
+            objectness=0.91,
+            rival_pos_world_3=np.array([14.0, 5.0, 0.95]),
+            rival_objectness=0.35,
+            rival_needed=0.8,
+        ),
     )
 
 

@@ -42,3 +42,16 @@ def test_a_restarted_vehicle_starts_a_new_window() -> None:
     history.add(3.0, np.array([6.0]))
     _, rows = history.window(1e9)
     np.testing.assert_allclose(rows[:, 0], [5.0, 6.0])
+
+
+def test_a_row_of_earlier_stands_in_its_place_and_none_stands_twice() -> None:
+    history = History(columns=1, capacity=4)
+    for k in (0.0, 1.0, 10.0, 11.0, 12.0):
+        history.add(k, np.array([k]))
+    history.fill(11.01, np.array([99.0]))
+    history.fill(5.0, np.array([5.0]))
+    ago, rows = history.window(60.0)
+    assert rows[:, 0].tolist() == [5.0, 10.0, 11.0, 12.0]
+    assert ago.tolist() == [-7.0, -2.0, -1.0, 0.0]
+    history.add(13.0, np.array([13.0]))
+    assert history.window(60.0)[1][:, 0].tolist() == [10.0, 11.0, 12.0, 13.0]

@@ -151,6 +151,13 @@ def test_an_event_is_told_by_the_flights_time_and_before_it_by_how_long_ago_it_w
     assert "1:10" in words
 
 
+def test_an_event_that_was_told_afterwards_says_so(snap: Make) -> None:
+    heard, late = event(0.2, "mode: ready"), replace(event(0.1, "camera: silent"), late=True)
+    words = status.events_html(snap(events=(late, heard)))
+    assert words.count("told afterwards") == 1
+    assert words.index("mode: ready") < words.index("camera: silent") < words.index("told afterwards")
+
+
 def test_height_is_above_the_ground_where_that_is_known_and_says_where_it_is_not(snap: Make) -> None:
     known = status.status_html(snap(), ground_z_m=-0.5, flight_s=65.0)
     assert "above ground" in known and ">2.5 m<" in known and ">1:05<" in known

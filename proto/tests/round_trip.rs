@@ -85,6 +85,7 @@ fn control() -> Control {
         attitude_lag_s: 19.5,
         odometry_fault: OdometryFault::Frozen.into(),
         odometry_doubt: 21.5,
+        disturbance_limit_mps2: 23.5,
     }
 }
 
@@ -97,6 +98,37 @@ fn target() -> Target {
         covariance: vec![5.5],
         confirmed: true,
         since_seen_s: 7.5,
+        look: Some(look()),
+    }
+}
+
+fn look() -> TargetLook {
+    TargetLook {
+        detections: 10,
+        passed: 20,
+        gate_sigmas: 3.5,
+        innovation_world: vec3(),
+        innovation_sigmas: 5.5,
+        objectness: 6.5,
+        rival_pos_world: vec3(),
+        rival_objectness: 8.5,
+        rival_needed: 9.5,
+    }
+}
+
+fn event() -> Event {
+    Event { stamp_ns: 1000, severity: Severity::Warning.into(), kind: "kind".into(), text: "text".into(), seq: 5000 }
+}
+
+fn missed() -> Missed {
+    Missed {
+        session: 1000,
+        events: vec![event()],
+        controls: vec![control()],
+        healths: vec![health()],
+        dropped_events: 5000,
+        dropped_samples: 6000,
+        more: true,
     }
 }
 
@@ -136,6 +168,8 @@ fn health() -> Health {
         autopilot: "autopilot".into(),
         profiles: vec!["profiles".into()],
         protocol: 18,
+        session: 19_000,
+        events: 20_000,
     }
 }
 
@@ -273,10 +307,10 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("Drops", drops()),
         entry("Health", health()),
         entry("Preview", Preview { seq: 1000, stamp_ns: 2000, width: 30, height: 40, jpeg: vec![5, 0, 255] }),
-        entry(
-            "Event",
-            Event { stamp_ns: 1000, severity: Severity::Warning.into(), kind: text("kind"), text: text("text") },
-        ),
+        entry("Event", event()),
+        entry("TargetLook", look()),
+        entry("MissedRequest", MissedRequest { session: 1000, after_event: 2000, after_ns: 3000, before_ns: 4000 }),
+        entry("Missed", missed()),
         entry(
             "Rgbd",
             Rgbd {

@@ -212,6 +212,7 @@ class FakeVehicle:
             acc_att_world=vec(m.acc - gust),
             acc_disturbance_world=vec(gust),
             acc_meas_world=vec(m.acc + noise),
+            disturbance_limit_mps2=6.0,
             world_from_body_des=wxyz(m.yaw, 0.12),
             thrust_n=8.3,
             thrust_norm=0.24,
@@ -236,6 +237,18 @@ class FakeVehicle:
         """The target with some error."""
         cov = np.diag([0.04, 0.02, 0.02, 0.4, 0.4, 0.2])
         cov[0, 1] = cov[1, 0] = 0.015
+        off_3 = self.np_rng.normal(0, 0.05, 3)
+        look = pb.TargetLook(
+            detections=3,
+            passed=2,
+            gate_sigmas=5.0,
+            innovation_world=vec(off_3),
+            innovation_sigmas=float(np.linalg.norm(off_3)) / 0.2,
+            objectness=0.93,
+            rival_pos_world=vec(m.target_pos + np.array([1.0, 4.0, 0.0])),
+            rival_objectness=0.35,
+            rival_needed=0.85,
+        )
         return pb.Target(
             seq=seq,
             stamp_ns=stamp_ns,
@@ -244,6 +257,7 @@ class FakeVehicle:
             covariance=cov.flatten().tolist(),
             confirmed=self.mode == pb.MODE_TRACK,
             since_seen_s=0.02,
+            look=look,
         )
 
     def health(self, seq: int, stamp_ns: int) -> pb.Health:

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import other_logs
 import pytest
 import recordings as rec
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import marks_of
 from goshawk_dashboards.review.dashboard import ReviewDashboard, ReviewView
 from goshawk_ground.pages.ports import free_port
+from goshawk_ground.pages.replan import replanner_of
 from goshawk_ground.pages.review import open_review
 from playwright.sync_api import Page, expect
 from stage import Seen
@@ -65,8 +67,10 @@ def review() -> Iterator[Review]:
     """Starts reviews in this process, so that their scenes can be read."""
     started: list[ReviewDashboard] = []
 
-    def start(*logs: Path, replay: Path | None = None) -> ReviewDashboard:
-        started.append(open_review(logs, replay, host="127.0.0.1", port=free_port(18700)))
+    def start(*logs: Path, replay: Path | None = None, beside: Path | None = None) -> ReviewDashboard:
+        replanner = replanner_of(ROOT / "target/release", sorted((ROOT / "air/models").glob("*.onnx")))
+        port = free_port(18700)
+        started.append(open_review(logs, replay, host="127.0.0.1", port=port, replanner=replanner, beside=beside))
         return started[-1]
 
     yield start
@@ -365,3 +369,66 @@ def test_a_replay_given_as_the_second_log_is_known_as_one(review: Review, plain:
     assert view.scene.others == ()
     view.player.seek(2.0)
     eventually("the other policy's choice was not drawn", lambda: view.scene.replayed.visible)
+
+
+def alter(page: Page, key: str, value: str) -> None:
+    """Asks for a parameter of another value."""
+    page.get_by_label("Parameter", exact=True).fill(key)
+    page.get_by_label("Value", exact=True).fill(value)
+    page.get_by_role("button", name="Plan again", exact=True).click()
+
+
+def test_an_altered_planner_is_shown_over_the_flight_in_words_scene_picture_and_charts(
+    review: Review, plain: Visit, trial: Path
+) -> None:
+    r = review(trial)
+    seen = plain(r.url)
+    page, view = seen.page, first_view(r)
+    over(page, 0)
+    view.player.seek(9.01)
+    press(page, "Plan again …")
+    said = page.locator('[data-goshawk="altered"]:not(g)')
+    alter(page, "planner.chase.standoff", "8")
+    expect(said).to_have_text(re.compile("unknown field `standoff`"))
+    assert view.seat.altered is None
+    alter(page, "planner.chase.standoff_m", "8")
+    expect(said).to_have_text(re.compile(r"^at \d+\.\d\d s it would have flown .*; otherwise in \d+ of \d+ plans"))
+    altered = view.seat.altered
+    assert altered is not None and altered.words == said.inner_text()
+    flight = Flight.open(trial)
+    flown, index = flight.plan_at(9.01), flight.index_at("plan", 9.01)
+    assert flown is not None and index is not None
+    # From the plan that was shown on.
+    assert altered.at_s == pytest.approx(flight.time_s("plan", index), abs=1e-6)
+    first = altered.replay.plan_for(flown)
+    assert first is not None
+    eventually("the candidates were not drawn", lambda: view.scene.altered is not None and view.scene.altered.visible)
+    assert view.scene.altered is not None and len(view.scene.altered.points) == 15 * 23
+    expect(page.locator('[data-goshawk="picture"] g[data-goshawk="altered"] [data-candidate]')).to_have_count(15)
+    assert first.chosen is not None
+    expect(page.locator('[data-goshawk="candidates"]')).to_contain_text(f"the altered planner chose {first.chosen + 1}")
+    chart = page.locator('[data-goshawk="charts"] section').nth(0)
+    value = chart.locator('[data-line="0/altered: candidate flown"] output')
+    expect(value).to_have_text(re.compile(rf"^{first.chosen + 1} "))
+    expect(page.locator('[data-line="0/altered: thrust"] output')).to_have_text(re.compile(r"^\d"))
+    assert window_s(page)[1] - window_s(page)[0] < 4.0
+    press(page, "As it was flown")
+    expect(page.locator('[data-line="0/altered: thrust"]')).to_have_count(0)
+    eventually("the candidates stayed", lambda: view.scene.altered is not None and not view.scene.altered.visible)
+    assert seen.errors == []
+
+
+def test_the_autopilots_own_log_lies_beside_under_the_same_cursor(review: Review, plain: Visit, tmp_path: Path) -> None:
+    flown = other_logs.Flown(30.0, seed=3)
+    log = other_logs.write_flown(tmp_path / "flight.mcap", flown)
+    r = review(log, beside=other_logs.write_ulog(tmp_path / "flight.ulg", flown, 600.0, 100e-6))
+    page, view = plain(r.url).page, first_view(r)
+    page.get_by_role("button", name="+ signal").click()
+    page.get_by_label("Search a signal").fill("beside voltage")
+    page.get_by_label("Search a signal").press("Enter")
+    view.player.seek(12.3)
+    row = page.locator('[data-line="0/beside: battery_status.voltage_v"]')
+    expect(row.locator("output")).to_have_text(re.compile(r"^11\.3"))
+    expect(page.locator('[data-line="0/beside: tilt"]')).to_have_count(1)
+    lies = re.compile(r"^flight.ulg lies beside: its (600.00|599.99)")
+    expect(page.locator('[data-goshawk="beside"]')).to_have_attribute("title", lies)

@@ -13,7 +13,7 @@ from goshawk_proto import goshawk_pb2, key_expression
 from test_strangers import stranger_config
 
 PAYLOAD = bytes(100_000_000)
-KEYS_ASKED = ("cmd_stop", "cmd_start", "ping")
+KEYS_ASKED = ("cmd_stop", "cmd_start", "ping", "missed")
 
 
 def flood(kind: str, session: zenoh.Session) -> Callable[[int], None]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -178,3 +180,66 @@ def test_what_cannot_be_replayed_is_one_clear_line(flight: Path, tmp_path: Path,
         assert "log.mcap" in printed
     assert status == 1
     assert len(printed.strip().splitlines()) == 1
+
+
+def altered(flight: Path, folder: Path, *arguments: str | Path) -> tuple[dict[str, Any], list[goshawk_pb2.Plan]]:
+    """What came of an alteration at 8 s for 2 s, and the plans that it wrote."""
+    figures, out = folder / "altered.json", folder / "altered.mcap"
+    status, printed = replay(flight, "--from", "8", "--for", "2", *arguments, "--json", figures, "--out", out)
+    assert status == 0, printed
+    found = json.loads(figures.read_text())
+    assert found["words"] == printed.splitlines()[0]
+    with out.open("rb") as stream:
+        messages = make_reader(stream).iter_messages(topics=["tel/plan"])
+        return found, [goshawk_pb2.Plan.FromString(message.data) for _, _, message in messages]
+
+
+def flown_plans(flight: Path) -> dict[int, goshawk_pb2.Plan]:
+    """By their numbers."""
+    with flight.open("rb") as stream:
+        messages = make_reader(stream).iter_messages(topics=["tel/plan"])
+        plans = [goshawk_pb2.Plan.FromString(message.data) for _, _, message in messages]
+    return {plan.seq: plan for plan in plans}
+
+
+def test_with_the_flown_values_the_planner_goes_on_bit_for_bit(flight: Path, tmp_path: Path) -> None:
+    found, plans = altered(flight, tmp_path, "--set", "planner.costs.obstacle=5", "--policy", POLICY)
+    assert found["same"] == found["frames"] == len(plans) > 40
+    assert found["first_other"] is None and found["first_difference"] is None
+    assert "as well, and so in all" in found["words"]
+    flown = flown_plans(flight)
+    assert [plan.SerializeToString() for plan in plans] == [flown[plan.seq].SerializeToString() for plan in plans]
+    assert found["from_s"] >= 8.0 and found["to_s"] <= 10.0
+
+
+def test_a_parameter_altered_at_an_instant_changes_what_is_flown_from_there_on(flight: Path, tmp_path: Path) -> None:
+    before = flight.read_bytes()
+    change = "planner.chase.standoff_m = 8"
+    found, plans = altered(flight, tmp_path, "--set", change, "--policy", POLICY)
+    assert found["same"] < found["frames"] == len(plans)
+    assert re.search(r"candidate \d+ instead of \d+", found["words"])
+    flown, first = flown_plans(flight), found["first_other"]
+    other = next(plan for plan in plans if plan.seq == first["seq"])
+    assert (flown[first["seq"]].chosen, other.chosen) == (first["flown"], first["altered"])
+    assert flight.read_bytes() == before
+
+
+def test_what_cannot_be_altered_is_one_clear_line_and_nothing_is_written(flight: Path, tmp_path: Path) -> None:
+    out = tmp_path / "altered.mcap"
+    for arguments, says in (
+        (["--set", "planner.costs.obstacle=-1"], "planner.costs.obstacle"),
+        (["--set", "planner.costs.obstacles=1"], "unknown field `obstacles`"),
+        (["--set", "planner.costs.obstacle=much"], "much is no value"),
+        (["--set", "observer.alpha1=2"], "only the planner is altered"),
+        (["--set", "planner.cost"], "write it as planner.KEY=VALUE"),
+        (["--set", "planner.chase.standoff_m=8"], "name the policy that flew"),
+        (["--policy", ROOT / "air/models/navigate.onnx"], "Navigate"),
+        ([], "nothing is altered"),
+        (["--from", "500", "--policy", POLICY], "holds no plan between 500.00 s"),
+    ):
+        instant = [] if "--from" in arguments else ["--from", "8"]
+        status, printed = replay(flight, *instant, *arguments, "--out", out)
+        assert status == 1, arguments
+        (line,) = printed.strip().splitlines()
+        assert says in line, line
+        assert not out.exists()

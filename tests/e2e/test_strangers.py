@@ -105,7 +105,7 @@ class Attempts:
                 lambda sample: self.heard.append(str(sample.key_expr)),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
-        for name in ("cmd_start", "cmd_stop", "ping", "sim_world"):
+        for name in ("cmd_start", "cmd_stop", "ping", "missed", "sim_world"):
             self.session.declare_queryable(
                 key(name),
                 lambda query: self.asked.append(str(query.key_expr)),
@@ -117,7 +117,9 @@ class Attempts:
         """Commands, pictures, telemetry and deletions, on every key."""
         start = pb.StartRequest(command_id=str(uuid.uuid4())).SerializeToString()
         stop = pb.StopRequest(command_id=str(uuid.uuid4())).SerializeToString()
-        for name, payload in (("cmd_start", start), ("cmd_stop", stop), ("cmd_start", self.replayed)):
+        told = pb.MissedRequest().SerializeToString()
+        questions = (("cmd_start", start), ("cmd_stop", stop), ("cmd_start", self.replayed), ("missed", told))
+        for name, payload in questions:
             for reply in self.session.get(key(name), payload=payload, timeout=1.0):
                 if reply.ok is not None:
                     self.replies.append(name)
@@ -202,6 +204,7 @@ def test_an_observer_sees_what_an_operator_sees(flown: tuple[Rig, People]) -> No
         snap = link.wait_for(lambda s: s.health is not None and s.control is not None and s.plan is not None, 20.0)
         assert snap is not None and snap.alive
         assert link.wait_for(lambda s: s.world is not None, 20.0) is not None
+        assert link.wait_for(lambda s: any(event.late for event in s.events), 20.0) is not None, "told what was before"
         assert not link.start(timeout_s=2.0).answered
         assert link.snapshot().mode == pb.MODE_READY
 

@@ -1,4 +1,4 @@
-"""Builds the example programs that these tests talk to."""
+"""Builds the programs that these tests talk to."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="session")
-def example() -> Callable[[str], Path]:
-    """The path of an example program of the workspace, built."""
-
-    def build(name: str) -> Path:
-        command = ["cargo", "build", "--release", "--locked", "-q", "--workspace", "--example", name]
-        subprocess.run(command, cwd=ROOT, check=True)
-        return ROOT / "target/release/examples" / name
-
-    return build
+def built() -> Path:
+    """The folder with all programs and examples, built as `make test` builds them."""
+    command = ["cargo", "build", "--release", "--locked", "-q", "--workspace", "--bins", "--examples"]
+    subprocess.run(command, cwd=ROOT, check=True)
+    return ROOT / "target/release"
 
 
 @pytest.fixture(scope="session")
-def air() -> Path:
-    """The path of the onboard program, built."""
-    subprocess.run(["cargo", "build", "--release", "--locked", "-q", "--bins"], cwd=ROOT, check=True)
-    return ROOT / "target/release/goshawk-air"
+def example(built: Path) -> Callable[[str], Path]:
+    """The path of an example program."""
+    return lambda name: built / "examples" / name
+
+
+@pytest.fixture(scope="session")
+def air(built: Path) -> Path:
+    """The path of the onboard program."""
+    return built / "goshawk-air"

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 160, 96
 @pytest.fixture(scope="module")
 def write_log() -> Path:
     """The built example that writes logs."""
-    build = ["cargo", "build", "-q", "--release", "--locked", "--workspace", "--example", "write_log"]
+    build = ["cargo", "build", "-q", "--release", "--locked", "--workspace", "--bins", "--examples"]
     subprocess.run(build, cwd=REPOSITORY, check=True)
     return Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"), "release", "examples", "write_log")
 

@@ -53,5 +53,5 @@ pub use values::extensions::Extensions;
 pub use values::history::History;
 pub use values::types::{
     ANCHORS, Added, AttitudeThrust, Candidate, FlatState, GRAVITY, Imu, MAX_CHANNELS, NetworkOutput, Newtons,
-    NormalisedThrust, Odometry, Rejection, Rot, TargetEstimate, Task, Time, Vec3,
+    NormalisedThrust, Odometry, Rejection, Rival, Rot, Taken, TargetEstimate, TargetLook, Task, Time, Vec3,
 };

@@ -31,7 +31,7 @@ prop_compose! {
         });
         (age, Plan {
             seq: 0, stamp: Time(0), start: state, world_from_cam: Rot::identity(), duration, alpha: 1.0,
-            candidates: [candidate; ANCHORS], chosen, target: estimate,
+            candidates: [candidate; ANCHORS], chosen, target: estimate, look: None,
             room: Some([distance as f32; HEADINGS]),
             movers: [None; goshawk_core::planning::movers::MOST],
             evasion: None,

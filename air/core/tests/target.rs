@@ -189,3 +189,43 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_look_tells_what_was_taken_how_far_off_it_is_and_what_the_rival_lacks() {
+    let here = Vec3::new(5.0, 0.0, 1.0);
+    let mut filter = confirmed_at(here);
+    let off = Vec3::new(0.0, 0.2, 0.0);
+    let beside = here + Vec3::new(1.0, 4.0, 0.0);
+    let both = |sure: f64| [seen(here + off)[0], seen_as(beside, sure)[0]];
+    watch(&mut filter, 1.0, 1, |_| both(0.5));
+    let look = filter.look().unwrap();
+    assert_eq!((look.detections, look.passed), (2, 1));
+    let taken = look.taken.unwrap();
+    assert!((taken.innovation_world - off).norm() < 0.05 && taken.objectness == 0.9);
+    assert!(taken.sigmas > 0.0 && taken.sigmas < look.gate_sigmas);
+    // What is surer by far takes the place as soon as its mean reaches what was told, and not before.
+    let mut rival = look.rival.unwrap();
+    assert!((rival.pos_world - beside).norm() < 1e-9 && rival.objectness == 0.5);
+    for k in 0..60 {
+        let before = rival;
+        watch(&mut filter, 1.1 + f64::from(k) / 30.0, 1, |_| [seen_as(here, 0.3)[0], seen_as(beside, 1.0)[0]]);
+        match filter.look().unwrap().rival {
+            Some(now) => rival = now,
+            None => {
+                assert!(
+                    before.objectness < before.needed && (filter.estimate().unwrap().pos_world - beside).norm() < 0.5
+                );
+                return;
+            }
+        }
+        assert!(rival.objectness < rival.needed, "{rival:?}");
+    }
+    panic!("it never took the place: {rival:?}");
+}
+
+#[test]
+fn before_the_first_detection_there_is_no_look() {
+    let mut filter = TargetFilter::new(config(), Extensions::ALL);
+    watch(&mut filter, 0.0, 1, |_| seen(Vec3::new(5.0, 0.0, 1.0)));
+    assert_eq!(filter.look(), None);
+}

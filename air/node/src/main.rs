@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use color_eyre::eyre::{Result, WrapErr};
+use color_eyre::eyre::{Result, WrapErr, eyre};
 use goshawk_air::check;
 use goshawk_air::network::visitors::Visitors;
 use goshawk_air::run::{Overrides, run};
@@ -24,7 +24,8 @@ use tracing_subscriber::util::SubscriberInitExt as _;
     goshawk-air check --config air/vehicles/sim.toml\n  \
     goshawk-air check --frames --config vehicle.toml\n  \
     goshawk-air replay logs/flight.mcap\n  \
-    goshawk-air replay logs/flight.mcap --policy other.onnx -o other.mcap\n\n\
+    goshawk-air replay logs/flight.mcap --policy other.onnx -o other.mcap\n  \
+    goshawk-air replay logs/flight.mcap --from 12.3 --for 3 --set planner.costs.obstacle=2\n\n\
     RUST_LOG=debug shows more.")]
 struct Arguments {
     #[command(subcommand)]
@@ -60,6 +61,12 @@ impl Flying {
     }
 }
 
+/// Of a log's timeline.
+fn instant(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().map_err(|e| e.to_string())?;
+    if (0.0..=1e6).contains(&seconds) { Ok(seconds) } else { Err("0 or more seconds".to_owned()) }
+}
+
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().map_err(|e| e.to_string())?;
     if (0.0..=600.0).contains(&seconds) { Ok(seconds) } else { Err("0 to 600 seconds".to_owned()) }
@@ -92,8 +99,19 @@ enum Command {
         /// would have chosen otherwise.
         #[arg(long, value_name = "ONNX")]
         policy: Option<PathBuf>,
-        /// Write that policy's plans to a new log, at the stamps of those that were flown.
-        #[arg(short, long, value_name = "MCAP", requires = "policy")]
+        /// Alter the planner from this second of the review on: replay up to there as it was flown, then go on with
+        /// --policy, --set or both, on what the flight saw next. Exit status 0: it was done.
+        #[arg(long, value_name = "SECONDS", value_parser = instant)]
+        from: Option<f64>,
+        /// For how many seconds.
+        #[arg(long = "for", value_name = "SECONDS", default_value_t = 3.0, value_parser = seconds, requires = "from")]
+        lasts: f64,
+        /// Another value of one of the planner's parameters, from that second on; may be repeated. `goshawk-air
+        /// parameters` lists them.
+        #[arg(long, value_name = "KEY=VALUE", requires = "from")]
+        set: Vec<String>,
+        /// Write the other plans to a new log, at the stamps of those that were flown.
+        #[arg(short, long, value_name = "MCAP")]
         out: Option<PathBuf>,
         /// Write the outcome to a file.
         #[arg(long, value_name = "FILE")]
@@ -147,7 +165,15 @@ fn start(visitors: Visitors) -> Result<ExitCode> {
             check::print(&findings, frames);
             Ok(if findings.ready { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
-        Command::Replay { log, policy, out, json } => {
+        Command::Replay { log, policy, from: Some(from_s), lasts: for_s, set, out, json } => {
+            let alteration = goshawk_replay::Alteration { from_s, for_s, set, policy, out };
+            let altered = goshawk_replay::alter(&log, &alteration)?;
+            write_json(json.as_deref(), &altered)?;
+            goshawk_replay::print_altered(&altered);
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Replay { policy: None, out: Some(_), .. } => Err(eyre!("--out needs --policy, --from or both")),
+        Command::Replay { log, policy, out, json, .. } => {
             let outcome = goshawk_replay::replay(&log, &goshawk_replay::Options { policy, out })?;
             write_json(json.as_deref(), &outcome)?;
             goshawk_replay::print(&outcome);

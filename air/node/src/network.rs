@@ -2,5 +2,7 @@
 
 pub mod access;
 pub mod commands;
+pub mod memory;
+pub mod missed;
 pub mod switch;
 pub mod visitors;

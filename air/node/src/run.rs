@@ -1,9 +1,9 @@
 //! Builds every part from the vehicle file, starts the threads, and waits for the signal to stop.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{channel, sync_channel};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -26,6 +26,8 @@ use crate::flight::shared::Shared;
 use crate::flight::vision;
 use crate::network::access::{Access, Guard};
 use crate::network::commands;
+use crate::network::memory::Memory;
+use crate::network::missed;
 use crate::network::switch;
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
@@ -91,7 +93,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     subscribe(&bus, &vehicle, &shared)?;
     let (answers, unsent) = channel();
     let asked = commands::declare(&bus, &answers)?;
-    let pinged = commands::declare_ping(&bus, &answers)?;
+    let pinged = commands::declare_question(&bus, Key::Ping, &answers)?;
+    let away = commands::declare_question(&bus, Key::Missed, &answers)?;
+    let memory = Arc::new(Mutex::new(Memory::default()));
     let log = FlightLog::new(log_dir, &vehicle, &policy);
     let identity = Identity {
         vehicle: vehicle.name.clone(),
@@ -105,7 +109,8 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         insecure: *access.guard() == Guard::Nobody,
         warnings: [("mavlink", exposure), ("least distance", vehicle.unkept().map(str::to_owned))],
     };
-    let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, visitors.clone(), identity)?;
+    let kept = Arc::clone(&memory);
+    let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, visitors.clone(), identity, kept)?;
     visitors.watch(&bus, access.clone())?;
     let _alive = bus.declare_alive()?;
     tracing::info!("listening on {}; policy {}", access.endpoints(), model.display());
@@ -136,6 +141,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         spawn("commands", &shared, move |shared| commands::serve(&asked, &answers, shared, &vehicle))?,
         spawn("answers", &shared, move |shared| commands::send(&unsent, shared))?,
         spawn("ping", &shared, move |shared| commands::serve_pings(&pinged, shared))?,
+        spawn("missed", &shared, move |shared| missed::serve(&away, &memory, shared))?,
     ];
     if let Some((message, link)) = sight {
         threads.push(spawn("vision", &shared, move |shared| vision::send(message, &link, shared))?);

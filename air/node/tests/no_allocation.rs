@@ -125,6 +125,7 @@ fn plan(seq: u64, stamp: Time, height: f64) -> Plan {
         candidates: [candidate; ANCHORS],
         chosen: Some(7),
         target: Some(target),
+        look: None,
         room: Some([1.0; HEADINGS]),
         movers: [None; goshawk_core::planning::movers::MOST],
         evasion: None,

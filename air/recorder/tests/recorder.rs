@@ -15,7 +15,7 @@ use proptest::prelude::*;
 use prost::Message;
 
 fn event(k: u64) -> v1::Event {
-    v1::Event { stamp_ns: k, severity: 1, kind: "test".to_owned(), text: format!("event {k}") }
+    v1::Event { stamp_ns: k, severity: 1, kind: "test".to_owned(), text: format!("event {k}"), seq: k }
 }
 
 fn events() -> Channel {

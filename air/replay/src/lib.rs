@@ -1,9 +1,14 @@
 //! Runs planner and controller again on what a log says that they were given, and compares what they answer with what
-//! they answered then, bit for bit. With another policy: what that one would have chosen on the same images.
+//! they answered then, bit for bit. With another policy: what that one would have chosen on the same images. Altered from
+//! an instant on: what the planner would have chosen then.
 
+mod alter;
+mod choices;
 mod compare;
 mod controls;
+mod out;
 mod plans;
+mod policy;
 mod recording;
 mod table;
 
@@ -12,10 +17,12 @@ use std::path::{Path, PathBuf};
 use color_eyre::eyre::{Result, WrapErr};
 use serde::Serialize;
 
+pub use alter::{Alteration, Altered, Choice, alter};
+pub use choices::{Agreement, Quantiles};
 pub use compare::{Count, Difference};
-pub use plans::Other;
+pub use policy::Other;
 pub use recording::Recording;
-pub use table::print;
+pub use table::{print, print_altered};
 
 /// What to replay with.
 #[derive(Clone, Debug, Default)]
@@ -94,7 +101,7 @@ pub fn replay_recording(recording: &Recording, options: &Options) -> Result<Outc
     let plans = plans::again(recording, &mut outcome)?;
     controls::again(recording, &plans, &mut outcome)?;
     if let Some(policy) = &options.policy {
-        plans::with_policy(recording, policy, options.out.as_deref(), &mut outcome)
+        policy::again(recording, policy, options.out.as_deref(), &mut outcome)
             .wrap_err_with(|| format!("cannot run {} on {}", policy.display(), log.display()))?;
     }
     Ok(outcome)

@@ -21,6 +21,8 @@ pub struct Recording {
     pub contract: Contract,
     /// Stamps of the first and the last controller step, ns.
     pub span_ns: (u64, u64),
+    /// Of the first record that moves: where the review's timeline begins, ns.
+    pub begin_ns: u64,
 }
 
 impl Recording {
@@ -67,7 +69,9 @@ impl Recording {
             eyre!("{name} holds no controller inputs: an older version wrote it, or the classical pilot flew")
         })?;
         let last = stamps.last().unwrap_or(first);
-        Ok(Recording { log, header, vehicle, contract, span_ns: (first, last) })
+        let moves = |topic: &str| topic != Channel::HEADER.topic && topic != Channel::WORLD.topic;
+        let begin_ns = log.entries().filter(|e| moves(&e.topic)).map(|e| e.time_ns).min().unwrap_or(first);
+        Ok(Recording { log, header, vehicle, contract, span_ns: (first, last), begin_ns })
     }
 
     /// What of the log cannot be read, a line each.
@@ -85,12 +89,18 @@ impl Recording {
     /// Length of the flight, s.
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        self.since_begin(self.span_ns.1)
+        (self.span_ns.1 - self.span_ns.0) as f64 * 1e-9
     }
 
-    /// From the first controller step to `stamp_ns`, s.
+    /// From the log's begin to `stamp_ns`, s, as the review counts it.
     #[must_use]
     pub fn since_begin(&self, stamp_ns: u64) -> f64 {
-        (i128::from(stamp_ns) - i128::from(self.span_ns.0)) as f64 * 1e-9
+        (i128::from(stamp_ns) - i128::from(self.begin_ns)) as f64 * 1e-9
+    }
+
+    /// The stamp at so many seconds of the review, ns.
+    #[must_use]
+    pub fn at(&self, seconds: f64) -> u64 {
+        self.begin_ns.saturating_add((seconds * 1e9).round() as u64)
     }
 }

@@ -1,6 +1,6 @@
 //! A replay's outcome for the terminal.
 
-use super::{Count, Outcome};
+use super::{Agreement, Altered, Count, Outcome};
 
 /// Prints the table.
 pub fn print(outcome: &Outcome) {
@@ -32,11 +32,24 @@ pub fn print(outcome: &Outcome) {
         }
     }
     let Some(other) = &outcome.other else { return };
-    let share = 100.0 * other.same as f64 / other.frames.max(1) as f64;
     println!("{} would have chosen", other.policy.display());
-    println!("  the same in {} of {} frames ({share:.1} %)", other.same, other.frames);
-    println!("  otherwise in {}; in {} of them only one of the two chose", other.frames - other.same, other.one_chose);
-    if let Some(apart) = other.end_distance_m {
+    print_agreement(&other.agreement);
+}
+
+/// Prints what an alteration changes.
+pub fn print_altered(altered: &Altered) {
+    if let Some(d) = &altered.first_difference {
+        println!("this software replays the flight otherwise from {:.3} s on: {}: {}", d.at_s, d.what, d.field);
+    }
+    println!("{}", altered.words);
+    print_agreement(&altered.agreement);
+}
+
+fn print_agreement(found: &Agreement) {
+    let share = 100.0 * found.same as f64 / found.frames.max(1) as f64;
+    println!("  the same in {} of {} frames ({share:.1} %)", found.same, found.frames);
+    println!("  otherwise in {}; in {} of them only one of the two chose", found.frames - found.same, found.one_chose);
+    if let Some(apart) = found.end_distance_m {
         println!("  ends {:.2} m apart (median), {:.2} m (95th percentile)", apart.p50, apart.p95);
     }
 }

@@ -146,17 +146,34 @@ pub fn plan(plan: &core::Plan, ready: core::Time) -> v1::Plan {
     }
 }
 
-/// The target filter after the frame `seq`, at `now`.
+/// The target filter after a plan's frame; none before the first detection.
 #[must_use]
-pub fn target(seq: u64, target: &core::TargetEstimate, now: core::Time) -> v1::Target {
-    v1::Target {
+pub fn target(seq: u64, plan: &core::Plan) -> Option<v1::Target> {
+    let target = plan.target?;
+    Some(v1::Target {
         seq,
         stamp_ns: target.stamp.0,
         pos_world: Some(vec3(target.pos_world)),
         vel_world: Some(vec3(target.vel_world)),
         covariance: target.covariance.transpose().iter().map(|c| *c as f32).collect(),
         confirmed: target.confirmed,
-        since_seen_s: core::hidden_for(target.last_seen, now),
+        since_seen_s: core::hidden_for(target.last_seen, plan.stamp),
+        look: plan.look.map(look),
+    })
+}
+
+fn look(look: core::TargetLook) -> v1::TargetLook {
+    let (taken, rival) = (look.taken, look.rival);
+    v1::TargetLook {
+        detections: look.detections,
+        passed: look.passed,
+        gate_sigmas: look.gate_sigmas,
+        innovation_world: taken.map(|taken| vec3(taken.innovation_world)),
+        innovation_sigmas: taken.map_or(0.0, |taken| taken.sigmas),
+        objectness: taken.map_or(0.0, |taken| taken.objectness),
+        rival_pos_world: rival.map(|rival| vec3(rival.pos_world)),
+        rival_objectness: rival.map_or(0.0, |rival| rival.objectness),
+        rival_needed: rival.map_or(0.0, |rival| rival.needed),
     }
 }
 
@@ -190,6 +207,7 @@ pub fn control(
         attitude_lag_s: output.attitude_lag,
         odometry_fault: odometry_fault(output.odometry_fault).into(),
         odometry_doubt: output.odometry_doubt,
+        disturbance_limit_mps2: output.disturbance_limit,
     }
 }
 

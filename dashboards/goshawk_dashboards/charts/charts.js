@@ -24,13 +24,14 @@ class GoshawkCharts {
 
   // ---- charts ----
 
-  add(signals, title = "") {
+  add(signals, title = "", first = false) {
     const element = document.createElement("section");
     element.className = "gk-chart";
     element.innerHTML = '<div class="gk-plot"></div><div class="gk-legend"></div>';
     const chart = { element, title, signals: [...signals], lines: [], hidden: new Set(), plot: null, number: 0 };
-    this.charts.push(chart);
-    this.host.append(element);
+    if (first) this.charts.unshift(chart);
+    else this.charts.push(chart);
+    this.host[first ? "prepend" : "append"](element);
     this.request(chart);
     return chart;
   }

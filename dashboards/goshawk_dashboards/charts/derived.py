@@ -106,6 +106,11 @@ def _angle(field: str, axis: int, flight: Flight) -> Series:
     return _control(flight).times_s, np.degrees(angles_M3(_control(flight)[field])[:, axis])
 
 
+def _tilt(flight: Flight) -> Series:
+    q_M4 = _control(flight)["world_from_body"]
+    return _control(flight).times_s, np.degrees(np.arccos(np.clip(1.0 - 2.0 * (q_M4[:, 1:3] ** 2).sum(axis=1), -1, 1)))
+
+
 def _attitude_error(flight: Flight) -> Series:
     own = _control(flight)
     cosine_M = np.abs((own["world_from_body"] * own["world_from_body_des"]).sum(axis=1))
@@ -191,6 +196,10 @@ def _cost(flight: Flight) -> Series:
     return flight.chosen_cost
 
 
+def _candidate(flight: Flight) -> Series:
+    return flight.chosen_number
+
+
 DERIVED: Mapping[str, Derived] = {
     "speed": Derived(unit="m/s", rgb=theme.VEHICLE, read=_speed),
     "target speed": Derived(unit="m/s", rgb=theme.TARGET, read=_target_speed),
@@ -199,9 +208,11 @@ DERIVED: Mapping[str, Derived] = {
     "true clearance": Derived(unit="m", rgb=theme.GOOD, read=partial(_truth, "clearance_m")),
     "clearance by depth": Derived(unit="m", rgb=theme.VEHICLE, read=_clearance),
     "cost flown": Derived(unit="", rgb=theme.GOOD, read=_cost),
+    "candidate flown": Derived(unit="of the plan", rgb=theme.GOOD, read=_candidate),
     "age of the plan": Derived(unit="ms", rgb=theme.VEHICLE, read=_scaled("plan_age_s", 1e3)),
     "thrust": Derived(unit="%", rgb=theme.VEHICLE, read=_scaled("thrust_norm", 100.0)),
     "hover thrust": Derived(unit="%", rgb=theme.TRUTH, read=_scaled("hover_thrust", 100.0), dashed=True),
+    "tilt": Derived(unit="°", rgb=theme.VEHICLE, read=_tilt),
     "attitude error": Derived(unit="°", rgb=theme.BAD, read=_attitude_error),
     "battery": Derived(unit="%", rgb=theme.GOOD, read=_battery),
     "doubt of the odometry": Derived(unit="of its gate", rgb=theme.WARN, read=_doubt),

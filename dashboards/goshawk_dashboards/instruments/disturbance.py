@@ -24,7 +24,7 @@ DASHED = frozenset({"true"})
 """Nothing on board knows it."""
 LEAST_MPS2 = 1.0
 ROSE_MPS2 = 6.0
-"""Radius of the rose where the limit is not known."""
+"""Radius of the rose where the vehicle does not tell the limit."""
 HIGH, FULL = 0.6, 0.9
 """Shares of the limit from which the disturbance is worth a look, and from which the observer may be at its end."""
 
@@ -36,11 +36,11 @@ def disturbance_html(snap: Snapshot, track: Track) -> str:
         return f'<div style="{DIM}">no controller step yet</div>'
     if not track.airborne(snap):
         return f'<div style="{DIM}">On the ground: what stands there feels no wind.</div>'
-    size, limit_mps2 = float(np.linalg.norm(control.acc_disturbance_world_3)), track.tuning.disturbance_limit_mps2
+    size, limit_mps2 = float(np.linalg.norm(control.acc_disturbance_world_3)), control.disturbance_limit_mps2
     share = None if not limit_mps2 else size / limit_mps2
     color = theme.DISTURBANCE if share is None or share < HIGH else theme.WARN if share < FULL else theme.BAD
     limit = (
-        f'<span style="{DIM}">limit not known here</span>'
+        f'<span style="{DIM}">of a limit that it does not tell</span>'
         if share is None
         else f"{100.0 * share:.0f} % of {limit_mps2:g} m/s&sup2;"
     )

@@ -6,6 +6,8 @@ import numpy as np
 
 from goshawk_dashboards.state.views import Array
 
+NEAR_S = 0.05
+"""A row nearer to another than this says nothing new."""
 SAMPLES = 400
 """Kept per window: 20 s at 20 Hz. At a higher rate the window gets shorter, never the memory larger."""
 
@@ -36,6 +38,20 @@ class History:
         self._rows[self._count % len(self._rows)] = (time_s, *values)
         self._count += 1
 
+    def fill(self, time_s: float, values: Array) -> None:
+        """Takes a row of an earlier time, unless there is one of about then."""
+        held = self._in_order()
+        if not (np.abs(held[:, 0] - time_s) < NEAR_S).any():
+            rows = np.vstack([held, np.array([time_s, *values])])
+            rows = rows[np.argsort(rows[:, 0], kind="stable")][-len(self._rows) :]
+            self._rows[: len(rows)] = rows
+            self._count = len(rows)
+
+    def _in_order(self) -> Array:
+        """The rows that are held, each with its time, the oldest first."""
+        n = len(self)
+        return np.roll(self._rows, -self._count, axis=0) if n == len(self._rows) else self._rows[:n]
+
     @property
     def newest_s(self) -> float:
         """Time of the last row; needs at least one."""
@@ -46,9 +62,7 @@ class History:
         n = len(self)
         if n == 0:
             return np.zeros(0), np.zeros((0, self._rows.shape[1] - 1))
-        rows = (
-            np.roll(self._rows, -self._count, axis=0)[len(self._rows) - n :] if n == len(self._rows) else self._rows[:n]
-        )
+        rows = self._in_order()
         ago = rows[:, 0] - rows[-1, 0]
         inside = ago >= -seconds
         return ago[inside], rows[inside, 1:]

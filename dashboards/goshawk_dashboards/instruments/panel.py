@@ -1,7 +1,7 @@
 """The instrument panel: both estimates, and what the vehicle learns of itself, in numbers and over a stretch of time.
 
-    track = Track(Tuning.of_toml(header.tuning_toml))
-    track.add(snap)                    # each new snapshot; or Track.of(snapshots, tuning) of a log
+    track = Track()
+    track.add(snap)                    # each new snapshot; or Track.of(snapshots) of a log
     panel_html(snap, track)
 
 It brings its own ground and inks, so it looks the same on every page.
@@ -34,14 +34,14 @@ def panel_html(
     ``window_s``: how much of it, from its end. ``now_s``: an instant to mark, on the same scale (0 is the newest row).
     """
     time_S, columns = track.window(window_s)
-    stale, gate = not snap.fresh("control"), track.tuning.gate
+    stale = not snap.fresh("control")
     return (
         f'<div data-goshawk="instruments" style="{TEXT};font-size:12px;background:{theme.css(theme.BACKGROUND)};'
         'padding:4px 10px;border-radius:6px">'
         + _part("Disturbance", faded(disturbance_html(snap, track), stale))
         + disturbance_charts(time_S, columns, now_s)
-        + _part("Target filter", faded(target_html(snap, track), stale))
-        + target_charts(time_S, columns, gate and gate.gate_sigmas, now_s)
+        + _part("Target filter", faded(target_html(snap), stale))
+        + target_charts(time_S, columns, track.gate_sigmas, now_s)
         + _part("Learnt in flight", learnt_html(snap))
         + _learnt_charts(time_S, columns, now_s)
         + "</div>"

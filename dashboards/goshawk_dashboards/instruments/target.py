@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from goshawk_dashboards.instruments.chart import Line, chart_svg
-from goshawk_dashboards.instruments.track import AXES, Track
+from goshawk_dashboards.instruments.track import AXES
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.html import DIM, NUM, TABLE
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import UNSEEN_S, Array, TargetView
+from goshawk_dashboards.state.views import UNSEEN_S, Array, LookView, TargetView
 
 RIVAL: theme.Rgb = theme.BAD
 NONE = "&ndash;"
 
 
-def target_html(snap: Snapshot, track: Track) -> str:
+def target_html(snap: Snapshot) -> str:
     """The filter's state at this instant."""
     target = snap.target if snap.fresh("target") else None
     if target is None:
         return f'<div style="{DIM}">The filter holds no target.</div>'
-    return f"{_belief(target)}{_deviations(target, track)}{_seen(track)}"
+    return f"{_belief(target)}{_deviations(target)}{_seen(target, target.look)}"
 
 
 def _belief(target: TargetView) -> str:
@@ -31,7 +31,7 @@ def _belief(target: TargetView) -> str:
     return f'<div><b style="color:{theme.css(color)}">{words}</b>, {seen}</div>'
 
 
-def _deviations(target: TargetView, track: Track) -> str:
+def _deviations(target: TargetView) -> str:
     """Axis by axis; the last column is the longest axis of the ellipsoid, or the length."""
 
     def cells(values: Array | None, whole: float | None, digits: int = 2) -> str:
@@ -41,7 +41,7 @@ def _deviations(target: TargetView, track: Track) -> str:
     cov_66 = target.covariance_66
     deviation_6 = None if cov_66 is None else np.sqrt(np.maximum(np.diag(cov_66), 0.0))
     pos_3, vel_3 = (None, None) if deviation_6 is None else (deviation_6[:3], deviation_6[3:])
-    inn_3 = None if track.seen is None else track.seen.innovation_world_3
+    inn_3 = None if target.look is None else target.look.innovation_world_3
     rows = (
         ("velocity, m/s", cells(target.vel_world_3, float(np.linalg.norm(target.vel_world_3)), 1)),
         ("&sigma; position, m", cells(pos_3, None if pos_3 is None else float(np.linalg.norm(pos_3)))),
@@ -57,26 +57,27 @@ def _deviations(target: TargetView, track: Track) -> str:
     )
 
 
-def _seen(track: Track) -> str:
-    """The gate, the detection that the filter takes, and the surest that does not pass."""
-    look, gate = track.seen, track.tuning.gate
+def _seen(target: TargetView, look: LookView | None) -> str:
+    """The gate, the detection that the filter took, and what may take the target's place."""
     rows: list[tuple[str, str]] = []
     if look is None:
         rows.append(("detections", "nothing to compare with"))
-    elif gate is None or look.passed is None:
-        rows.append(("detections", f"{look.count}, gate not known here"))
     else:
-        rows.append(("pass the gate", f"{look.passed} of {look.count} detections"))
-        off = NONE if look.sigmas is None else f"{look.sigmas:.1f} &sigma;"
-        rows.append(("innovation / gate", f"{off} of {gate.gate_sigmas:g} &sigma;"))
-    if look is not None:
+        off = NONE if look.innovation_sigmas is None else f"{look.innovation_sigmas:.1f} &sigma;"
+        rows.append(("pass the gate", f"{look.passed} of {look.detections} detections"))
+        rows.append(("innovation / gate", f"{off} of {look.gate_sigmas:g} &sigma;"))
         rows.append(("objectness", NONE if look.objectness is None else f"{look.objectness:.2f}"))
-    if look is not None and look.rival_objectness is not None:
-        rows.append(("rival", f"objectness {look.rival_objectness:.2f}, {look.rival_m:.1f} m off"))
-    elif look is not None and look.passed is not None:
-        rows.append(("rival", "none"))
+        rows.append(("rival", _rival(target, look)))
     body = "".join(f'<tr><td>{name}</td><td style="text-align:right">{value}</td></tr>' for name, value in rows)
     return f'<table data-goshawk="gate" style="{TABLE}">{body}</table>'
+
+
+def _rival(target: TargetView, look: LookView) -> str:
+    """How near it is to taking the target's place, and where it is."""
+    if look.rival_pos_world_3 is None:
+        return "none"
+    off_m = float(np.linalg.norm(look.rival_pos_world_3 - target.pos_world_3))
+    return f"objectness {look.rival_objectness:.2f} of {look.rival_needed:.2f} needed, {off_m:.1f} m off"
 
 
 def target_charts(time_S: Array, columns: dict[str, Array], gate_sigmas: float | None, now_s: float | None) -> str:

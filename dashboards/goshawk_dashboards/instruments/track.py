@@ -11,11 +11,9 @@ from collections.abc import Iterable
 import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
-from goshawk_dashboards.instruments.detections import Seen, seen
 from goshawk_dashboards.instruments.history import SAMPLES, History
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.state.snapshot import FLYING, Snapshot
-from goshawk_dashboards.state.views import Array, ControlView, TargetView
+from goshawk_dashboards.state.views import Array, ControlView
 
 AXES = ("east", "north", "up")
 ACCELERATIONS = ("desired", "commanded", "measured", "disturbance", "true")
@@ -36,25 +34,22 @@ def sigma_m(covariance_33: Array) -> float:
 class Track:
     """Snapshots of one vehicle in their order, as rows of COLUMNS, in memory that does not grow."""
 
-    def __init__(self, tuning: Tuning | None = None, capacity: int = SAMPLES) -> None:
-        self.tuning = tuning or Tuning()
+    def __init__(self, capacity: int = SAMPLES) -> None:
         self._history = History(len(COLUMNS), capacity)
         self._last_ns: int | None = None
         self._flew: bool | None = None
-        self._before: TargetView | None = None
-        self._plan_seq: int | None = None
-        self.seen: Seen | None = None
-        """The newest plan's detections, against the estimate before; None: there was none, or no plan."""
+        self.gate_sigmas: float | None = None
+        """The target filter's, as it was told last."""
         self.stood_z_m: float | None = None
         """Height of the ground that it took off from, in the world frame; None: it was not seen to stand."""
         self.took_off_ns: int | None = None
         """When it began to fly, by its own clock; None: that was not seen."""
 
     @staticmethod
-    def of(snaps: Iterable[Snapshot], tuning: Tuning | None = None) -> Track:
+    def of(snaps: Iterable[Snapshot]) -> Track:
         """All of these."""
         listed = list(snaps)
-        track = Track(tuning, max(len(listed), 1))
+        track = Track(max(len(listed), 1))
         for snap in listed:
             track.add(snap)
         return track
@@ -73,9 +68,17 @@ class Track:
             self.stood_z_m = self.took_off_ns = None  # another clock: it was started anew
         self._last_ns = control.stamp_ns
         self._watch(control)
+        if snap.target is not None and snap.target.look is not None:
+            self.gate_sigmas = snap.target.look.gate_sigmas
         if control.mode not in FLYING or (self.stood_z_m is None and control.mode == pb.MODE_TAKEOFF):
             self.stood_z_m = float(control.pos_world_3[2])
         self._history.add(control.stamp_ns * 1e-9, np.array([*self._accelerations(snap), *self._target(snap)]))
+
+    def fill(self, snap: Snapshot) -> None:
+        """Takes a snapshot of earlier, of which nothing was known."""
+        if snap.control is not None:
+            row = np.array([*self._accelerations(snap), *self._target(snap)])
+            self._history.fill(snap.control.stamp_ns * 1e-9, row)
 
     def _watch(self, control: ControlView) -> None:
         """Notices a take-off; the time stays after the landing, for what happened is told by it."""
@@ -105,11 +108,8 @@ class Track:
 
     def _target(self, snap: Snapshot) -> list[float]:
         target = snap.target if snap.fresh("target") else None
-        self._look(snap)
-        self._before = target
-        cov_66 = None if target is None else target.covariance_66
-        look = self.seen or Seen(count=0, passed=None)
-        control, innovation_3 = snap.control, look.innovation_world_3
+        cov_66, look = (None, None) if target is None else (target.covariance_66, target.look)
+        control, innovation_3 = snap.control, None if look is None else look.innovation_world_3
         hover, lag_s = (None, None) if control is None else (control.hover_thrust, control.attitude_lag_s)
 
         def known(value: float | None, times: float = 1.0) -> float:
@@ -119,22 +119,12 @@ class Track:
             _NAN if cov_66 is None else sigma_m(cov_66[:3, :3]),
             _NAN if cov_66 is None else sigma_m(cov_66[3:, 3:]),
             _NAN if innovation_3 is None else float(np.linalg.norm(innovation_3)),
-            known(look.sigmas),
-            known(look.objectness),
-            known(look.rival_objectness),
+            known(look and look.innovation_sigmas),
+            known(look and look.objectness),
+            known(look and look.rival_objectness),
             known(hover, 100.0),
             known(lag_s, 1e3),
         ]
-
-    def _look(self, snap: Snapshot) -> None:
-        """Judges a new plan's detections by the estimate before."""
-        plan, before = (snap.plan if snap.fresh("plan") else None), self._before
-        if plan is None:
-            self.seen = None
-        elif plan.seq != self._plan_seq:
-            self._plan_seq = plan.seq
-            held = before is not None and before.confirmed
-            self.seen = seen(before, plan, self.tuning.gate) if before is not None and held else None
 
     def window(self, seconds: float) -> tuple[Array, dict[str, Array]]:
         """Times relative to the newest row, and each column, of the last ``seconds``."""

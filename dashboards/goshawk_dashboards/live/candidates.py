@@ -59,14 +59,17 @@ def _column(plan: PlanView, k: int, height_px: float, color: theme.Rgb) -> str:
     )
 
 
-def picture_html(snap: Snapshot, *, fresh: bool) -> str:
-    """The camera's newest picture, and over it where the candidates lead, their detections and the filter's target."""
+def picture_html(snap: Snapshot, *, fresh: bool, altered: PlanView | None = None) -> str:
+    """The camera's newest picture, and over it where the candidates lead, their detections and the filter's target.
+
+    ``altered`` is another plan of the same frame, to be drawn over the first.
+    """
     preview = snap.preview
     if preview is None or len(preview.picture) > MAX_PREVIEW_BYTES:
         return f'<div data-goshawk="picture" style="padding:8px;font:12px system-ui;color:{_DIM}">no picture yet</div>'
     age_s = snap.age_s("preview") or 0.0
     late = f"{age_s:.1f} s old" if age_s > 1.0 else ""
-    drawn = _drawn(snap, preview) if fresh and snap.plan is not None else ""
+    drawn = _drawn(snap, preview, altered) if fresh and snap.plan is not None else ""
     # The vehicle's own bytes, as they came: nothing is decoded or encoded here.
     data = base64.b64encode(preview.picture).decode("ascii")
     return (
@@ -78,7 +81,7 @@ def picture_html(snap: Snapshot, *, fresh: bool) -> str:
     )
 
 
-def _drawn(snap: Snapshot, preview: PreviewView) -> str:
+def _drawn(snap: Snapshot, preview: PreviewView, altered: PlanView | None) -> str:
     plan = snap.plan
     if plan is None or len(plan.cost_N) == 0:
         return ""
@@ -98,6 +101,10 @@ def _drawn(snap: Snapshot, preview: PreviewView) -> str:
     curves_NS3 = curves.plan_curves_NS3(plan, 10)
     order = sorted(range(len(colors)), key=lambda k: k == plan.chosen)
     parts = [_path(plan, k, *project(curves_NS3[k, 2:]), colors[k]) for k in order]
+    if altered is not None:
+        ways = enumerate(curves.plan_curves_NS3(altered, 10)[:, 2:])
+        over = "".join(_path(altered, k, *project(way_S3), theme.REPLAY) for k, way_S3 in ways)
+        parts.append(f'<g data-goshawk="altered" opacity="0.8">{over}</g>')
     if plan.target_pos_world_N3 is not None:
         pixels_N2, ahead_N = project(plan.target_pos_world_N3)
         parts += [

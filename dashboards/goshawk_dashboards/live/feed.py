@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live import plots
 from goshawk_dashboards.live.candidates import picture_html, strip_html
 from goshawk_dashboards.live.link import link_html, radio_html
@@ -23,7 +22,7 @@ from goshawk_dashboards.page.status import (
 from goshawk_dashboards.scene.relief import Relief
 from goshawk_dashboards.state.alerts import Alert, AlertBoard
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import CommandView, WorldView
+from goshawk_dashboards.state.views import CommandView, ControlView, HealthView, WorldView
 
 MAX_ALERTS = 4
 """Lines of the banner; the worst come first, and the rest is counted."""
@@ -41,8 +40,6 @@ class Watched:
     """Asks until the vehicle confirms."""
     on_cancel: Callable[[], object]
     """Takes a Stop back that is not confirmed."""
-    tuning: Tuning | None = None
-    """Of its tuning file, where the ground has that; None: it does not."""
 
 
 class Words:
@@ -112,17 +109,24 @@ class Words:
         return strip_html(self._snap, fresh=self._fresh)
 
 
+def then(snap: Snapshot, view: ControlView | HealthView) -> Snapshot:
+    """The same vehicle when it said ``view``, of which nothing else is known."""
+    control, health = (view, None) if isinstance(view, ControlView) else (None, view)
+    return replace(snap, control=control, health=health, channels=(), round_trip_s=None)
+
+
 class Feed:
     """One vehicle. Only the thread that draws may call it."""
 
     def __init__(self, vehicle: Watched) -> None:
         self.vehicle = vehicle
         self.snap = vehicle.latest()
-        self.track = Track(vehicle.tuning)
+        self.track = Track()
         self._relief: tuple[WorldView, Relief] | None = None
         self.words = Words(self.snap, self.track, None)
         self.curves = tuple(plots.Curves(kind) for kind in plots.KINDS)
         self.alerts: list[Alert] = []
+        self._late: tuple[ControlView | HealthView, ...] = ()
         self._board = AlertBoard()
 
     def take(self, snap: Snapshot) -> None:
@@ -131,6 +135,17 @@ class Feed:
         self.snap, self.words = snap, Words(snap, self.track, self._ground_z_m(snap))
         for curves in self.curves:
             curves.sample(snap)
+        self._fill(snap)
+
+    def _fill(self, snap: Snapshot) -> None:
+        """Draws what was told afterwards into the gaps of the charts."""
+        known, self._late = self._late, snap.late
+        for view in snap.late if snap.late is not known else ():
+            if not any(view is kept for kept in known):
+                moment = then(snap, view)
+                self.track.fill(moment)
+                for curves in self.curves:
+                    curves.fill(moment)
 
     def _ground_z_m(self, snap: Snapshot) -> float | None:
         """Of the ground below it in a simulated world, else of the ground that it took off from."""

@@ -15,6 +15,7 @@ from goshawk_dashboards.instruments.chart import Line, chart_svg
 from goshawk_dashboards.instruments.history import History
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import Array
 
 MOTION_WINDOW_S = 20.0
 TIMING_WINDOW_S = 120.0
@@ -136,8 +137,16 @@ class Curves:
         if stamp_ns is None or stamp_ns == self._last_ns:
             return
         self._last_ns = stamp_ns
-        values = [value for plot in self.kind.plots for value in plot.values(snap)]
-        self._history.add(stamp_ns * 1e-9, np.array(values))
+        self._history.add(stamp_ns * 1e-9, self._row(snap))
+
+    def fill(self, snap: Snapshot) -> None:
+        """Takes a snapshot of earlier, of which nothing was known."""
+        stamp_ns = self.kind.stamp_ns(snap)
+        if stamp_ns is not None:
+            self._history.fill(stamp_ns * 1e-9, self._row(snap))
+
+    def _row(self, snap: Snapshot) -> Array:
+        return np.array([value for plot in self.kind.plots for value in plot.values(snap)])
 
     def charts_html(self) -> str:
         """Every plot, over the window."""

@@ -191,11 +191,20 @@ class Flight:
         found = (self._view("event", k, decode.event) for k in range(self.count("event")))
         return tuple(e for e in found if e is not None)
 
-    @cached_property
+    @property
     def chosen_cost(self) -> tuple[Array, Array]:
         """The time of each plan and the cost of the candidate that it chose, NaN where it chose none."""
-        costs = [_chosen_cost(self._message("plan", k)) for k in range(self.count("plan"))]
-        return self.times_s("plan"), np.array(costs, dtype=np.float64)
+        return self.times_s("plan"), self._chosen_M2[:, 1]
+
+    @property
+    def chosen_number(self) -> tuple[Array, Array]:
+        """The time of each plan and which candidate it chose, counted from 1, NaN where it chose none."""
+        return self.times_s("plan"), self._chosen_M2[:, 0]
+
+    @cached_property
+    def _chosen_M2(self) -> Array:
+        found = [_chosen(self._message("plan", k)) for k in range(self.count("plan"))]
+        return np.array(found, dtype=np.float64).reshape(-1, 2)
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
@@ -265,7 +274,8 @@ class Flight:
         return None if index is None else self._view(channel, index, make)
 
 
-def _chosen_cost(plan: Message | None) -> float:
+def _chosen(plan: Message | None) -> tuple[float, float]:
+    """Number and cost."""
     if not isinstance(plan, pb.Plan) or not plan.HasField("chosen") or plan.chosen >= len(plan.candidates):
-        return float("nan")
-    return plan.candidates[plan.chosen].cost
+        return float("nan"), float("nan")
+    return plan.chosen + 1.0, plan.candidates[plan.chosen].cost

@@ -214,12 +214,13 @@ def events_html(snap: Snapshot, *, took_off_ns: int | None = None, newest: int =
         f'<tr style="vertical-align:top"><td style="{NUM};{DIM};padding-right:8px">'
         f"{_when(event.stamp_ns, now_ns, took_off_ns)}</td>"
         f'<td style="color:{colors.get(event.severity, "inherit")}">{escape(event.text)}'
-        f"{f' <b>&times;&thinsp;{count}</b>' if count > 1 else ''}</td></tr>"
+        f"{f' <b>&times;&thinsp;{count}</b>' if count > 1 else ''}{LATE if event.late else ''}</td></tr>"
         for event, count in grouped(snap.events)[:newest]
     )
     return table("events", rows or f'<tr><td style="{DIM}">none yet</td></tr>')
 
 
+LATE = f' <span data-goshawk="late" style="{DIM};white-space:nowrap">told afterwards</span>'
 FLAPPING = 4
 """An event like one of so many before it is the same one again."""
 _FIGURE = re.compile(r"[0-9]+(\.[0-9]+)?")

@@ -10,7 +10,6 @@ from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import begins_s, snapshot_at
 from goshawk_dashboards.report.latency import Latencies
@@ -169,7 +168,7 @@ def _estimates(flight: Flight) -> str:
     end_s, from_s = on_task[-1].end_s, begins_s(flight)
     every_s = max((end_s - from_s) / ESTIMATE_ROWS, 0.05)
     snaps = [snapshot_at(flight, float(t)) for t in np.append(np.arange(from_s, end_s, every_s), end_s)]
-    track = Track.of(snaps, Tuning.of_toml(flight.header.tuning_toml))
+    track = Track.of(snaps)
     return (
         f"<section class='panel' id='estimates'><h2>Estimates</h2><p class='soft'>At {end_s:.2f} s, the end of its "
         f"task, and until then.</p>{panel_html(snaps[-1], track, window_s=end_s - from_s + 1.0)}</section>"

@@ -9,12 +9,14 @@ from dataclasses import dataclass
 
 import viser
 
+from goshawk_dashboards.charts.beside import Beside
 from goshawk_dashboards.gate import Addition, Gate, Role
 from goshawk_dashboards.log import align, recorded
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Replay
 from goshawk_dashboards.page.serving import close_server, open_server
 from goshawk_dashboards.page.viewer import Viewer, Views
+from goshawk_dashboards.review.altering import Replanner
 from goshawk_dashboards.review.desk import PATH, Desk, Seat, Table
 from goshawk_dashboards.review.dock import foot_html
 from goshawk_dashboards.review.panels import ReviewPanels
@@ -38,7 +40,9 @@ class Recording:
     aligned: str
 
     @staticmethod
-    def of(flights: Sequence[Flight], replay: Replay | None) -> Recording:
+    def of(
+        flights: Sequence[Flight], replay: Replay | None, replanner: Replanner | None, beside: Beside | None
+    ) -> Recording:
         """Reads what is needed of the flights."""
         alignments = align.common(flights)
         again = tuple(Flight.open(flight.path) for flight in flights)
@@ -48,6 +52,8 @@ class Recording:
             marks=recorded.marks_of(flights[0]),
             stops_s=recorded.stops_s(flights[0]),
             alignments=alignments,
+            replanner=replanner,
+            beside=beside,
         )
         aligned = align.TAKE_OFF if align.TAKE_OFF in alignments else align.START
         return Recording(flights=tuple(flights), replay=replay, table=table, aligned=aligned)
@@ -74,6 +80,7 @@ class ReviewView:
             stops_s=table.stops_s,
             has_replay=recording.replay is not None,
             has_others=len(recording.flights) > 1,
+            beside="" if table.beside is None else table.beside.words,
         )
         self._past = Past(flight)
         self._camera = ViewerCamera(viewer) if isinstance(viewer, viser.ClientHandle) else None
@@ -89,9 +96,11 @@ class ReviewView:
         flight, replay = self._recording.flights[0], self._recording.replay
         if again or (time_s, playing, options) != self._shown:
             snap = recorded.snapshot_at(flight, time_s)
-            replayed = None if replay is None else replay.plan_for(snap.plan)
-            self.scene.update(snap, replayed, options, self.seat.by_s)
-            self.panels.update(snap, replayed, self._past.until(time_s))
+            altered = None if self.seat.altered is None else self.seat.altered.replay.plan_for(snap.plan)
+            other = None if replay is None else replay.plan_for(snap.plan)
+            replayed, is_altered = (other, False) if altered is None else (altered, True)
+            self.scene.update(snap, replayed, options, self.seat.by_s, altered=is_altered)
+            self.panels.update(snap, replayed, self._past.until(time_s), altered=is_altered)
             self._shown, self.shown_s = (time_s, playing, options), time_s
         if self._camera is not None:
             self._camera.update(flight.control_at(time_s), self.panels.camera_mode)
@@ -100,15 +109,27 @@ class ReviewView:
 class ReviewDashboard:
     """Serves a review. What is drawn of the flights is read by one thread, its own once it has started."""
 
-    def __init__(self, *, gate: Gate, flights: Sequence[Flight], replay: Replay | None = None) -> None:
-        """The first flight is reviewed, the others lie over it. It closes the gate with itself."""
+    def __init__(
+        self,
+        *,
+        gate: Gate,
+        flights: Sequence[Flight],
+        replay: Replay | None = None,
+        replanner: Replanner | None = None,
+        beside: Beside | None = None,
+    ) -> None:
+        """The first flight is reviewed, the others lie over it. It closes the gate with itself.
+
+        ``replanner`` plans again what a viewer alters. ``beside`` is another log of the first flight.
+        """
         self._gate = gate
-        self._recording = Recording.of(flights, replay)
-        desk = Desk(self._recording.table, self._seat_of)
+        self._recording = Recording.of(flights, replay, replanner, beside)
+        desk = Desk(self._recording.table, self._seat_of, gate.folder)
         addition = Addition(foot=foot_html(), path=PATH, talk=desk.talk)
         self.server = open_server(gate, Role.OPERATOR, "Goshawk review", addition)
         prepare(self.server)
         place_first(self.server)
+        self.beside = beside
         self._wake = threading.Event()
         self._views = Views(self.server, lambda client: ReviewView(client, self._recording, self._wake))
         self._stop = threading.Event()

@@ -7,9 +7,11 @@ object a message. The logs are read here by handles of their own, so that a slow
 from __future__ import annotations
 
 import asyncio
+import itertools
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
@@ -17,14 +19,19 @@ import numpy as np
 from aiohttp import WSMsgType, web
 from goshawk_proto import goshawk_pb2 as pb
 
+from goshawk_dashboards.charts import beside
+from goshawk_dashboards.charts.beside import Beside
 from goshawk_dashboards.charts.curves import drawn
 from goshawk_dashboards.charts.signals import CHARTS, REPLAYED, Signals, looks_of, unit_of
-from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.log.flight import Flight, LogError
 from goshawk_dashboards.log.recorded import Mark
 from goshawk_dashboards.page import theme
+from goshawk_dashboards.review import altering
+from goshawk_dashboards.review.altering import MARK, Alteration, Altered, AlterError, Replanner
 from goshawk_dashboards.review.player import SPEEDS, Player
 from goshawk_dashboards.review.scene import color_of
 from goshawk_dashboards.review.timeline import MARK_COLORS, phase_rgb
+from goshawk_dashboards.state.snapshot import SAMPLE_STALE_S
 from goshawk_dashboards.state.views import Array
 
 PATH = "/charts"
@@ -80,8 +87,21 @@ class Show(msgspec.Struct, tag="show", forbid_unknown_fields=True):
     columns: int
 
 
-Request = Hello | Seek | Toggle | Step | Speed | Align | Show
-_decode = msgspec.json.Decoder(Request).decode
+class Alter(msgspec.Struct, tag="alter", forbid_unknown_fields=True):
+    """Plan again from the shown instant on, with another policy or other parameters."""
+
+    for_s: float
+    changes: list[str]
+    policy: str | None = None
+
+
+class Restore(msgspec.Struct, tag="restore", forbid_unknown_fields=True):
+    """Show the flight as it was again."""
+
+
+Request = Hello | Seek | Toggle | Step | Speed | Align | Show | Restore
+"""What is answered at once."""
+_decode = msgspec.json.Decoder(Request | Alter).decode
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,6 +114,10 @@ class Table:
     marks: tuple[Mark, ...]
     stops_s: Array
     alignments: dict[str, tuple[float, ...]]
+    replanner: Replanner | None = None
+    """Plans the first flight again; None: there is no program for it."""
+    beside: Beside | None = None
+    """Another log of the first flight."""
 
     def duration_s(self, by_s: Sequence[float]) -> float:
         """Until the last of the flights ends."""
@@ -108,6 +132,7 @@ class Seat:
     aligned: str
     by_s: tuple[float, ...]
     """How much later each flight is shown."""
+    altered: Altered | None = None
 
 
 @dataclass(kw_only=True, eq=False)
@@ -124,9 +149,10 @@ class _Visit:
 class Desk:
     """Talks with every browser of a review, each about its own seat."""
 
-    def __init__(self, table: Table, seat_of: Callable[[int], Seat | None]) -> None:
-        """``seat_of`` finds the seat of a viser client."""
-        self._table, self._seat_of = table, seat_of
+    def __init__(self, table: Table, seat_of: Callable[[int], Seat | None], folder: Path | None = None) -> None:
+        """``seat_of`` finds the seat of a viser client; what is altered passes through files in ``folder``."""
+        self._table, self._seat_of, self._folder = table, seat_of, folder
+        self._alterations = itertools.count()
         replayed = None if table.replay is None else {REPLAYED: table.replay.chosen_cost}
         self._signals = [Signals(table.flights[0], replayed), *(Signals(flight) for flight in table.flights[1:])]
         self._reading = threading.Lock()
@@ -136,6 +162,7 @@ class Desk:
         """Until the browser leaves or says what nobody may."""
         visit = _Visit()
         telling = asyncio.create_task(self._tell(browser, visit))
+        replanning: asyncio.Task[None] | None = None
         try:
             async for message in browser:
                 if message.type is not WSMsgType.TEXT:
@@ -144,11 +171,18 @@ class Desk:
                     request = _decode(message.data)
                 except msgspec.MsgspecError:
                     return
+                if isinstance(request, Alter):
+                    # It takes seconds, in which the timeline goes on.
+                    if replanning is None or replanning.done():
+                        replanning = asyncio.create_task(self._alter(browser, visit, request))
+                    continue
                 reply = await self._answer(visit, request)
                 if reply is not None:
                     await browser.send_bytes(msgspec.json.encode(reply))
         finally:
             telling.cancel()
+            if replanning is not None:
+                replanning.cancel()
 
     async def _tell(self, browser: web.WebSocketResponse, visit: _Visit) -> None:
         """Where the timeline stands, whenever that has changed."""
@@ -166,9 +200,11 @@ class Desk:
         time_s = seat.player.time_s
         shown = {name for signals in visit.signals.values() for name in signals}
         values = {
-            f"{k}/{name}": signals.at(name, time_s - by_s)
-            for k, (signals, by_s) in enumerate(zip(self._signals, seat.by_s, strict=True))
+            f"{k}/{name}": found.at(known_as, time_s - by_s)
+            for k, by_s in enumerate(seat.by_s)
             for name in shown
+            if (source := self._source(seat, k, name)) is not None
+            for found, known_as in (source,)
         }
         return {"type": "now", "time_s": time_s, "playing": seat.player.playing, "values": values}
 
@@ -194,6 +230,10 @@ class Desk:
                 if to in self._table.alignments:
                     self.align(seat, to)
                     return await asyncio.to_thread(self._about, seat)
+            case Restore():
+                seat.altered = None
+                seat.player.touch()
+                return await asyncio.to_thread(self._about, seat)
             case Show():
                 visit.signals[request.chart] = request.signals[:MOST_SIGNALS]
                 reply = await asyncio.to_thread(self._curves, seat, request)
@@ -201,16 +241,61 @@ class Desk:
                 return reply
         return None
 
+    async def _alter(self, browser: web.WebSocketResponse, visit: _Visit, request: Alter) -> None:
+        """Says what came of an alteration in a line, and what the charts can show of it."""
+        seat = None if visit.viewer is None else self._seat_of(visit.viewer)
+        if seat is None:
+            return
+        replies: list[dict[str, Any]] = []
+        try:
+            altered = await asyncio.to_thread(self._altered, seat.player.time_s - seat.by_s[0], request)
+        except (AlterError, LogError) as error:
+            replies.append({"type": "altered", "error": str(error)})
+        else:
+            seat.altered = altered
+            seat.player.seek(altered.at_s + seat.by_s[0])
+            replies.append(await asyncio.to_thread(self._about, seat))
+            charts = [[name, MARK + name] for name in altering.CHARTS]
+            at_s, to_s = altered.at_s + seat.by_s[0], altered.to_s + seat.by_s[0]
+            replies.append({"type": "altered", "words": altered.words, "at_s": at_s, "to_s": to_s, "charts": charts})
+        for reply in replies:
+            await browser.send_bytes(msgspec.json.encode(reply))
+
+    def _altered(self, time_s: float, request: Alter) -> Altered:
+        if self._table.replanner is None or self._folder is None:
+            raise AlterError("nothing plans again here: goshawk-air is not where --bin-dir says")
+        flight = self._table.flights[0]
+        with self._reading:
+            index = flight.index_at("plan", time_s)
+            shown_s = time_s if index is None else flight.time_s("plan", index)
+        # The plan that is shown, unless it is an old one.
+        from_s = max(shown_s if time_s - shown_s < SAMPLE_STALE_S else time_s, 0.0)
+        asked = Alteration(from_s=from_s, for_s=request.for_s, changes=tuple(request.changes), policy=request.policy)
+        out = self._folder / f"altered-{next(self._alterations)}.mcap"
+        return Altered.of(self._table.replanner, flight, asked, out)
+
     def align(self, seat: Seat, to: str) -> None:
         """Lays the flights over each other at a moment that they have in common."""
         seat.aligned, seat.by_s = to, self._table.alignments[to]
         seat.player.duration_s = self._table.duration_s(seat.by_s)
         seat.player.touch()
 
+    def _source(self, seat: Seat, flight: int, name: str) -> tuple[Signals | Beside, str] | None:
+        """Where a flight's signal is read, and its name there; None: that flight has no such one."""
+        extras = {MARK: seat.altered and seat.altered.signals, beside.MARK: self._table.beside}
+        for mark, signals in extras.items():
+            if name.startswith(mark):
+                return (signals, name.removeprefix(mark)) if signals is not None and flight == 0 else None
+        return self._signals[flight], name
+
     def _about(self, seat: Seat) -> dict[str, Any]:
         flight = self._table.flights[0]
         with self._reading:
             names = list(dict.fromkeys(name for signals in self._signals for name in signals.names))
+            if seat.altered is not None:
+                names += [MARK + name for name in seat.altered.signals.names]
+            if self._table.beside is not None:
+                names += [beside.MARK + name for name in self._table.beside.names]
             phases, fallbacks = flight.phases, flight.fallbacks
         several = len(self._table.flights) > 1
         true = flight.count("sim_truth") > 0
@@ -218,6 +303,8 @@ class Desk:
             [s for s in chart.signals[: chart.compared if several else None] if s in names and not (true and s == SLOW)]
             for chart in CHARTS
         ]
+        if self._table.beside is not None:
+            charts = [["speed", f"{beside.MARK}speed"], ["tilt", f"{beside.MARK}tilt"], *charts[1:]]
         short = short_names([f.path.stem for f in self._table.flights])
         return {
             "type": "about",
@@ -244,18 +331,42 @@ class Desk:
                 for m in self._table.marks
             ],
             "charts": [signals for signals in charts if signals],
-            "units": {name: unit_of(name) for name in names},
+            "units": {name: unit_of(name.removeprefix(MARK).removeprefix(beside.MARK)) for name in names},
+            "alter": self._alterable(),
+            "altered": seat.altered is not None,
+            "beside": self._lies_beside(),
         }
+
+    def _lies_beside(self) -> dict[str, str] | None:
+        """How the other log lies, where there is one."""
+        other = self._table.beside
+        if other is None:
+            return None
+        return {"name": other.path.name, "words": other.words, "color": theme.css(theme.SECOND)}
+
+    def _alterable(self) -> dict[str, Any] | None:
+        """What may be altered; None: there is no program that plans again."""
+        if self._table.replanner is None:
+            return None
+        flown = altering.parameters(self._table.flights[0].header.tuning_toml)
+        return {"policies": self._table.replanner.policies, "parameters": flown}
 
     def _curves(self, seat: Seat, request: Show) -> dict[str, Any]:
         columns = min(max(request.columns, 50), MOST_COLUMNS)
         lines: list[dict[str, Any]] = []
         several = len(self._table.flights) > 1
-        for k, (signals, by_s) in enumerate(zip(self._signals, seat.by_s, strict=True)):
-            with self._reading:
-                series = signals.read(request.signals[:MOST_SIGNALS])
-            for place, (name, (times_s, values)) in enumerate(series.items()):
+        wanted = list(dict.fromkeys(request.signals[:MOST_SIGNALS]))
+        for k, by_s in enumerate(seat.by_s):
+            for place, name in enumerate(wanted):
+                source = self._source(seat, k, name)
+                if source is None:
+                    continue
+                signals, known_as = source
+                with self._reading:
+                    ((times_s, values),) = signals.read([known_as]).values()
                 rgb, dashed = looks_of(name, place)
+                if known_as != name:
+                    rgb, dashed = theme.REPLAY if name.startswith(MARK) else theme.SECOND, False
                 if several:
                     rgb, dashed = color_of(k), place > 0
                 t, v = drawn(times_s, values, request.from_s - by_s, request.to_s - by_s, columns)
@@ -264,7 +375,7 @@ class Desk:
                         "key": f"{k}/{name}",
                         "label": name,
                         "flight": k,
-                        "unit": unit_of(name),
+                        "unit": unit_of(known_as),
                         "color": theme.css(rgb),
                         "dashed": dashed,
                         "t": np.round(t + by_s, 6).tolist(),

@@ -24,13 +24,14 @@
   const flights = make("div", { className: "flights" });
   const whole = button("Whole flight", () => stack.whole(), { title: "double-click on a chart" });
   const add = button("+ signal", () => openPicker());
+  const alter = button("Plan again …", () => openAlter(), { hidden: true, title: "from here on, with another policy or other parameters" });
   const bar = make(
     "div", { className: "bar" }, play,
     button("◀ event", () => say({ type: "step", what: "event", way: -1 }), { title: "arrow up" }),
     button("◀ frame", () => say({ type: "step", what: "frame", way: -1 }), { title: "arrow left" }),
     button("frame ▶", () => say({ type: "step", what: "frame", way: 1 }), { title: "arrow right" }),
     button("event ▶", () => say({ type: "step", what: "event", way: 1 }), { title: "arrow down" }),
-    time, length, speed, aligned, flights, make("span", { className: "room" }), whole, add,
+    time, length, speed, aligned, flights, make("span", { className: "room" }), alter, whole, add,
   );
   const band = make("div", { className: "band", title: "click or drag to go there" });
   band.dataset.goshawk = "band";
@@ -44,7 +45,23 @@
   const where = make("select", { ariaLabel: "Add to" });
   const found = make("ul");
   const picker = make("div", { id: "goshawk-picker", hidden: true }, search, where, found);
-  const dock = make("div", { id: "goshawk-dock" }, grip, bar, band, host, picker);
+  const policy = make("select", { ariaLabel: "Policy" });
+  const keys = make("datalist", { id: "goshawk-parameters" });
+  const changes = make("div", { className: "changes" });
+  const lasts = make("input", { inputMode: "decimal", value: "3", ariaLabel: "For how many seconds" });
+  const replan = button("Plan again", () => sendAlter(), { className: "play" });
+  const restore = button("As it was flown", () => say({ type: "restore" }), { disabled: true });
+  const said = make("output", { className: "said" });
+  said.dataset.goshawk = "altered";
+  const alterPanel = make(
+    "div", { id: "goshawk-alter", hidden: true },
+    make("label", {}, "Policy", policy),
+    changes,
+    make("div", { className: "row" }, button("+ parameter", () => addChange()), make("span", { className: "room" }), "for", lasts, "s"),
+    make("div", { className: "row" }, replan, restore, make("span", { className: "room" }), button("Close", () => openAlter())),
+    said, keys,
+  );
+  const dock = make("div", { id: "goshawk-dock" }, grip, bar, band, host, picker, alterPanel);
   document.body.append(dock);
 
   // ---- charts ----
@@ -115,6 +132,47 @@
     if (event.key === "Enter" && event.target === search) found.querySelector("button")?.click();
   });
 
+  // ---- planning again ----
+
+  let altered = []; // the charts of what was altered
+  const openAlter = () => {
+    alterPanel.hidden = !alterPanel.hidden;
+    picker.hidden = true;
+    if (!alterPanel.hidden && !changes.children.length) addChange();
+  };
+  const addChange = () => {
+    const key = make("input", { placeholder: "planner.costs.obstacle", ariaLabel: "Parameter", spellcheck: false });
+    key.setAttribute("list", keys.id);
+    const value = make("input", { className: "value", ariaLabel: "Value", spellcheck: false });
+    key.oninput = () => (value.placeholder = about.alter.parameters[key.value.trim()] ?? "");
+    const row = make("div", { className: "row" }, key, "=", value);
+    row.append(button("×", () => row.remove(), { title: "take it away" }));
+    changes.append(row);
+  };
+  const sendAlter = () => {
+    const wanted = [...changes.children].map((row) => [...row.querySelectorAll("input")].map((input) => input.value.trim()));
+    const set = wanted.filter(([key, value]) => key || value).map(([key, value]) => `${key} = ${value}`);
+    said.textContent = "planning again …";
+    said.dataset.bad = false;
+    replan.disabled = true;
+    say({ type: "alter", for_s: Number(lasts.value.replace(",", ".")) || 0, changes: set, policy: policy.value || null });
+  };
+  const showAltered = (message) => {
+    replan.disabled = false;
+    said.dataset.bad = Boolean(message.error);
+    said.textContent = message.error || message.words;
+    if (message.error) return;
+    for (const chart of altered.filter((chart) => stack.charts.includes(chart))) stack.drop(chart);
+    altered = message.charts.toReversed().map((signals) => stack.add(signals, "", true));
+    host.scrollTop = 0;
+    const room = 0.1 * (message.to_s - message.at_s);
+    stack.zoom(message.at_s - room, message.to_s + room);
+  };
+  alterPanel.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") alterPanel.hidden = true;
+    if (event.key === "Enter" && event.target.tagName === "INPUT" && !replan.disabled) sendAlter();
+  });
+
   // ---- the desk ----
 
   const say = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
@@ -124,11 +182,15 @@
     const decoder = new TextDecoder();
     socket.onopen = () => viewer !== null && say({ type: "hello", viewer });
     socket.onmessage = (event) => hear(JSON.parse(decoder.decode(event.data)));
-    socket.onclose = () => setTimeout(connect, 1000);
+    socket.onclose = () => {
+      replan.disabled = false;
+      setTimeout(connect, 1000);
+    };
   };
   const hear = (message) => {
     if (message.type === "about") open(message);
     else if (message.type === "now") now(message);
+    else if (message.type === "altered") showAltered(message);
     else if (message.type === "stranger") setTimeout(() => say({ type: "hello", viewer }), 200);
     else if (message.type === "curves") {
       const chart = byNumber.get(message.number);
@@ -160,6 +222,16 @@
       speed.replaceChildren(...about.speeds.map((s) => option(s, `${s} ×`)));
       speed.value = "1";
     }
+    alter.hidden = !about.alter;
+    if (about.alter && !before) {
+      policy.replaceChildren(option("", "the one that flew"), ...about.alter.policies.map((name) => option(name)));
+      keys.replaceChildren(...Object.keys(about.alter.parameters).map((key) => option(key)));
+    }
+    restore.disabled = !about.altered;
+    if (before?.altered && !about.altered) {
+      altered.forEach((chart) => stack.charts.includes(chart) && stack.drop(chart));
+      said.textContent = "";
+    }
     aligned.hidden = !about.alignments.length;
     aligned.replaceChildren(...about.alignments.map((name) => option(name, `aligned by ${name}`)));
     aligned.value = about.aligned;
@@ -169,6 +241,12 @@
         return make("span", { title: flight.name + shift }, make("i", { style: `background:${flight.color}` }), flight.short + shift);
       }),
     );
+    if (about.beside) {
+      const { name, words, color } = about.beside;
+      const span = make("span", { title: words }, make("i", { style: `background:${color}` }), `beside: ${name}`);
+      span.dataset.goshawk = "beside";
+      flights.append(span);
+    }
     drawBand();
     stack.bounds = [0, about.duration_s];
     stack.bands = about.phases;

@@ -36,7 +36,9 @@ class ReviewPanels:
         stops_s: Array,
         has_replay: bool,
         has_others: bool,
+        beside: str = "",
     ) -> None:
+        """``beside``: how another log lies beside the flight, in words."""
         self._player, self._flight, self._marks = player, flight, marks
         self._stops_s, self._takeoff_s = stops_s, takeoff_s(flight)
         self._mark_stops_s = np.unique([m.time_s for m in marks])
@@ -54,7 +56,7 @@ class ReviewPanels:
             self._candidates = gui.add_html("")
         self._add_view(gui, has_replay, has_others)
         with gui.add_folder("Flight", expand_by_default=False):
-            gui.add_html(tables.flight_html(flight))
+            gui.add_html(tables.flight_html(flight, beside))
             self._vehicle = gui.add_html("")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)
@@ -118,10 +120,13 @@ class ReviewPanels:
         """How the viewer's camera moves."""
         return self._camera.value
 
-    def update(self, snap: Snapshot, replayed: PlanView | None, track: Track) -> None:
-        """Shows one instant's figures; what did not change is not sent."""
+    def update(self, snap: Snapshot, replayed: PlanView | None, track: Track, *, altered: bool = False) -> None:
+        """Shows one instant's figures; what did not change is not sent.
+
+        ``altered``: what was ``replayed`` is the planner's answer to what this viewer altered.
+        """
         time_s = snap.now_s
-        self._picture.content = picture_html(snap, fresh=snap.fresh("plan"))
+        self._picture.content = picture_html(snap, fresh=snap.fresh("plan"), altered=replayed if altered else None)
         flight_s = time_s - self._takeoff_s
         self._status.content = status_html(
             snap, flight_s=flight_s if flight_s >= 0.0 else None, ground_z_m=track.stood_z_m
@@ -131,5 +136,7 @@ class ReviewPanels:
         if self._columns is None and snap.plan is not None:
             self._columns = lattice_columns(self._flight, len(snap.plan.cost_N))
         plan = snap.plan if snap.fresh("plan") else None
-        self._candidates.content = tables.candidates_html(plan, self._columns or 1, replayed)
+        self._candidates.content = tables.candidates_html(
+            plan, self._columns or 1, replayed, "the altered planner" if altered else "the other policy"
+        )
         self._vehicle.content = vehicle_html(snap) if snap.health is not None else ""

@@ -6,7 +6,6 @@ import numpy as np
 
 from goshawk_dashboards.instruments.panel import WINDOW_S
 from goshawk_dashboards.instruments.track import Track
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import begins_s, snapshot_at
 
@@ -18,13 +17,12 @@ class Past:
 
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
-        self._tuning = Tuning.of_toml(flight.header.tuning_toml)
-        self._track, self._until_s = Track(self._tuning), -np.inf
+        self._track, self._until_s = Track(), -np.inf
 
     def until(self, time_s: float) -> Track:
         """The track that ends at a time; after a jump it is read anew."""
         if not 0.0 <= time_s - self._until_s <= WINDOW_S:
-            self._track = Track(self._tuning)
+            self._track = Track()
             # Where it stood tells the height that it lifts off from.
             begin_s = begins_s(self._flight)
             self._track.add(snapshot_at(self._flight, begin_s))

@@ -71,6 +71,8 @@ class ReviewScene:
             thickness_units="screen",
             visible=False,
         )
+        self.altered: viser.LineSegmentsHandle | None = None
+        """All candidates of what this viewer altered."""
 
     def _other(self, place: int, flight: Flight) -> Other:
         name, rgb = f"/other{place}", color_of(place)
@@ -92,8 +94,16 @@ class ReviewScene:
             thickness_units="screen",
         )
 
-    def update(self, snap: Snapshot, replayed: PlanView | None, options: ReviewOptions, by_s: Sequence[float]) -> None:
-        """Shows the instant of ``snap``, and what the other policy made of its frame.
+    def update(
+        self,
+        snap: Snapshot,
+        replayed: PlanView | None,
+        options: ReviewOptions,
+        by_s: Sequence[float],
+        *,
+        altered: bool = False,
+    ) -> None:
+        """Shows the instant of ``snap``, and what another policy made of its frame, or the planner that was altered.
 
         A flight's own time is less by its ``by_s``.
         """
@@ -101,7 +111,8 @@ class ReviewScene:
         self.first.retrace(*recorded.trails_at(self._flight, time_s))
         self.first.update(snap, options.view)
         self._draw_depth(time_s, options.depth)
-        self._draw_replayed(snap, replayed if options.replay else None)
+        self._draw_replayed(snap, replayed if options.replay or altered else None)
+        self._draw_altered(replayed if altered and self.first.chosen.visible else None)
         south_m = 0.0
         above_N3 = recorded.path_N3(self._flight)
         for other, later_s in zip(self.others, by_s[1:], strict=True):
@@ -129,6 +140,18 @@ class ReviewScene:
         self.replayed.visible = chosen is not None and self.first.chosen.visible
         if chosen is not None:
             self.replayed.points = curves.segments_M23(curves.plan_curves_NS3(chosen, SAMPLES)).astype(np.float32)
+
+    def _draw_altered(self, plan: PlanView | None) -> None:
+        if plan is None or len(plan.cost_N) == 0:
+            if self.altered is not None:
+                self.altered.visible = False
+            return
+        points = curves.segments_M23(curves.plan_curves_NS3(plan, SAMPLES)).astype(np.float32)
+        if self.altered is None or self.altered.points.shape != points.shape:
+            self.altered = self._viewer.scene.add_line_segments(
+                "/replay/candidates", points, theme.vivid(theme.REPLAY), thickness=1.0, thickness_units="screen"
+            )
+        self.altered.points, self.altered.visible = points, True
 
     def _draw_other(self, other: Other, time_s: float, options: ReviewOptions, south_m: float) -> None:
         other.root.visible = options.others != "Hidden"

@@ -20,10 +20,12 @@ DIM = "#8b95a5"
 FONT = "font:11px/16px system-ui,sans-serif;font-variant-numeric:tabular-nums"
 
 
-def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | None) -> str:
+def candidates_html(
+    plan: PlanView | None, columns: int, replayed: PlanView | None, who: str = "the other policy"
+) -> str:
     """The candidates as the lattice has them, seen along the camera: cost, and objectness beneath.
 
-    The flown one is framed in white, what another policy chose in its colour.
+    The flown one is framed in white, what was ``replayed`` by ``who`` in its colour.
     """
     if plan is None or len(plan.cost_N) == 0:
         return f'<div data-goshawk="candidates" style="{FONT};color:{DIM};padding:2px 12px">no plan at this time</div>'
@@ -33,7 +35,7 @@ def candidates_html(plan: PlanView | None, columns: int, replayed: PlanView | No
     chosen = "nothing was eligible" if plan.chosen is None else f"candidate {plan.chosen + 1} flown"
     words = f"plan {plan.seq}, {chosen}, lasts {plan.duration_s:.2f} s"
     if replayed is not None:
-        words += f'; <span style="color:{theme.css(theme.REPLAY)}">{_replay_words(plan, replayed)}</span>'
+        words += f'; <span style="color:{theme.css(theme.REPLAY)}">{_replay_words(plan, replayed, who)}</span>'
     return (
         f'<div data-goshawk="candidates" data-seq="{plan.seq}" style="{FONT};color:#aab3c0;padding:2px 12px">'
         f'<div style="display:grid;grid-template-columns:repeat({columns},1fr);gap:3px">{cells}</div>'
@@ -52,13 +54,13 @@ def _cell(plan: PlanView, k: int, rgb: np.ndarray, flown: bool, other: bool) -> 
     )
 
 
-def _replay_words(plan: PlanView, replayed: PlanView) -> str:
+def _replay_words(plan: PlanView, replayed: PlanView, who: str) -> str:
     if replayed.chosen is None:
-        return "the other policy chose nothing"
+        return f"{who} chose nothing"
     if plan.chosen is None:
-        return f"the other policy chose {replayed.chosen + 1}"
+        return f"{who} chose {replayed.chosen + 1}"
     apart_m = float(np.linalg.norm(replayed.end_pos_world_N3[replayed.chosen] - plan.end_pos_world_N3[plan.chosen]))
-    return f"the other policy chose {replayed.chosen + 1}, {apart_m:.2f} m apart at the end"
+    return f"{who} chose {replayed.chosen + 1}, {apart_m:.2f} m apart at the end"
 
 
 def _ink(mark: Mark) -> str:
@@ -84,8 +86,8 @@ def marks_html(marks: Sequence[Mark], time_s: float, shown: int = 9) -> str:
     )
 
 
-def flight_html(flight: Flight) -> str:
-    """What the log says of itself."""
+def flight_html(flight: Flight, beside: str = "") -> str:
+    """What the log says of itself, and how another one lies ``beside`` it."""
     header = flight.header
     flaw = "" if flight.completeness == "complete" else f", {flight.completeness}"
     facts = (
@@ -96,6 +98,7 @@ def flight_html(flight: Flight) -> str:
         ("policy", header.policy_sha256[:12]),
         ("version", " ".join(filter(None, (header.version, header.git_revision[:12])))),
         ("length", f"{flight.duration_s:.1f} s{flaw}"),
+        ("beside", beside),
     )
     rows = "".join(
         f'<tr><td style="color:{DIM};padding-right:10px">{name}</td><td style="overflow-wrap:anywhere">'

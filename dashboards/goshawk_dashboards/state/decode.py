@@ -122,12 +122,13 @@ def control(m: pb.Control) -> view.ControlView:
         acc_des_world_3=_vec("desired acceleration", m.acc_des_world),
         acc_att_world_3=_vec("attitude acceleration", m.acc_att_world),
         acc_disturbance_world_3=_vec("disturbance", m.acc_disturbance_world),
+        disturbance_limit_mps2=_number("disturbance limit", m.disturbance_limit_mps2) or None,
         acc_meas_world_3=_vec("measured acceleration", m.acc_meas_world) if m.HasField("acc_meas_world") else None,
         thrust_n=_number("thrust", m.thrust_n),
         thrust_norm=_number("normalised thrust", m.thrust_norm),
         yaw_des_rad=_number("desired yaw", m.yaw_des_rad),
         plan_age_s=_number("plan age", m.plan_age_s) if m.HasField("plan_age_s") else None,
-        # Neither can be 0; it is what an older vehicle, which does not send them, is read as.
+        # None of the three can be 0; it is what an older vehicle, which does not send them, is read as.
         hover_thrust=_number("hover thrust", m.hover_thrust) or None,
         attitude_lag_s=_number("attitude lag", m.attitude_lag_s) or None,
     )
@@ -145,6 +146,22 @@ def target(m: pb.Target) -> view.TargetView:
         covariance_66=_array("target covariance", m.covariance, (6, 6)) if m.covariance else None,
         confirmed=m.confirmed,
         since_seen_s=_number("target since_seen", m.since_seen_s),
+        look=_look(m.look) if m.HasField("look") else None,
+    )
+
+
+def _look(m: pb.TargetLook) -> view.LookView:
+    taken, rival = m.HasField("innovation_world"), m.HasField("rival_pos_world")
+    return view.LookView(
+        detections=m.detections,
+        passed=m.passed,
+        gate_sigmas=_number("target gate", m.gate_sigmas),
+        innovation_world_3=_vec("target innovation", m.innovation_world) if taken else None,
+        innovation_sigmas=_number("target innovation", m.innovation_sigmas) if taken else None,
+        objectness=_number("target objectness", m.objectness) if taken else None,
+        rival_pos_world_3=_vec("rival position", m.rival_pos_world) if rival else None,
+        rival_objectness=_number("rival objectness", m.rival_objectness) if rival else None,
+        rival_needed=_number("what the rival needs", m.rival_needed) if rival else None,
     )
 
 

@@ -59,6 +59,8 @@ class Snapshot:
     world: WorldView | None = None
     events: tuple[EventView, ...] = ()
     """The newest last; bounded."""
+    late: tuple[ControlView | HealthView, ...] = ()
+    """What was told afterwards about the alerts of a time in which the link was away, by its time; bounded."""
     channels: tuple[ChannelView, ...] = ()
     command: CommandView | None = None
     stop: StopView | None = None

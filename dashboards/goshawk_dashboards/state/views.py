@@ -87,6 +87,8 @@ class ControlView:
     acc_des_world_3: Array
     acc_att_world_3: Array
     acc_disturbance_world_3: Array
+    disturbance_limit_mps2: float | None
+    """The largest disturbance that the observer believes; None: the vehicle does not say."""
     acc_meas_world_3: Array | None
     """By the autopilot's IMU, turned and without gravity; None: it sends none."""
     thrust_n: float
@@ -97,6 +99,29 @@ class ControlView:
     """The thrust that hovers, normalised, as learnt in flight; None: the vehicle does not say."""
     attitude_lag_s: float | None
     """How late the attitude follows its command, as learnt in flight; None: the vehicle does not say."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LookView:
+    """What the target filter made of one frame's detections, compared with what it believed before."""
+
+    detections: int
+    """Sure enough to be looked at."""
+    passed: int
+    """Of these, within the gate."""
+    gate_sigmas: float
+    innovation_world_3: Array | None
+    """The detection that it took, minus where it expected it, m; None: none passed."""
+    innovation_sigmas: float | None
+    """That in standard deviations, to be compared with the gate."""
+    objectness: float | None
+    """Of the detection that it took."""
+    rival_pos_world_3: Array | None
+    """What is seen beside the target and may take its place; None: nothing is."""
+    rival_objectness: float | None
+    """The mean of its detections."""
+    rival_needed: float | None
+    """The mean from which on it takes the place, once it is seen often enough."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,6 +136,8 @@ class TargetView:
     """Position then velocity; None when the vehicle does not send it."""
     confirmed: bool
     since_seen_s: float
+    look: LookView | None
+    """None: it held nothing to compare with, or the vehicle does not say."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +205,8 @@ class EventView:
     severity: pb.Severity
     kind: str
     text: str
+    late: bool = False
+    """It was told afterwards: the link was away when it happened, or was not there yet."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -240,8 +240,8 @@ fn recorder(flight: &Flight) -> color_eyre::Result<(f64, f64)> {
     for (ready, plan, made_from) in &flight.plans {
         log.write(Channel::PLANNER_INPUT, ready.0, &inputs::planner_input(made_from).encode_to_vec())?;
         log.write(channel(Key::Plan)?, ready.0, &convert::plan(plan, *ready).encode_to_vec())?;
-        if let Some(target) = &plan.target {
-            log.write(channel(Key::Target)?, ready.0, &convert::target(0, target, plan.stamp).encode_to_vec())?;
+        if let Some(target) = convert::target(0, plan) {
+            log.write(channel(Key::Target)?, ready.0, &target.encode_to_vec())?;
         }
     }
     for (seq, (now, input, output)) in flight.steps.iter().enumerate() {

@@ -7,11 +7,9 @@ import webbrowser
 
 import pytest
 from goshawk_dashboards.gate import Access, Gate
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_ground.demo import places
 from goshawk_ground.demo.browser import await_browser
 from rich.console import Console
 
@@ -40,7 +38,3 @@ def test_nobody_who_looks_is_waited_for_a_while_and_a_browser_opens_on_a_desktop
             assert opened == wanted
     finally:
         dashboard.close()
-
-
-def test_the_demos_vehicle_file_names_its_tuning() -> None:
-    assert Tuning.of_toml(places.tuning_of(places.vehicle_file("sim.toml"))).gate is not None

@@ -47,6 +47,14 @@ def test_logs_that_do_not_go_together_are_refused(folder: Path) -> None:
     assert "holds no flight" in refused(flight, replay, "--replay", replay)[1]
 
 
+def test_a_policy_that_is_missing_and_a_log_beside_that_is_none_are_one_clear_line(folder: Path) -> None:
+    flight = folder / "flight.mcap"
+    status, line = refused(flight, "--policy", folder / "missing.onnx")
+    assert status == 1 and "cannot read the policy" in line
+    status, line = refused(flight, "--beside", folder / "notes.txt")
+    assert status == 1 and "neither a ULog nor a tlog" in line
+
+
 def test_a_busy_port_is_one_clear_line_and_status_2(folder: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -224,7 +224,7 @@ class ObstacleMap(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., origin_world: _Optional[_Union[Vec3, _Mapping]] = ..., voxel_m: _Optional[float] = ..., voxels: _Optional[bytes] = ...) -> None: ...
 
 class Control(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s", "odometry_fault", "odometry_doubt", "acc_meas_world")
+    __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s", "odometry_fault", "odometry_doubt", "acc_meas_world", "disturbance_limit_mps2")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
@@ -246,6 +246,7 @@ class Control(_message.Message):
     ODOMETRY_FAULT_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_DOUBT_FIELD_NUMBER: _ClassVar[int]
     ACC_MEAS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    DISTURBANCE_LIMIT_MPS2_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     mode: Mode
@@ -267,10 +268,11 @@ class Control(_message.Message):
     odometry_fault: OdometryFault
     odometry_doubt: float
     acc_meas_world: Vec3
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ..., odometry_fault: _Optional[_Union[OdometryFault, str]] = ..., odometry_doubt: _Optional[float] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
+    disturbance_limit_mps2: float
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ..., odometry_fault: _Optional[_Union[OdometryFault, str]] = ..., odometry_doubt: _Optional[float] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., disturbance_limit_mps2: _Optional[float] = ...) -> None: ...
 
 class Target(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "covariance", "confirmed", "since_seen_s")
+    __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "covariance", "confirmed", "since_seen_s", "look")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     POS_WORLD_FIELD_NUMBER: _ClassVar[int]
@@ -278,6 +280,7 @@ class Target(_message.Message):
     COVARIANCE_FIELD_NUMBER: _ClassVar[int]
     CONFIRMED_FIELD_NUMBER: _ClassVar[int]
     SINCE_SEEN_S_FIELD_NUMBER: _ClassVar[int]
+    LOOK_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     pos_world: Vec3
@@ -285,7 +288,30 @@ class Target(_message.Message):
     covariance: _containers.RepeatedScalarFieldContainer[float]
     confirmed: bool
     since_seen_s: float
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., covariance: _Optional[_Iterable[float]] = ..., confirmed: _Optional[bool] = ..., since_seen_s: _Optional[float] = ...) -> None: ...
+    look: TargetLook
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., covariance: _Optional[_Iterable[float]] = ..., confirmed: _Optional[bool] = ..., since_seen_s: _Optional[float] = ..., look: _Optional[_Union[TargetLook, _Mapping]] = ...) -> None: ...
+
+class TargetLook(_message.Message):
+    __slots__ = ("detections", "passed", "gate_sigmas", "innovation_world", "innovation_sigmas", "objectness", "rival_pos_world", "rival_objectness", "rival_needed")
+    DETECTIONS_FIELD_NUMBER: _ClassVar[int]
+    PASSED_FIELD_NUMBER: _ClassVar[int]
+    GATE_SIGMAS_FIELD_NUMBER: _ClassVar[int]
+    INNOVATION_WORLD_FIELD_NUMBER: _ClassVar[int]
+    INNOVATION_SIGMAS_FIELD_NUMBER: _ClassVar[int]
+    OBJECTNESS_FIELD_NUMBER: _ClassVar[int]
+    RIVAL_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
+    RIVAL_OBJECTNESS_FIELD_NUMBER: _ClassVar[int]
+    RIVAL_NEEDED_FIELD_NUMBER: _ClassVar[int]
+    detections: int
+    passed: int
+    gate_sigmas: float
+    innovation_world: Vec3
+    innovation_sigmas: float
+    objectness: float
+    rival_pos_world: Vec3
+    rival_objectness: float
+    rival_needed: float
+    def __init__(self, detections: _Optional[int] = ..., passed: _Optional[int] = ..., gate_sigmas: _Optional[float] = ..., innovation_world: _Optional[_Union[Vec3, _Mapping]] = ..., innovation_sigmas: _Optional[float] = ..., objectness: _Optional[float] = ..., rival_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., rival_objectness: _Optional[float] = ..., rival_needed: _Optional[float] = ...) -> None: ...
 
 class Check(_message.Message):
     __slots__ = ("name", "ok", "reason")
@@ -330,7 +356,7 @@ class Drops(_message.Message):
     def __init__(self, name: _Optional[str] = ..., count: _Optional[int] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "mode", "ready", "checks", "rates", "latencies", "drops", "faults", "vehicle", "profile", "policy_sha256", "version", "battery_fraction", "log_path", "autopilot", "profiles", "protocol")
+    __slots__ = ("seq", "stamp_ns", "mode", "ready", "checks", "rates", "latencies", "drops", "faults", "vehicle", "profile", "policy_sha256", "version", "battery_fraction", "log_path", "autopilot", "profiles", "protocol", "session", "events")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
@@ -349,6 +375,8 @@ class Health(_message.Message):
     AUTOPILOT_FIELD_NUMBER: _ClassVar[int]
     PROFILES_FIELD_NUMBER: _ClassVar[int]
     PROTOCOL_FIELD_NUMBER: _ClassVar[int]
+    SESSION_FIELD_NUMBER: _ClassVar[int]
+    EVENTS_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     mode: Mode
@@ -367,7 +395,9 @@ class Health(_message.Message):
     autopilot: str
     profiles: _containers.RepeatedScalarFieldContainer[str]
     protocol: int
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., ready: _Optional[bool] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., rates: _Optional[_Iterable[_Union[Rate, _Mapping]]] = ..., latencies: _Optional[_Iterable[_Union[Latency, _Mapping]]] = ..., drops: _Optional[_Iterable[_Union[Drops, _Mapping]]] = ..., faults: _Optional[_Iterable[str]] = ..., vehicle: _Optional[str] = ..., profile: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., version: _Optional[str] = ..., battery_fraction: _Optional[float] = ..., log_path: _Optional[str] = ..., autopilot: _Optional[str] = ..., profiles: _Optional[_Iterable[str]] = ..., protocol: _Optional[int] = ...) -> None: ...
+    session: int
+    events: int
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., ready: _Optional[bool] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., rates: _Optional[_Iterable[_Union[Rate, _Mapping]]] = ..., latencies: _Optional[_Iterable[_Union[Latency, _Mapping]]] = ..., drops: _Optional[_Iterable[_Union[Drops, _Mapping]]] = ..., faults: _Optional[_Iterable[str]] = ..., vehicle: _Optional[str] = ..., profile: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., version: _Optional[str] = ..., battery_fraction: _Optional[float] = ..., log_path: _Optional[str] = ..., autopilot: _Optional[str] = ..., profiles: _Optional[_Iterable[str]] = ..., protocol: _Optional[int] = ..., session: _Optional[int] = ..., events: _Optional[int] = ...) -> None: ...
 
 class Preview(_message.Message):
     __slots__ = ("seq", "stamp_ns", "width", "height", "jpeg")
@@ -384,16 +414,48 @@ class Preview(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., jpeg: _Optional[bytes] = ...) -> None: ...
 
 class Event(_message.Message):
-    __slots__ = ("stamp_ns", "severity", "kind", "text")
+    __slots__ = ("stamp_ns", "severity", "kind", "text", "seq")
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     SEVERITY_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
+    SEQ_FIELD_NUMBER: _ClassVar[int]
     stamp_ns: int
     severity: Severity
     kind: str
     text: str
-    def __init__(self, stamp_ns: _Optional[int] = ..., severity: _Optional[_Union[Severity, str]] = ..., kind: _Optional[str] = ..., text: _Optional[str] = ...) -> None: ...
+    seq: int
+    def __init__(self, stamp_ns: _Optional[int] = ..., severity: _Optional[_Union[Severity, str]] = ..., kind: _Optional[str] = ..., text: _Optional[str] = ..., seq: _Optional[int] = ...) -> None: ...
+
+class MissedRequest(_message.Message):
+    __slots__ = ("session", "after_event", "after_ns", "before_ns")
+    SESSION_FIELD_NUMBER: _ClassVar[int]
+    AFTER_EVENT_FIELD_NUMBER: _ClassVar[int]
+    AFTER_NS_FIELD_NUMBER: _ClassVar[int]
+    BEFORE_NS_FIELD_NUMBER: _ClassVar[int]
+    session: int
+    after_event: int
+    after_ns: int
+    before_ns: int
+    def __init__(self, session: _Optional[int] = ..., after_event: _Optional[int] = ..., after_ns: _Optional[int] = ..., before_ns: _Optional[int] = ...) -> None: ...
+
+class Missed(_message.Message):
+    __slots__ = ("session", "events", "controls", "healths", "dropped_events", "dropped_samples", "more")
+    SESSION_FIELD_NUMBER: _ClassVar[int]
+    EVENTS_FIELD_NUMBER: _ClassVar[int]
+    CONTROLS_FIELD_NUMBER: _ClassVar[int]
+    HEALTHS_FIELD_NUMBER: _ClassVar[int]
+    DROPPED_EVENTS_FIELD_NUMBER: _ClassVar[int]
+    DROPPED_SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    MORE_FIELD_NUMBER: _ClassVar[int]
+    session: int
+    events: _containers.RepeatedCompositeFieldContainer[Event]
+    controls: _containers.RepeatedCompositeFieldContainer[Control]
+    healths: _containers.RepeatedCompositeFieldContainer[Health]
+    dropped_events: int
+    dropped_samples: int
+    more: bool
+    def __init__(self, session: _Optional[int] = ..., events: _Optional[_Iterable[_Union[Event, _Mapping]]] = ..., controls: _Optional[_Iterable[_Union[Control, _Mapping]]] = ..., healths: _Optional[_Iterable[_Union[Health, _Mapping]]] = ..., dropped_events: _Optional[int] = ..., dropped_samples: _Optional[int] = ..., more: _Optional[bool] = ...) -> None: ...
 
 class Rgbd(_message.Message):
     __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "rgb", "depth_mm")

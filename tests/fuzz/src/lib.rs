@@ -12,7 +12,7 @@ use std::time::Duration;
 use bolero::TypeGenerator;
 
 /// How long a target runs where `BOLERO_RANDOM_TEST_TIME_MS` says nothing.
-const TEST_TIME: Duration = Duration::from_secs(25);
+const TEST_TIME: Duration = Duration::from_secs(10);
 /// Seeds are cut here, and edits make them little longer: what a parser does with much, it does with this.
 const SEED_BYTES: usize = 16_384;
 /// Numbers that programs count wrongly with.

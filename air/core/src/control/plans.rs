@@ -147,6 +147,7 @@ mod tests {
             candidates: [candidate; ANCHORS],
             chosen,
             target: None,
+            look: None,
             room: None,
             movers: [None; crate::planning::movers::MOST],
             evasion: None,

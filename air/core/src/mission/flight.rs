@@ -343,6 +343,7 @@ impl Controller {
             acc_des_world: Vec3::zeros(),
             acc_att_world: Vec3::zeros(),
             acc_disturbance_world: self.motion.observer().disturbance(),
+            disturbance_limit: self.config.observer.limit_mps2,
             acc_meas_world: None,
             thrust: Newtons(0.0),
             hover_thrust: self.motion.vehicle(&self.config.airframe).hover_thrust,

@@ -157,6 +157,8 @@ pub struct ControllerOutput {
     pub acc_att_world: Vec3,
     /// The observer's estimate of the lumped disturbance per unit mass, m/s².
     pub acc_disturbance_world: Vec3,
+    /// The largest disturbance that the observer believes, m/s².
+    pub disturbance_limit: f64,
     /// The acceleration that the autopilot's IMU feels, m/s²; none: it sends nothing fresh.
     pub acc_meas_world: Option<Vec3>,
     /// Commanded collective force.

@@ -80,6 +80,11 @@ impl Chase {
         Self { config, passed: None }
     }
 
+    /// The same chase, from here on by other rules.
+    pub(crate) fn with(self, config: ChaseConfig) -> Self {
+        Self { config, ..self }
+    }
+
     /// Where a trajectory of `duration` s from `pos_world` should end, relative to there, m: short of where the target
     /// will be then, never behind the vehicle. A target that went behind something is followed by the way that it took:
     /// first to where it was seen last, which lies in the open, for the straight line to where it should be now leads

@@ -190,6 +190,11 @@ impl Evading {
         Self { config, last: None, stamp: None, pace: Pace::default() }
     }
 
+    /// The same way aside, from here on by other rules.
+    pub(crate) fn with(self, config: EvasionConfig) -> Self {
+        Self { config, ..self }
+    }
+
     /// The way aside from `start`, where `flown` would be flown otherwise, or a stop; none: nothing moves in its way, or
     /// no way is safer.
     pub(crate) fn step(&mut self, start: &FlatState, flown: Option<&Quintic>, scene: &Scene) -> Option<Evasion> {

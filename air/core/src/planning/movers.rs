@@ -249,6 +249,11 @@ impl Followed {
         Self { config, tracks: [None; MOST] }
     }
 
+    /// The same tracks, from here on by other rules.
+    pub(crate) fn with(self, config: MoversConfig) -> Self {
+        Self { config, ..self }
+    }
+
     pub(crate) fn reset(&mut self) {
         self.tracks = [None; MOST];
     }

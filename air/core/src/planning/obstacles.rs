@@ -89,6 +89,10 @@ const FINE: f32 = (1 << FINE_BITS) as f32;
 /// Its bits; those above them hold a place in the grid.
 const FINE_BITS: u32 = 16;
 
+fn margin(config: &ObstaclesConfig) -> [f32; 2] {
+    [config.depth_margin_m, config.depth_margin_per_m].map(|x| x as f32)
+}
+
 /// The grid.
 #[derive(Clone, Debug)]
 pub struct Obstacles {
@@ -123,7 +127,7 @@ impl Obstacles {
         Self {
             blocks: Blocks::new(hfov, vfov),
             range: range as f32,
-            margin: [config.depth_margin_m, config.depth_margin_per_m].map(|x| x as f32),
+            margin: margin(config),
             body: config.body_radius_m as f32,
             low: None,
             evidence: vec![0; VOXELS],
@@ -135,6 +139,21 @@ impl Obstacles {
             new: Fresh::new(COLUMNS * ROWS),
             followed: Followed::new(movers),
         }
+    }
+
+    /// The same grid, from here on by other rules. With a `range` of 0 nothing of it is left.
+    pub(crate) fn with(self, range: f64, config: &ObstaclesConfig, movers: MoversConfig) -> Self {
+        let mut grid = Self {
+            range: range as f32,
+            margin: margin(config),
+            body: config.body_radius_m as f32,
+            followed: self.followed.with(movers),
+            ..self
+        };
+        if grid.range <= 0.0 {
+            grid.reset();
+        }
+        grid
     }
 
     /// Forgets everything.

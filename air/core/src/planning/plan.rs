@@ -3,7 +3,7 @@
 use crate::planning::evade::Evasion;
 use crate::planning::movers::Movers;
 use crate::planning::room::Room;
-use crate::values::types::{ANCHORS, Candidate, FlatState, Rot, TargetEstimate, Time};
+use crate::values::types::{ANCHORS, Candidate, FlatState, Rot, TargetEstimate, TargetLook, Time};
 
 /// The planner's answer to one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +26,8 @@ pub struct Plan {
     pub chosen: Option<usize>,
     /// The target filter after this frame; none before the first detection.
     pub target: Option<TargetEstimate>,
+    /// What the filter made of this frame's detections; none: it held nothing to compare them with.
+    pub look: Option<TargetLook>,
     /// The room about `start`, from what is remembered; none: no target is so near that it matters.
     pub room: Option<Room>,
     /// What moves about the vehicle.

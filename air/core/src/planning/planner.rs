@@ -173,6 +173,24 @@ impl Planner {
         Ok(Self { config, decoder, filter, obstacles, chase, evading, last: None, flight: 0 })
     }
 
+    /// This planner with all that it has seen, from here on with another configuration, for the same camera.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_config(self, config: PlannerConfig) -> Result<Self, ConfigError> {
+        let Self { config, decoder, .. } = Self::new(config)?;
+        let how = &config.planning;
+        Ok(Self {
+            filter: self.filter.with(how.target, config.extensions),
+            obstacles: self.obstacles.with(how.remember_within_m, &how.obstacles, how.movers),
+            chase: self.chase.with(how.chase),
+            evading: self.evading.with(how.evasion),
+            config,
+            decoder,
+            ..self
+        })
+    }
+
     /// The configuration that it plans with: what is switched off is at the value that does nothing.
     #[must_use]
     pub fn config(&self) -> &PlannerConfig {
@@ -393,6 +411,7 @@ impl Asked<'_> {
             candidates,
             chosen,
             target: planner.filter.estimate(),
+            look: planner.filter.look(),
             room: planner.is_near_target(odometry).then(|| planner.obstacles.room(&odometry.pos_world)),
             movers,
             evasion,

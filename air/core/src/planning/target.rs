@@ -7,7 +7,7 @@ use crate::gaze::expected::Expected;
 use crate::gaze::hidden::hidden_for;
 use crate::values::error::{ConfigError, within};
 use crate::values::extensions::Extensions;
-use crate::values::types::{TargetEstimate, Time, Vec3};
+use crate::values::types::{Rival, Taken, TargetEstimate, TargetLook, Time, Vec3};
 use nalgebra::{Matrix3, Matrix6};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -140,6 +140,8 @@ pub struct TargetFilter {
     lost: Option<Track>,
     /// Something else that is seen while a target is believed: it takes its place if there is more evidence for it.
     rival: Option<Track>,
+    /// What it made of the last frame; none: there was nothing to compare with.
+    look: Option<TargetLook>,
 }
 
 /// By how much a rival's mean objectness must exceed that of the target that is held, as long as that is seen. By eye.
@@ -227,14 +229,15 @@ impl Track {
         self.last_seen = self.stamp;
     }
 
-    /// One frame: predicts, marks the detections that are its own, and takes the surest of them, or the one that fits best.
+    /// One frame: predicts, marks the detections that are its own, and takes the surest of them, or the one that fits
+    /// best, which it tells.
     fn step<const N: usize>(
         &mut self,
         (config, extensions): (&TargetConfig, &Extensions),
         now: Time,
         detections: &[Option<Detection>; N],
         consistent: &mut [bool; N],
-    ) {
+    ) -> Option<Taken> {
         self.predict(config, now);
         let worth = |detection: &Detection| {
             if extensions.weighted_detections {
@@ -253,11 +256,17 @@ impl Track {
                 }
             }
         }
+        let taken = surest.map(|detection| Taken {
+            innovation_world: detection.pos_world - self.motion.pos,
+            sigmas: self.inconsistency(detection, &config.covariance(detection.sight_world, 1.0)),
+            objectness: detection.objectness,
+        });
         if let Some(detection) = surest {
             self.update(config, extensions, detection);
             self.strength += (detection.objectness - self.strength) / f64::from(config.confirm_of);
         }
         self.history = self.history << 1 | u32::from(surest.is_some());
+        taken
     }
 
     fn is_seen_often(&self, config: &TargetConfig) -> bool {
@@ -265,10 +274,14 @@ impl Track {
         (self.history & window).count_ones() >= config.confirm_hits
     }
 
+    /// The mean objectness from which on it may be believed.
+    fn least(&self, config: &TargetConfig) -> f64 {
+        if self.beyond_reach { config.sure_objectness } else { config.confirm_objectness }
+    }
+
     /// What is seen often looks like the target often enough.
     fn convinces(&self, config: &TargetConfig) -> bool {
-        let least = if self.beyond_reach { config.sure_objectness } else { config.confirm_objectness };
-        self.is_seen_often(config) && self.strength >= least
+        self.is_seen_often(config) && self.strength >= self.least(config)
     }
 
     /// Unconfirmed, it dies of more blank frames in a row than confirmation could have forgiven, or of old age.
@@ -299,7 +312,12 @@ impl TargetFilter {
     /// A filter that has seen nothing.
     #[must_use]
     pub fn new(config: TargetConfig, extensions: Extensions) -> Self {
-        Self { config, extensions, track: None, lost: None, rival: None }
+        Self { config, extensions, track: None, lost: None, rival: None, look: None }
+    }
+
+    /// The same tracks, from here on by other rules.
+    pub(crate) fn with(self, config: TargetConfig, extensions: Extensions) -> Self {
+        Self { config, extensions, ..self }
     }
 
     /// Forgets everything.
@@ -318,12 +336,21 @@ impl TargetFilter {
     /// `consistent` which of them are of the target; all false while there is no believed target.
     pub fn step<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
         *consistent = [false; N];
+        self.look = None;
         if let Some(track) = &mut self.track {
-            track.step((&self.config, &self.extensions), now, detections, consistent);
+            let taken = track.step((&self.config, &self.extensions), now, detections, consistent);
+            let passed = consistent.iter().filter(|own| **own).count() as u32;
             self.judge(now);
             if self.extensions.rivals {
                 self.compete(now, detections, consistent);
             }
+            self.look = Some(TargetLook {
+                detections: detections.iter().flatten().count() as u32,
+                passed,
+                gate_sigmas: self.config.gate_sigmas,
+                taken,
+                rival: self.rival(),
+            });
         }
         if self.track.is_none() {
             self.acquire(now, detections);
@@ -356,6 +383,18 @@ impl TargetFilter {
         } else if rival.is_forgotten(&self.config, now) {
             self.rival = None;
         }
+    }
+
+    /// The rival, and what it lacks, by the conditions of [`Self::compete`].
+    fn rival(&self) -> Option<Rival> {
+        let (rival, track) = (self.rival?, self.track?);
+        let instead = if track.is_seen_often(&self.config) { f64::INFINITY } else { self.config.sure_objectness };
+        let place = if track.confirmed { instead.min(track.strength + STRONGER) } else { 0.0 };
+        Some(Rival {
+            pos_world: rival.motion.pos,
+            objectness: rival.strength,
+            needed: place.max(rival.least(&self.config)),
+        })
     }
 
     /// Confirms, or gives up, the track.
@@ -414,6 +453,12 @@ impl TargetFilter {
     #[must_use]
     pub fn is_confirmed(&self) -> bool {
         self.track.is_some_and(|track| track.confirmed)
+    }
+
+    /// What it made of the last frame's detections; none: it held nothing to compare them with.
+    #[must_use]
+    pub fn look(&self) -> Option<TargetLook> {
+        self.look
     }
 
     /// The estimate; once lost, the place and velocity at which it was believed last; none before the first detection.

@@ -216,6 +216,43 @@ pub struct TargetEstimate {
     pub last_seen: Time,
 }
 
+/// What the target filter made of one frame's detections, compared with what it believed before (eq. 10).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TargetLook {
+    /// Detections with objectness enough to be looked at.
+    pub detections: u32,
+    /// Of these, how many are within the gate.
+    pub passed: u32,
+    /// The gate, in standard deviations.
+    pub gate_sigmas: f64,
+    /// The detection that the filter took; none: none passed.
+    pub taken: Option<Taken>,
+    /// What is seen beside the target; none: nothing is.
+    pub rival: Option<Rival>,
+}
+
+/// A detection that the target filter took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Taken {
+    /// From where the target was expected, m.
+    pub innovation_world: Vec3,
+    /// The same in standard deviations, to be compared with the gate.
+    pub sigmas: f64,
+    /// 0..=1.
+    pub objectness: f64,
+}
+
+/// What may take the target's place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rival {
+    /// Where it is, m.
+    pub pos_world: Vec3,
+    /// The mean of its detections, 0..=1.
+    pub objectness: f64,
+    /// The mean from which on it takes the place, once it is seen often enough; above 1: as things stand it cannot.
+    pub needed: f64,
+}
+
 /// What the autopilot takes at the controller's rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttitudeThrust {

@@ -367,6 +367,7 @@ impl Loop {
             candidates: [candidate; ANCHORS],
             chosen: aim.map(|_| 7),
             target: estimate.or(kept),
+            look: None,
             room: None,
             movers: [None; goshawk_core::planning::movers::MOST],
             evasion: self.evades,

@@ -24,8 +24,8 @@ pub struct Asked {
     query: Query,
 }
 
-/// A query that is done with, for [`send`]. Beside that, and [`serve_pings`] for the pings it answers, nobody may drop a
-/// query: the last of it to go tells the asker that no more will come, and where the asker wants that waited with, it
+/// A query that is done with, for [`send`]. Beside that, [`serve_pings`] for the pings it answers and
+/// [`super::missed::serve`] for what was missed, nobody may drop a query: the last of it to go tells the asker that no more will come, and where the asker wants that waited with, it
 /// waits until the asker's link moves or is given up.
 pub struct Answer {
     query: Query,
@@ -46,14 +46,14 @@ pub fn declare(bus: &Bus, answers: &Sender<Answer>) -> Result<Receiver<Asked>, B
     Ok(receiver)
 }
 
-/// Declares the question that is answered by coming back; more than a few at once go unanswered.
+/// Declares a question that is no command; more than a few at once go unanswered.
 ///
 /// # Errors
 /// Zenoh refused the declaration.
-pub fn declare_ping(bus: &Bus, answers: &Sender<Answer>) -> Result<Receiver<Query>, BusError> {
+pub fn declare_question(bus: &Bus, key: Key, answers: &Sender<Answer>) -> Result<Receiver<Query>, BusError> {
     let (sender, receiver) = sync_channel(4);
     let answers = answers.clone();
-    bus.queryable(Key::Ping, move |query| queue(&sender, query, &answers, |query| query))?;
+    bus.queryable(key, move |query| queue(&sender, query, &answers, |query| query))?;
     Ok(receiver)
 }
 

@@ -1,9 +1,9 @@
 //! One thread that turns reports into telemetry, log records and health. It alone encodes, publishes and records, so
 //! that planner and controller never wait for a network or a disk.
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use goshawk_autopilot::{AutopilotLink, Outcome};
@@ -16,8 +16,9 @@ use goshawk_vehicle::config::{OdometrySource, Switch};
 use goshawk_vehicle::sensors::Frame;
 use goshawk_vehicle::{clock, convert, inputs, switch};
 
-use crate::flight::shared::{Planned, Report, Shared, Started};
+use crate::flight::shared::{Planned, Report, Shared, Started, lock};
 use crate::network::access::INSECURE;
+use crate::network::memory::Memory;
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
 use crate::report::health::{self, Facts};
@@ -87,6 +88,8 @@ pub struct Telemetry {
     link: Arc<AutopilotLink>,
     log: FlightLog,
     visitors: Visitors,
+    /// For whoever was away.
+    memory: Arc<Mutex<Memory>>,
     identity: Identity,
     facts: Facts,
     sequences: Sequences,
@@ -117,6 +120,7 @@ impl Telemetry {
         log: FlightLog,
         visitors: Visitors,
         identity: Identity,
+        memory: Arc<Mutex<Memory>>,
     ) -> Result<Self, BusError> {
         if identity.insecure {
             visitors.note(v1::Severity::Warning, "", INSECURE, clock::now());
@@ -134,6 +138,7 @@ impl Telemetry {
             link,
             log,
             visitors,
+            memory,
             profile: identity.profiles.first().cloned().unwrap_or_default(),
             facts: Facts {
                 warm_up_failed: identity.warm_up_failed.clone(),
@@ -256,8 +261,7 @@ impl Telemetry {
         if of_flight {
             self.log.record(Key::Plan, *ready, message);
         }
-        if let Some(target) = &plan.target {
-            let message = convert::target(self.sequences.target, target, plan.stamp);
+        if let Some(message) = convert::target(self.sequences.target, plan) {
             self.sequences.target += 1;
             self.publishers.target.put(&message);
             if of_flight {
@@ -306,7 +310,9 @@ impl Telemetry {
         if odometry.is_some() && stamp.since(self.last_control) >= CONTROL_PERIOD_S {
             self.last_control = stamp;
             // On the wire the sequence counts what was sent, so that the ground can count what was lost.
-            self.publishers.control.put(&v1::Control { seq: self.sequences.control, ..message });
+            let sent = v1::Control { seq: self.sequences.control, ..message };
+            self.publishers.control.put(&sent);
+            lock(&self.memory).control(&sent);
             self.sequences.control += 1;
         }
         self.log.record(Key::Control, stamp, message);
@@ -348,7 +354,8 @@ impl Telemetry {
             _ => tracing::info!("{kind}: {text}"),
         }
         let stamp = clock::now();
-        let message = v1::Event { stamp_ns: stamp.0, severity: severity.into(), kind: kind.to_owned(), text };
+        let (severity, kind) = (severity.into(), kind.to_owned());
+        let message = lock(&self.memory).event(v1::Event { stamp_ns: stamp.0, severity, kind, text, seq: 0 });
         self.publishers.event.put(&message);
         self.log.record(Key::Event, stamp, message);
     }
@@ -439,6 +446,10 @@ impl Telemetry {
 
     fn publish_health(&mut self, shared: &Shared, now: Time) {
         let status = self.link.status(now);
+        let (session, events) = {
+            let memory = lock(&self.memory);
+            (memory.session(), memory.told())
+        };
         let drops = |name: &str, count: u64| v1::Drops { name: name.to_owned(), count };
         let message = v1::Health {
             seq: self.sequences.health,
@@ -466,9 +477,12 @@ impl Telemetry {
             autopilot: status.mode.map_or_else(|| "not heard".to_owned(), |mode| mode.to_string()),
             profiles: self.identity.profiles.clone(),
             protocol: PROTOCOL,
+            session,
+            events,
         };
         self.sequences.health += 1;
         self.publishers.health.put(&message);
+        lock(&self.memory).health(&message);
         self.log.record(Key::Health, now, message);
     }
 

@@ -142,9 +142,9 @@ impl Recorder {
         }
         self.record(Channel::PLANNER_INPUT, now, &inputs::planner_input(&planned.record));
         self.tell(Key::Plan, now, &convert::plan(&planned.plan, now));
-        if let Some(target) = &planned.plan.target {
+        if let Some(target) = convert::target(self.targets + 1, &planned.plan) {
             self.targets += 1;
-            self.tell(Key::Target, now, &convert::target(self.targets, target, planned.plan.stamp));
+            self.tell(Key::Target, now, &target);
         }
     }
 

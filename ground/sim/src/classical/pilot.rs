@@ -134,6 +134,7 @@ impl<'a> Classical<'a> {
             candidates: [candidate; ANCHORS],
             chosen: None,
             target: None,
+            look: None,
             room: None,
             movers: [None; goshawk_core::planning::movers::MOST],
             evasion: None,

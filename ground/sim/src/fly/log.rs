@@ -149,6 +149,7 @@ impl Witness for FlightLog {
                 severity: v1::Severity::Info.into(),
                 kind: "mode".to_owned(),
                 text: format!("{:?} → {:?}: {}", t.from, t.to, t.cause),
+                ..Default::default()
             };
             self.tell(Key::Event, now, &event);
         }
@@ -176,8 +177,8 @@ impl Witness for FlightLog {
             self.write(Channel::PLANNER_INPUT, ready, &inputs::planner_input(record));
         }
         self.tell(Key::Plan, ready, &convert::plan(plan, ready));
-        if let Some(target) = &plan.target {
-            self.tell(Key::Target, ready, &convert::target(plan.seq, target, plan.stamp));
+        if let Some(target) = convert::target(plan.seq, plan) {
+            self.tell(Key::Target, ready, &target);
         }
     }
 
@@ -193,6 +194,7 @@ impl Witness for FlightLog {
             severity: severity.into(),
             kind: "trial".to_owned(),
             text: format!("{}{touched}", outcome_name(outcome)),
+            ..Default::default()
         };
         self.tell(Key::Event, now, &event);
     }

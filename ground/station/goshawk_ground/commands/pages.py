@@ -26,10 +26,10 @@ from goshawk_ground.commands.options import (
     fail,
 )
 from goshawk_ground.demo import places
-from goshawk_ground.interrupt import until_interrupted
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 from goshawk_ground.orders.stop_file import state_folder
 from goshawk_ground.orders.stop_latch import RESUME_S
+from goshawk_ground.process.interrupt import until_interrupted
 
 
 def ground(
@@ -186,6 +186,13 @@ def review(
     replay: Annotated[
         Path | None, typer.Option(help="What another policy made of it: a log that goshawk-air replay wrote.")
     ] = None,
+    policy: Annotated[
+        list[Path] | None, typer.Option(help="A policy (.onnx) to plan again with, beside the shipped ones.")
+    ] = None,
+    beside: Annotated[
+        Path | None, typer.Option(help="The autopilot's own log of the first flight: PX4's ULog, or a tlog.")
+    ] = None,
+    bin_dir: BinDir = None,
     host: Host = "127.0.0.1",
     port: Port = 8080,
     token_file: TokenFile = None,
@@ -193,9 +200,10 @@ def review(
     key: KeyFile = None,
     operator_password_file: OperatorPassword = None,
 ) -> None:
-    """Serve recorded flights on a timeline until Ctrl-C: charts of any signal, play, step, compare."""
+    """Serve recorded flights on a timeline until Ctrl-C: charts of any signal, play, step, compare, plan again."""
     from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
-    from goshawk_ground.pages.review import LogError, open_review
+    from goshawk_ground.pages.replan import replanner_of
+    from goshawk_ground.pages.review import BesideError, LogError, open_review
 
     files = admission.Secrets(
         certificate=certificate, key=key, token=token_file, operator_password=operator_password_file
@@ -203,11 +211,23 @@ def review(
     with admission.failing_in_one_line():
         admitted = admission.admit(host, files)
         try:
-            dashboard = open_review(logs, replay, host=host, port=port, access=admitted.access, tls=admitted.tls)
-        except LogError as error:
+            replanner = replanner_of(bin_dir or places.programs(), [*places.policies(), *(policy or [])])
+            dashboard = open_review(
+                logs,
+                replay,
+                host=host,
+                port=port,
+                access=admitted.access,
+                tls=admitted.tls,
+                replanner=replanner,
+                beside=beside,
+            )
+        except (BesideError, LogError) as error:
             fail(str(error), REFUSED)
     with until_interrupted():
         typer.echo(f"review: {dashboard.url}  ({', '.join(log.name for log in logs)}; Ctrl-C ends)")
+        if dashboard.beside is not None:
+            typer.echo(dashboard.beside.words)
         for line in admitted.words(port):
             typer.echo(line)
     dashboard.close()
@@ -228,5 +248,6 @@ def register(app: typer.Typer) -> None:
     app.command(
         epilog="Examples: goshawk review logs/goshawk-2026-05-01T093000123Z.mcap | "
         "goshawk review before.mcap after.mcap third.mcap | goshawk review flight.mcap --replay other-policy.mcap | "
+        "goshawk review flight.mcap --policy runs/flown.onnx | goshawk review flight.mcap --beside flight.ulg | "
         "goshawk review flight.mcap --host 0.0.0.0"
     )(review)

@@ -7,8 +7,8 @@ import time
 import typer
 from goshawk_dashboards.state.views import CommandView
 
-from goshawk_ground.interrupt import interrupted
 from goshawk_ground.link import GroundLink
+from goshawk_ground.process.interrupt import interrupted
 
 SAY_EVERY_S = 3.0
 

@@ -37,6 +37,6 @@ def goal_of(vehicle: Path) -> tuple[float, float]:
     return profile["goal_m"][0], profile["speed_mps"]
 
 
-def tuning_of(vehicle: Path) -> str:
-    """The tuning file that a vehicle file names. Raises OSError where it cannot be read."""
-    return (vehicle.parent / tomllib.loads(vehicle.read_text(encoding="utf-8"))["tuning"]).read_text(encoding="utf-8")
+def policies() -> list[Path]:
+    """The shipped policies."""
+    return sorted((CHECKOUT.parent / "models" if in_checkout() else PACKAGED / "models").glob("*.onnx"))

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_dashboards.page.status import failing_checks
 from goshawk_dashboards.state.snapshot import Snapshot
@@ -22,11 +21,11 @@ from goshawk_ground.demo.browser import await_browser
 from goshawk_ground.demo.children import Child, stop_all
 from goshawk_ground.demo.director import Action, Director, Limits, Phase
 from goshawk_ground.demo.flight_record import FlightRecord, Summary, goal_distance_m
-from goshawk_ground.interrupt import interrupted
 from goshawk_ground.keys.chosen import demo_identities
 from goshawk_ground.link import GroundLink
 from goshawk_ground.pages.ports import free_port
 from goshawk_ground.pages.serve import serve_dashboard
+from goshawk_ground.process.interrupt import interrupted
 
 ZENOH_PORT = 7447
 MAVLINK_PORT = 14540
@@ -78,8 +77,7 @@ def run_demo(options: DemoOptions) -> bool:
         try:
             children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
             link = GroundLink(connect=endpoint, identity=identity)
-            tuning = Tuning.of_toml(places.tuning_of(_vehicle_file(options)))
-            dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port), tuning=tuning)
+            dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port))
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             if console.is_terminal and not options.headless:
                 await_browser(dashboard, console, ended)

@@ -11,8 +11,8 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,10 +20,11 @@ import zenoh
 from google.protobuf.message import DecodeError, Message
 from goshawk_dashboards.state import decode, protocol
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import CommandView, EventView, WorldView
+from goshawk_dashboards.state.views import CommandView, ControlView, EventView, HealthView, WorldView
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
 from goshawk_ground.link import round_trip, silence
+from goshawk_ground.link.catch_up import CatchUp
 from goshawk_ground.link.channel import ChannelStats
 from goshawk_ground.link.dial import LinkError, Way
 from goshawk_ground.link.tap import Tap
@@ -32,6 +33,8 @@ from goshawk_ground.orders.stop_file import StopFile
 from goshawk_ground.orders.stop_latch import StopLatch
 
 EVENTS = 200
+LATE = 400
+"""Most samples that are kept of what was told afterwards: as many as a chart shows."""
 RING = 32
 """Samples of one channel that may wait: half a second of the fastest."""
 DRAIN_PERIOD_S = 0.005
@@ -77,7 +80,9 @@ class GroundLink:
         self._lock = threading.Lock()
         self._stats = {name: ChannelStats(name) for name in _DECODERS}
         self._newest: dict[str, Any] = {}
-        self._events: deque[EventView] = deque(maxlen=EVENTS)
+        self._events: tuple[EventView, ...] = ()
+        self._late: tuple[ControlView | HealthView, ...] = ()
+        self._catch_up = CatchUp(self, self._take_late)
         self._listeners: tuple[Listener, ...] = ()
         self._taps: tuple[Tap, ...] = ()
         self._alive = False
@@ -129,6 +134,7 @@ class GroundLink:
         self._declared += [*rings.values(), alive]
         self._session = session
         helpers = [threading.Thread(target=f, daemon=True) for f in (self._watch_world, self._watch_round_trip)]
+        helpers.append(threading.Thread(target=self._catch_up.run, args=(self._closing,), daemon=True))
         for helper in helpers:
             helper.start()
         while not self._closing.wait(DRAIN_PERIOD_S):
@@ -155,9 +161,9 @@ class GroundLink:
         with self._lock:
             self._listeners = tuple(kept for kept in self._listeners if kept is not listener)
 
-    def tap(self) -> Tap:
-        """Every well-formed message from now on, as it came."""
-        tap = Tap(self._untap)
+    def tap(self, *, late: bool = False) -> Tap:
+        """Every well-formed message from now on, as it came; ``late``: with what is told after a cut, of earlier."""
+        tap = Tap(self._untap, late=late)
         with self._lock:
             self._taps = (*self._taps, tap)
         return tap
@@ -185,7 +191,8 @@ class GroundLink:
                 preview=self._newest.get("preview"),
                 truth=self._newest.get("sim_truth"),
                 world=self._world,
-                events=tuple(self._events),
+                events=self._events,
+                late=self._late,
                 channels=tuple(stats.view(now_s) for stats in self._stats.values()),
                 command=self._command,
                 stop=stop,
@@ -230,13 +237,41 @@ class GroundLink:
         with self._lock:
             self._stats[name].arrived(time.monotonic(), len(payload), getattr(message, "seq", None))
             if name == "event":
-                self._events.append(view)
+                self._add_event(view)
             else:
                 self._newest[name] = view
+        self._catch_up.heard(message)
         for tap in self._taps:
             tap.put(name, message)
         for listener in self._listeners:
             listener(name, view)
+
+    def _add_event(self, event: EventView) -> bool:
+        """In its place in time; False: it is there already."""
+        if any((kept.stamp_ns, kept.text) == (event.stamp_ns, event.text) for kept in self._events):
+            return False
+        self._events = tuple(sorted((*self._events, event), key=lambda kept: kept.stamp_ns)[-EVENTS:])
+        return True
+
+    def _take_late(self, name: str, message: Message) -> None:
+        """What was missed, told afterwards: it is never the newest, so it is no news for whoever listens."""
+        try:
+            view = _DECODERS[name][1](message)
+        except decode.MalformedError:
+            return
+        with self._lock:
+            if not isinstance(view, EventView):
+                self._late = tuple(sorted((*self._late, view), key=lambda kept: kept.stamp_ns)[-LATE:])
+            elif not self._add_event(replace(view, late=True)):
+                return
+        for tap in self._taps:
+            if tap.late:
+                tap.put(name, message)
+
+    def may_ask(self) -> bool:
+        """Whether what was missed may be asked for: the vehicle is there, and no command waits for its answer."""
+        stop, command = self._stops.view(), self._command
+        return self.linked and (stop is None or stop.lapsed) and not (command is not None and command.pending)
 
     def _take_alive(self, sample: zenoh.Sample) -> None:
         with self._lock:

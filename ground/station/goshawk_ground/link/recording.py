@@ -20,19 +20,19 @@ HEADER = "log/header"
 def record(link: GroundLink, path: Path, ended: Callable[[], bool]) -> int:
     """Writes a new file until ``ended``, which is asked several times a second; how many messages it holds.
 
-    It begins with the first heartbeat, which says who the vehicle is. Raises OSError if the file exists or cannot be
-    written.
+    It begins with the first heartbeat, which says who the vehicle is, and has what is told after a cut in its place.
+    Raises OSError if the file exists or cannot be written.
     """
     written = 0
-    with link.tap() as tap, path.open("xb") as file, Writer(file) as log:
-        known = False
+    with link.tap(late=True) as tap, path.open("xb") as file, Writer(file) as log:
+        began_ns: int | None = None
         while not ended():
             for channel, message in tap.take(WAIT_S):
                 at_ns = stamp_ns(channel, message)
-                if not known and isinstance(message, goshawk_pb2.Health):
-                    known = True
+                if began_ns is None and isinstance(message, goshawk_pb2.Health):
+                    began_ns = at_ns
                     log.write_message(HEADER, _header(link, message), log_time=at_ns, publish_time=at_ns)
-                if known:
+                if began_ns is not None and at_ns >= began_ns:
                     log.write_message(KEYS[channel].suffix, message, log_time=at_ns, publish_time=at_ns)
                     written += 1
                 if ended():

@@ -23,8 +23,10 @@ STAMPS = {"plan": "ready_ns"}
 class Tap:
     """Filled by the link's thread, emptied by another. It ends with its ``with``."""
 
-    def __init__(self, end: Callable[[Tap], None]) -> None:
+    def __init__(self, end: Callable[[Tap], None], *, late: bool = False) -> None:
         self._end = end
+        self.late = late
+        """With what is told after a cut, of the time before."""
         self._queue: queue.Queue[tuple[str, Message]] = queue.Queue(WAITING)
         self.dropped = 0
         """Messages that found the queue full."""

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from goshawk_dashboards.charts.beside import Beside
 from goshawk_dashboards.gate import Access, Gate, Tls
+from goshawk_dashboards.log.beside.files import BesideError
 from goshawk_dashboards.log.flight import Flight, LogError
 from goshawk_dashboards.log.recorded import Replay
+from goshawk_dashboards.review.altering import Replanner
 from goshawk_dashboards.review.dashboard import ReviewDashboard
 
-__all__ = ["LogError", "open_review"]
+__all__ = ["BesideError", "LogError", "open_review"]
 
 MOST_LOGS = 6
 """As many as have a colour of their own."""
@@ -24,12 +27,15 @@ def open_review(
     port: int,
     access: Access | None = None,
     tls: Tls | None = None,
+    replanner: Replanner | None = None,
+    beside: Path | None = None,
 ) -> ReviewDashboard:
     """A running review of flights, the first with the others beside it, and of a replay: named as such, or the second
-    log if it is one.
+    log if it is one. ``replanner`` plans the first flight again where a viewer alters it.
+    ``beside`` is the autopilot's own log of the first flight.
 
-    Raises LogError (one line) for a file that is no log or does not belong here, PortBusyError (an OSError) if the
-    port is taken, UnguardedError (an OSError) for a host that other machines reach, without ``tls``.
+    Raises LogError or BesideError (one line) for a file that is no log or does not belong here, PortBusyError (an
+    OSError) if the port is taken, UnguardedError (an OSError) for a host that other machines reach, without ``tls``.
     """
     if len(logs) > MOST_LOGS:
         raise LogError(f"{len(logs)} logs are too many: review {MOST_LOGS} at once at most")
@@ -41,8 +47,9 @@ def open_review(
         if not flight.count("control"):
             raise LogError(f"{flight.path} holds no flight: nothing of the controller is in it; name flights only")
     answers = None if replay is None else _replay_of(flights[0], replay)
+    other = None if beside is None else Beside.open(beside, flights[0])
     gate = Gate(host=host, port=port, access=access or Access(), tls=tls)
-    dashboard = ReviewDashboard(gate=gate, flights=flights, replay=answers)
+    dashboard = ReviewDashboard(gate=gate, flights=flights, replay=answers, replanner=replanner, beside=other)
     dashboard.start()
     return dashboard
 

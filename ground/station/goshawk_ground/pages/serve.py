@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from goshawk_dashboards.gate import Access, Gate, Tls
-from goshawk_dashboards.instruments.tuning import Tuning
 from goshawk_dashboards.live.dashboard import LiveDashboard
 from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.state.snapshot import Snapshot
@@ -22,18 +21,14 @@ def serve_dashboard(
     radios: Mapping[str, Radio] | None = None,
     access: Access | None = None,
     tls: Tls | None = None,
-    tuning: Tuning | None = None,
 ) -> LiveDashboard:
     """A running dashboard of the links' vehicles, and of the radios of some of them, by the vehicle's name.
-
-    ``tuning`` is theirs, where the ground has that file: limits and gates are shown by it.
 
     Raises PortBusyError (an OSError) if the port is taken, UnguardedError (an OSError) for a host that other machines
     reach, without ``tls``.
     """
-    vehicles = [replace(vehicle, tuning=tuning) for vehicle in watched(links, radios or {})]
     gate = Gate(host=host, port=port, access=access or Access(), tls=tls)
-    dashboard = LiveDashboard(gate=gate, vehicles=vehicles)
+    dashboard = LiveDashboard(gate=gate, vehicles=watched(links, radios or {}))
     dashboard.start()
     return dashboard
 

@@ -1,0 +1,40 @@
+"""What all who look at a vehicle share: what was told afterwards is drawn where it belongs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from goshawk_dashboards.live.feed import Feed, Watched
+from goshawk_dashboards.state.snapshot import Snapshot
+from goshawk_dashboards.state.views import CommandView, ControlView
+
+Make = Callable[..., Snapshot]
+
+
+def step(snap: Snapshot, at_s: float, speed: float) -> ControlView:
+    """A controller step."""
+    assert snap.control is not None
+    return replace(
+        snap.control, stamp_ns=round(at_s * 1e9), vel_world_3=np.array([speed, 0.0, 0.0]),
+        acc_disturbance_world_3=np.array([speed, 0.0, 0.0]),
+    )  # fmt: skip
+
+
+def test_what_was_told_after_a_cut_fills_the_gap_of_the_charts_once(snap: Make) -> None:
+    base = snap()
+    nothing = CommandView(verb="start", command_id="", answered=False, accepted=False, text="", mode=None)
+    vehicle = Watched(
+        name="goshawk", latest=lambda: base, on_start=lambda _: nothing, on_stop=bool, on_cancel=bool
+    )  # fmt: skip
+    feed = Feed(vehicle)
+    for at_s in (10.0, 20.0):
+        feed.take(replace(base, control=step(base, at_s, 1.0)))
+    late = tuple(step(base, at_s, 5.0) for at_s in (13.0, 14.0))
+    for at_s in (20.5, 21.0):
+        feed.take(replace(base, control=step(base, at_s, 1.0), late=late))
+    ago_S, columns = feed.track.window(60.0)
+    assert ago_S.tolist() == [-11.0, -8.0, -7.0, -1.0, -0.5, 0.0]
+    assert columns["disturbance east"].tolist() == [1.0, 5.0, 5.0, 1.0, 1.0, 1.0]
+    assert np.isnan(columns["position"][1:3]).all(), "of the target nothing was told"
