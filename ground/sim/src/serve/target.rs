@@ -1,5 +1,5 @@
 //! Who is chased in real time. It runs while the vehicle follows, waits for one that has fallen behind, and comes back to
-//! one that does not come. Before a vehicle that has landed it stands anew, with another run.
+//! one that does not come. Near a vehicle that has landed it stands anew, for another run.
 
 use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::Arc;
@@ -130,7 +130,7 @@ impl Target {
         self.begin_anew(now, vehicle);
     }
 
-    /// Before a vehicle that has landed it stands anew.
+    /// Near a vehicle that has landed it stands anew.
     fn begin_anew(&mut self, now: Time, vehicle: &QuadrotorState) {
         self.grounded = vehicle.on_ground.then(|| self.grounded.unwrap_or(now));
         let landed = self.grounded.is_some_and(|since| now.since(since) >= LANDED_S);
@@ -138,7 +138,7 @@ impl Target {
             Another::Planned(thread) if thread.is_finished() => {
                 if let Ok(Some(evader)) = thread.join() {
                     (self.evader, self.doing, self.at_s, self.pace) = (Some(evader), Doing::Stands, 0.0, 0.0);
-                    println!("the target stands before the vehicle again");
+                    println!("the target stands near the vehicle, for another run");
                 } else {
                     self.another = Another::None;
                     println!("the target stays: no way leads on from where the vehicle has landed");
