@@ -208,7 +208,7 @@ DERIVED: Mapping[str, Derived] = {
     "true clearance": Derived(unit="m", rgb=theme.GOOD, read=partial(_truth, "clearance_m")),
     "clearance by depth": Derived(unit="m", rgb=theme.VEHICLE, read=_clearance),
     "cost flown": Derived(unit="", rgb=theme.GOOD, read=_cost),
-    "candidate flown": Derived(unit="of the plan", rgb=theme.GOOD, read=_candidate),
+    "candidate flown": Derived(unit="", rgb=theme.GOOD, read=_candidate),
     "age of the plan": Derived(unit="ms", rgb=theme.VEHICLE, read=_scaled("plan_age_s", 1e3)),
     "thrust": Derived(unit="%", rgb=theme.VEHICLE, read=_scaled("thrust_norm", 100.0)),
     "hover thrust": Derived(unit="%", rgb=theme.TRUTH, read=_scaled("hover_thrust", 100.0), dashed=True),
