@@ -209,15 +209,11 @@ fn a_look_tells_what_was_taken_how_far_off_it_is_and_what_the_rival_lacks() {
     for k in 0..60 {
         let before = rival;
         watch(&mut filter, 1.1 + f64::from(k) / 30.0, 1, |_| [seen_as(here, 0.3)[0], seen_as(beside, 1.0)[0]]);
-        match filter.look().unwrap().rival {
-            Some(now) => rival = now,
-            None => {
-                assert!(
-                    before.objectness < before.needed && (filter.estimate().unwrap().pos_world - beside).norm() < 0.5
-                );
-                return;
-            }
-        }
+        let Some(now) = filter.look().unwrap().rival else {
+            assert!(before.objectness < before.needed && (filter.estimate().unwrap().pos_world - beside).norm() < 0.5);
+            return;
+        };
+        rival = now;
         assert!(rival.objectness < rival.needed, "{rival:?}");
     }
     panic!("it never took the place: {rival:?}");

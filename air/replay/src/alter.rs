@@ -266,10 +266,10 @@ impl<'a> Replanning<'a> {
             }
             if let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) {
                 last = Some(self.plan(Time(entry.time_ns), &whole(&message)?)?);
-            } else if let Some(logged) = entry.decode::<v1::Plan>(plan_channel) {
-                if let Some(plan) = last.as_ref().filter(|plan| plan.seq == logged.seq) {
-                    self.check(&logged, plan);
-                }
+            } else if let Some(logged) = entry.decode::<v1::Plan>(plan_channel)
+                && let Some(plan) = last.as_ref().filter(|plan| plan.seq == logged.seq)
+            {
+                self.check(&logged, plan);
             }
         }
         Ok(())
