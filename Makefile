@@ -130,7 +130,7 @@ build-tests:
 	cargo build --release --locked --workspace --bins --examples
 
 # What meets real processes and browsers, as time passes, goes first. All other tests have what processor time that leaves.
-TIMED := tests/browser tests/e2e tests/mavlink tests/ros2 tests/examples ground/station
+TIMED := air/sensors tests/browser tests/e2e tests/mavlink tests/ros2 tests/examples ground/station
 
 test-python: setup-test build-tests
 	@$(MAKE) --no-print-directory -j2 test-timed test-untimed

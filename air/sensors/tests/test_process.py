@@ -17,6 +17,7 @@ import pytest
 import zenoh
 from camera_process import ROOT, SHOTS, VEHICLE, X500, camera, colour_of, running
 from goshawk_proto import goshawk_pb2, key_expression
+from goshawk_sensors.cli import LEAST_RATE
 from goshawk_sensors.setup.vehicle import endpoint
 from software_camera import Shot, SoftwareCamera, d435
 
@@ -125,11 +126,13 @@ def test_a_vehicle_that_starts_later_is_dialled_until_it_answers(recording: Path
 
 def test_a_check_says_what_the_camera_is_worth(recording: Path) -> None:
     done = camera("check", "--config", VEHICLE, "--play", recording, "--seconds", "0.5")
-    assert done.returncode == 0, done.stdout + done.stderr
     said = {line[:14].strip(): line[14:] for line in done.stdout.splitlines()}
     assert list(said) == ["camera", "view", "rate", "lost", "latency", "depth", "stamp"]
     assert said["view"] == "160 x 96 pixels, 90.0 x 61.9 degrees"
     assert said["stamp"] == "the recording's, as if taken now"
+    # A machine that is busy loses images, and the camera is worth less.
+    fit = float(said["rate"].split()[0]) >= LEAST_RATE * 30.0
+    assert (done.returncode, "Hz are too few" in done.stderr) == ((0, False) if fit else (1, True)), done.stderr
 
 
 def test_a_bag_of_an_older_librealsense_plays_too(vehicle: Heard) -> None:
