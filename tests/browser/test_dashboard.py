@@ -186,8 +186,8 @@ def test_a_flight_without_a_graphics_card_has_no_smoothed_edges_nor_many_instanc
     mode(page, "track")
     page.evaluate(f"() => {{{COUNT_INSTANCES}}}")
     page.wait_for_function("window.draws > 10")
-    # viser's own frustum has nine lines and its background one; the software renderer draws each instance by itself.
-    assert page.evaluate("window.mostInstances") <= 20
+    # The software renderer draws each instance by itself: a line of viser's frustum, a letter of a label.
+    assert page.evaluate("window.mostInstances") <= 40
     smooth = (
         "[...document.querySelectorAll('canvas')].map(c => c.getContext('webgl2')?.getContextAttributes().antialias)"
     )
