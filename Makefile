@@ -130,7 +130,8 @@ build-tests:
 	cargo build --release --locked --workspace --bins --examples
 
 # What meets real processes and browsers, as time passes, goes first. All other tests have what processor time that leaves.
-TIMED := air/sensors tests/browser tests/e2e tests/mavlink tests/ros2 tests/examples ground/station
+# Browsers come last: their driver keeps an event loop in the process, where no other can be run then.
+TIMED := air/sensors ground/station tests/e2e tests/mavlink tests/ros2 tests/examples tests/browser
 
 test-python: setup-test build-tests
 	@$(MAKE) --no-print-directory -j2 test-timed test-untimed
