@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -44,7 +45,7 @@ def flying_air(*flags: str) -> str:
     return f'#!/bin/sh\nexec {sys.executable} {FAKE} --listen "$5" --identity "$9" {" ".join(flags)}\n'
 
 
-def demo(folder: Path, bin_dir: Path, *arguments: str) -> subprocess.Popen[str]:
+def demo(folder: Path, bin_dir: Path, *arguments: str, temporary: str = "/tmp") -> subprocess.Popen[str]:
     command = [
         sys.executable, "-c", "from goshawk_ground.cli import main; main()", "demo", "--bin-dir", str(bin_dir),
         "--log-dir", str(folder / "logs"), *arguments,
@@ -55,7 +56,7 @@ def demo(folder: Path, bin_dir: Path, *arguments: str) -> subprocess.Popen[str]:
         stderr=subprocess.STDOUT,
         text=True,
         cwd=ROOT,
-        env={**os.environ, "COLUMNS": "200", OF_TEST: str(folder)},
+        env={**os.environ, "COLUMNS": "200", "TMPDIR": temporary, OF_TEST: str(folder)},
     )
 
 
@@ -140,18 +141,22 @@ def test_a_simulator_that_dies_is_a_failure_with_its_last_words(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_demo_leaves_nothing_running(tmp_path: Path, number: signal.Signals) -> None:
+def test_an_interrupted_demo_leaves_nothing_running_nor_lying_about(tmp_path: Path, number: signal.Signals) -> None:
     sim = "#!/bin/sh\nexec sh -c 'sleep 600; :'\n"
-    process = demo(tmp_path, stand_ins(tmp_path / "bin", air=flying_air("--not-ready"), sim=sim), "--headless")
-    deadline = time.monotonic() + 30
-    while not all(any(name in command for command in descendants(tmp_path)) for name in ("sleep", FAKE.name)):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    process.send_signal(number)
-    output, _ = process.communicate(timeout=30)
-    assert process.returncode == 1, output
-    assert "Traceback" not in output
-    assert not descendants(tmp_path)
+    binaries = stand_ins(tmp_path / "bin", air=flying_air("--not-ready"), sim=sim)
+    with tempfile.TemporaryDirectory() as temporary:  # of a short name, for sockets
+        process = demo(tmp_path, binaries, "--headless", temporary=temporary)
+        deadline = time.monotonic() + 30
+        while not all(any(name in command for command in descendants(tmp_path)) for name in ("sleep", FAKE.name)):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        assert list(Path(temporary).iterdir()), "nothing was written that could be left"
+        process.send_signal(number)
+        output, _ = process.communicate(timeout=30)
+        assert process.returncode == 1, output
+        assert "Traceback" not in output
+        assert not descendants(tmp_path)
+        assert not list(Path(temporary).iterdir())
 
 
 def test_missing_binaries_are_one_clear_line(tmp_path: Path) -> None:

@@ -69,11 +69,12 @@ def run_demo(options: DemoOptions) -> bool:
     if options.navigate:
         distance_m, speed_mps = places.goal_of(_vehicle_file(options))
         options = dataclasses.replace(options, distance_m=distance_m, speed_mps=speed_mps)
-    commands, endpoint, identity, folder = _prepare(options, console)
     children: list[Child] = []
     link: GroundLink | None = None
     dashboard: LiveDashboard | None = None
-    with interrupted() as ended:
+    # A socket's path must be short, and this folder is the user's alone.
+    with tempfile.TemporaryDirectory(prefix="goshawk-") as sockets, interrupted() as ended:
+        commands, endpoint, identity, folder = _prepare(options, console, sockets)
         try:
             children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
             link = GroundLink(connect=endpoint, identity=identity)
@@ -110,7 +111,7 @@ def _check(options: DemoOptions) -> None:
             raise DemoError(f"{needed} is missing: {todo}")
 
 
-def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str]], str, Path, Path]:
+def _prepare(options: DemoOptions, console: Console, sockets: str) -> tuple[dict[str, list[str]], str, Path, Path]:
     """The two commands by name, the vehicle's endpoint, the operator's identity, and the folder for their output."""
     air, sim = options.bin_dir / "goshawk-air", options.bin_dir / "goshawk-sim"
     vehicle = _vehicle_file(options)
@@ -124,8 +125,7 @@ def _prepare(options: DemoOptions, console: Console) -> tuple[dict[str, list[str
         console.print(f"usual ports are busy: using tcp {zenoh_port} and udp {mavlink_port}")
     flown, flier = demo_identities(folder / "keys")
     endpoint = f"tls/127.0.0.1:{zenoh_port}"
-    # A socket's path must be short, and this folder is the user's alone.
-    sensors = f"unixsock-stream/{tempfile.mkdtemp(prefix='goshawk-')}/sensors.sock"
+    sensors = f"unixsock-stream/{sockets}/sensors.sock"
     at, firmware = _autopilot(options, mavlink_port)
     commands = {
         "air": [
