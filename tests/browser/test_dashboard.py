@@ -177,13 +177,19 @@ for (const name of ["drawElementsInstanced", "drawArraysInstanced"]) {
 }"""
 
 
-def test_a_flight_without_a_graphics_card_has_no_smoothed_edges_nor_many_instances(ground: Start, visit: Visit) -> None:
+def opened_late(ground: Start, visit: Visit) -> Page:
+    """A page that is opened while a flight is in progress."""
     g = ground()
     assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)
     assert g.link.start().accepted
-    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.remembered is not None, 10)
+    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None and s.remembered is not None, 10)
     page = visit(g.dashboard.url).page
     mode(page, "track")
+    return page
+
+
+def test_a_flight_without_a_graphics_card_has_no_smoothed_edges_nor_many_instances(ground: Start, visit: Visit) -> None:
+    page = opened_late(ground, visit)
     page.evaluate(f"() => {{{COUNT_INSTANCES}}}")
     page.wait_for_function("window.draws > 10")
     # The software renderer draws each instance by itself: a line of viser's frustum, a letter of a label.
@@ -195,12 +201,7 @@ def test_a_flight_without_a_graphics_card_has_no_smoothed_edges_nor_many_instanc
 
 
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:
-    g = ground()
-    assert g.link.wait_for(lambda s: s.mode == pb.MODE_READY, 10)
-    assert g.link.start().accepted
-    assert g.link.wait_for(lambda s: s.mode == pb.MODE_TRACK and s.plan is not None, 10)
-    page = visit(g.dashboard.url).page
-    mode(page, "track")
+    page = opened_late(ground, visit)
     deadline = time.monotonic() + 60
     while look.flown_green(look.picture(page)) < 60:
         assert time.monotonic() < deadline, "the chosen trajectory was never seen"

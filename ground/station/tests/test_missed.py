@@ -96,6 +96,15 @@ def test_events_that_the_vehicle_no_longer_keeps_are_not_asked_for_again() -> No
     assert missed.request() is None
 
 
+def test_a_page_that_claims_too_much_takes_no_time_and_one_that_brings_nothing_is_no_answer() -> None:
+    missed = Missed()
+    missed.heard_health(beat(10.0, events=5))
+    asked = asked_of(missed)
+    assert not missed.take(asked, pb.Missed(session=7, more=True))
+    assert missed.take(asked, pb.Missed(session=7, dropped_events=2**63, more=True, healths=[beat(9.0)]))
+    assert asked_of(missed).after_event == 5, "no more than were told"
+
+
 def test_a_vehicle_that_was_started_anew_counts_from_one_again() -> None:
     missed = caught_up(Missed(), events=5)
     missed.heard_health(beat(10.5, events=2, session=8))

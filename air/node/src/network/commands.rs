@@ -25,8 +25,8 @@ pub struct Asked {
 }
 
 /// A query that is done with, for [`send`]. Beside that, [`serve_pings`] for the pings it answers and
-/// [`super::missed::serve`] for what was missed, nobody may drop a query: the last of it to go tells the asker that no more will come, and where the asker wants that waited with, it
-/// waits until the asker's link moves or is given up.
+/// [`super::missed::serve`] for what was missed, nobody may drop a query: the last of it to go tells the asker that no
+/// more will come, and where the asker wants that waited with, it waits until the asker's link moves or is given up.
 pub struct Answer {
     query: Query,
     /// None: it goes unanswered, and the asker repeats it.

@@ -14,7 +14,7 @@ SAY_EVERY_S = 3.0
 
 
 def stop_until_confirmed(link: GroundLink, timeout_s: float | None) -> CommandView:
-    """What became of a Stop. Gives up at the time given, or on Ctrl-C or SIGTERM."""
+    """What became of a Stop. Gives up at the time given, or where it is interrupted."""
     began_s = time.monotonic()
     said_s = began_s
     with interrupted() as ended:

@@ -53,6 +53,10 @@ class Missed:
             self._beyond.add(seq)
         if len(self._beyond) > EVENTS_BEYOND:
             self._upto = max(self._beyond)
+        self._close_up()
+
+    def _close_up(self) -> None:
+        """Counts what follows without a gap as had."""
         while self._upto + 1 in self._beyond:
             self._upto += 1
         self._beyond = {later for later in self._beyond if later > self._upto}
@@ -80,11 +84,12 @@ class Missed:
         return pb.MissedRequest(session=self._session, after_event=self._upto, after_ns=after_ns, before_ns=before_ns)
 
     def take(self, asked: pb.MissedRequest, page: pb.Missed) -> bool:
-        """An answer came. False: it is of another session, and of no use; the next heartbeat will tell."""
-        if page.session != self._session:
+        """An answer came. False: it is of no use, for it is of another session, or promises more and brings nothing."""
+        if page.session != self._session or (page.more and not (page.events or page.controls or page.healths)):
             return False
-        for seq in range(self._upto + 1, asked.after_event + page.dropped_events + 1):
-            self.heard_event(seq)
+        # No more can have been dropped than were told, whatever the page says.
+        self._upto = max(self._upto, min(asked.after_event + page.dropped_events, self._told))
+        self._close_up()
         for event in page.events:
             self.heard_event(event.seq)
         known = set(self._steps)

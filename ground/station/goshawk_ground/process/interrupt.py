@@ -14,13 +14,16 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupted() -> Generator[threading.Event]:
-    """An event that the three set, in place of what they do otherwise."""
+    """An event that the three set, in place of what they do otherwise. Under `nohup` a closed terminal sets nothing."""
     done = threading.Event()
+    ends = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        ends.append(signal.SIGHUP)
 
     def end(*_: object) -> None:
         done.set()
 
-    before = {s: signal.signal(s, end) for s in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    before = {s: signal.signal(s, end) for s in ends}
     try:
         yield done
     finally:
@@ -30,7 +33,7 @@ def interrupted() -> Generator[threading.Event]:
 
 @contextmanager
 def until_interrupted() -> Generator[None]:
-    """What is said in it can be answered with Ctrl-C or SIGTERM at once: its end waits for either."""
+    """What is said in it can be answered by any of them at once: its end waits for either."""
     with interrupted() as done:
         yield
         while not done.wait(0.5):
