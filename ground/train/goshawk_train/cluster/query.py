@@ -20,11 +20,10 @@ LEVEL = 0.95
 RATES = """
 select row, pilot, speed_mps, world, spacing_m, count(*) as flights, count(*) filter (success) as successes,
        count(*) filter (outcome = 'collision') as collisions, sum(core_s) as core_s
-from flights group by row, cell, pilot, speed_mps, world, spacing_m
-union all by name
-select 'all' as row, count(*) as flights, count(*) filter (success) as successes,
-       count(*) filter (outcome = 'collision') as collisions, sum(core_s) as core_s from flights
+from flights group by grouping sets ((row, cell, pilot, speed_mps, world, spacing_m), ())
+order by row nulls last, cell
 """
+"""Each cell's, in the order of the table, then those of all flights, whose row is null."""
 
 
 class QueryError(TrainerError):
@@ -78,11 +77,11 @@ def summary(store: Store) -> str:
     """Each cell's success and collision rates with their exact intervals, then those of all flights."""
     lines: list[str] = []
     for row, pilot, speed_mps, world, spacing_m, count, successes, collisions, core_s in ask(store, RATES).fetchall():
-        place = "" if row == "all" else f", {speed_mps:g} m/s, {f'{spacing_m:g} m' if world == 'forest' else world}"
+        place = "" if row is None else f", {speed_mps:g} m/s, {f'{spacing_m:g} m' if world == 'forest' else world}"
         who = "" if pilot in (None, "policy") else f", {pilot}"
         success, collision = (Rate(count=some, flights=count) for some in (successes, collisions))
         lines.append(
-            f"{row}{place}{who}: {count} flights, success {success}, collision {collision}, "
+            f"{row or 'all'}{place}{who}: {count} flights, success {success}, collision {collision}, "
             f"{count / core_s * 3600:.0f} flights per core-hour"
         )
     return "\n".join(lines)
