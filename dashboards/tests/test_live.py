@@ -91,7 +91,7 @@ class Live:
         for feed, snap in zip(self.dashboard.feeds, snaps, strict=True):
             feed.take(snap)
             feed.judge()
-        self._view.draw(words=True, plots=True)
+        self._view.draw(words=True, slow=True)
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ __all__ = ["LiveDashboard", "LiveView", "PortBusyError"]
 
 RATE_HZ = 15.0
 TEXT_HZ = 5.0
-PLOT_HZ = 2.0
+SLOW_HZ = 2.0
 
 
 class LiveView:
@@ -62,16 +62,16 @@ class LiveView:
     def _words_now(self) -> None:
         self._late = True
 
-    def draw(self, *, words: bool, plots: bool) -> None:
-        """Shows what the feeds hold; ``words`` and ``plots`` are due at their own slower rates."""
+    def draw(self, *, words: bool, slow: bool) -> None:
+        """Shows what the feeds hold; ``words`` and ``slow`` are due at their own slower rates."""
         self.panels.settle()
         snap = self._feeds[self.panels.shown].snap
         self.scene.update(snap, self.panels.options)
-        if words or self._late:
-            self._late = False
+        slow, words, self._late = slow or self._late, words or self._late, False
+        if words:
             self.panels.update()
-        if plots:
-            self.panels.draw_plots()
+        if slow:
+            self.panels.update_slow()
         if self._camera is not None:
             self._camera.update(snap.control, self.panels.camera_mode)
 
@@ -94,7 +94,7 @@ class LiveDashboard:
             Role.OBSERVER: open_server(gate, Role.OBSERVER, "Goshawk, observing"),
         }
         self._views = [self._views_of(role) for role in self.servers]
-        self._due = {"text": 0.0, "plots": 0.0}
+        self._due = {"text": 0.0, "slow": 0.0}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -144,7 +144,7 @@ class LiveDashboard:
     def tick(self, now_s: float) -> None:
         """Takes what is new of the vehicles and shows it to everyone."""
         views = [view for views in self._views for view in views.settle()]
-        words, plots = self._is_due("text", now_s, TEXT_HZ), self._is_due("plots", now_s, PLOT_HZ)
+        words, slow = self._is_due("text", now_s, TEXT_HZ), self._is_due("slow", now_s, SLOW_HZ)
         shown = {view.panels.shown for view in views}
         for k, feed in enumerate(self.feeds):
             # Those that nobody shows in full only as often as the table is renewed.
@@ -153,7 +153,7 @@ class LiveDashboard:
             if words:
                 feed.judge()
         for view in views:
-            view.draw(words=words, plots=plots)
+            view.draw(words=words, slow=slow)
 
     def _is_due(self, what: str, now_s: float, rate_hz: float) -> bool:
         if now_s < self._due[what]:

@@ -163,9 +163,14 @@ class LivePanels:
         self.shown = wanted
         self._on_select()
 
-    def draw_plots(self) -> None:
-        """Sends the curves and estimates of the vehicle shown."""
-        self._estimates.content = self._feeds[self.shown].words.instruments
+    def update_slow(self) -> None:
+        """Sends what takes a browser long to draw, and is read at leisure: curves, estimates, tables."""
+        words = self._feeds[self.shown].words
+        self._link.content = words.link
+        self._radio.content = words.radio
+        self._vehicle.content = words.vehicle
+        self._candidates.content = words.candidates
+        self._estimates.content = words.instruments
         for handle, curves in zip(self._charts, self._feeds[self.shown].curves, strict=True):
             handle.content = curves.charts_html()
 
@@ -201,11 +206,7 @@ class LivePanels:
         # In the air a failing check is a fault, and an alert says so.
         self._readiness_folder.visible = not snap.flying
         self._readiness.content = words.readiness
-        self._link.content = words.link
         self._radio_folder.visible = snap.autopilot is not None
-        self._radio.content = words.radio
-        self._vehicle.content = words.vehicle
         self._events.content = words.events
         self._picture.content = words.picture
         self._strip.content = words.strip
-        self._candidates.content = words.candidates

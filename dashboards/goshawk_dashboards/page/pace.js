@@ -16,5 +16,15 @@
     plain.textContent =
       "[data-goshawk] svg { content-visibility: auto } [data-goshawk] svg * { shape-rendering: crispEdges }";
     document.head.append(plain);
+
+    // viser says for good that it is slow here, over the picture and on a phone over the mode. Once read, it goes.
+    const watch = new MutationObserver(() => {
+      const notes = [...document.querySelectorAll(".mantine-Notification-root")];
+      const note = notes.find(({ textContent }) => /software webgl/i.test(textContent));
+      if (!note) return;
+      watch.disconnect();
+      setTimeout(() => note.querySelector("button")?.click(), 8000);
+    });
+    watch.observe(document, { childList: true, subtree: true });
   }
 }

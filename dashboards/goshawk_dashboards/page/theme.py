@@ -30,9 +30,9 @@ MOVING: Rgb = (222, 196, 92)
 REMEMBERED: Rgb = (60, 130, 150)
 SECOND: Rgb = (255, 112, 190)
 REPLAY: Rgb = (250, 236, 90)
-GROUND: Rgb = (38, 46, 44)
+GROUND: Rgb = (74, 86, 74)
 GRID: Rgb = (44, 50, 60)
-GRID_SECTION: Rgb = (66, 74, 88)
+GRID_SECTION: Rgb = (104, 116, 108)
 BACKGROUND: Rgb = (17, 20, 26)
 
 
