@@ -132,6 +132,22 @@ def remembered(time_s: float, seq: int) -> pb.ObstacleMap:
         origin_world=pb.Vec3(x=x + 4.0, y=y - 1.0, z=z - 1.0),
         voxel_m=0.2,
         voxels=bytes(n for row in range(10) for up in range(10) for n in (0, row, up)),
+        depth=depth(time_s),
+    )
+
+
+def depth(time_s: float) -> pb.DepthBlocks:
+    """One block to the right of and below the middle sees something 5 m ahead, all others nothing."""
+    x, y, z = position(time_s)
+    nearest_dm = bytearray(24 * 40)
+    nearest_dm[12 * 40 + 20] = 50
+    return pb.DepthBlocks(
+        frame_ns=START_NS + round(time_s * 1e9),
+        cam_world=pb.Vec3(x=x, y=y, z=z),
+        world_from_cam=pb.Quat(w=1.0),
+        hfov_rad=math.pi / 2,
+        vfov_rad=math.pi / 3,
+        nearest_dm=bytes(nearest_dm),
     )
 
 

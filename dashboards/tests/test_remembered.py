@@ -13,9 +13,11 @@ from goshawk_dashboards.gate import Access, Gate, Role
 from goshawk_dashboards.log import recorded
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.page.serving import close_server, open_server
+from goshawk_dashboards.scene.remembered import FUSED
 from goshawk_dashboards.scene.scene import LiveScene, ViewOptions
 from goshawk_dashboards.state import decode
 from goshawk_dashboards.state.snapshot import MAP_STALE_S, Snapshot
+from goshawk_dashboards.state.views import RememberedView, TargetView
 from goshawk_proto import goshawk_pb2 as pb
 
 Make = Callable[..., Snapshot]
@@ -55,6 +57,8 @@ def test_a_voxels_place_is_the_middle_of_its_cell() -> None:
         (pb.ObstacleMap(voxel_m=0.2, voxels=bytes(3 * 20_001)), "60003 bytes"),
         (pb.ObstacleMap(voxel_m=0.0), "voxels of 0.0 m"),
         (pb.ObstacleMap(voxel_m=0.2, origin_world=pb.Vec3(x=float("nan"))), "origin is not finite"),
+        (pb.ObstacleMap(voxel_m=0.2, depth=pb.DepthBlocks(nearest_dm=bytes(959))), "depth of 959 blocks, not 960"),
+        (pb.ObstacleMap(voxel_m=0.2, depth=pb.DepthBlocks(nearest_dm=bytes(960), hfov_rad=1.0)), "1.0 by 0.0 rad"),
     ],
 )
 def test_a_map_that_makes_no_sense_is_refused(message: pb.ObstacleMap, words: str) -> None:
@@ -73,6 +77,62 @@ def test_the_voxels_are_one_mesh_where_they_stand_and_a_newer_map_takes_its_plac
     scene.update(snap(remembered=decode.remembered(rec.remembered(2.0, 2))), options)
     np.testing.assert_allclose(places(scene)[:, 0], 8.0 + 4.0 + 0.1, atol=1e-5)
     assert scene.remembered.cubes.node is node, "a node made anew costs a browser its shaders"
+
+
+def cloud(scene: LiveScene) -> np.ndarray:
+    """Where points are drawn, in the world."""
+    node = scene.depth.node
+    if node is None or not node.visible:
+        return np.zeros((0, 3))
+    return np.asarray(node.position) + np.asarray(node.points, dtype=float)
+
+
+def seen_at(x: float, y: float) -> TargetView:
+    """A target there."""
+    message = rec.target(1.0, 1, seen=True)
+    message.pos_world.x, message.pos_world.y = x, y
+    return decode.target(message)
+
+
+def told(time_s: float, seq: int) -> RememberedView:
+    """As it comes from the wire."""
+    return decode.remembered(rec.remembered(time_s, seq))
+
+
+def test_a_block_of_depth_is_a_point_where_it_was_measured(scene: LiveScene, snap: Make) -> None:
+    scene.update(snap(remembered=told(1.0, 1)), ViewOptions())
+    x, y, z = rec.position(1.0)
+    right, down = 5.0 / 40, 5.0 * np.tan(np.pi / 6) / 24
+    np.testing.assert_allclose(cloud(scene), [[x + 5.0, y - right, z - down]], atol=0.01)
+
+
+def test_the_last_images_are_one_cloud_without_the_target(scene: LiveScene, snap: Make) -> None:
+    for k in range(FUSED + 3):
+        scene.update(snap(remembered=told(1.0 + k, k)), ViewOptions())
+        scene.update(snap(remembered=told(1.0 + k, k)), ViewOptions())
+    assert len(cloud(scene)) == FUSED
+    np.testing.assert_allclose(cloud(scene)[0, 0], rec.position(4.0)[0] + 5.0, atol=0.03)
+    node = scene.depth.node
+    assert node is not None and node.colors[0].mean() < node.colors[-1].mean(), "the older are the fainter"
+    x, y, _ = rec.position(11.0)
+    scene.update(snap(remembered=told(11.0, 20), target=seen_at(x + 5.3, y)), ViewOptions())
+    assert len(cloud(scene)) == FUSED - 1, "the target itself is no obstacle"
+    scene.update(snap(remembered=told(2.0, 21)), ViewOptions())
+    assert len(cloud(scene)) == 1, "a vehicle that was started anew begins anew"
+
+
+def test_no_depth_is_drawn_unasked_nor_of_an_older_vehicle(scene: LiveScene, snap: Make) -> None:
+    scene.update(snap(remembered=told(1.0, 1)), ViewOptions(depth=False))
+    assert len(cloud(scene)) == 0
+    scene.update(snap(remembered=told(1.0, 1)), ViewOptions())
+    assert len(cloud(scene)) == 1
+    older = rec.remembered(2.0, 2)
+    older.ClearField("depth")
+    scene.update(snap(remembered=decode.remembered(older)), ViewOptions())
+    assert len(cloud(scene)) == 0
+    scene.update(snap(remembered=told(3.0, 3)), ViewOptions())
+    scene.forget()
+    assert len(cloud(scene)) == 0
 
 
 def test_nothing_is_drawn_of_an_old_map_nor_of_another_vehicle_nor_unasked(scene: LiveScene, snap: Make) -> None:

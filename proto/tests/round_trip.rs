@@ -59,7 +59,25 @@ fn plan() -> Plan {
 }
 
 fn obstacle_map() -> ObstacleMap {
-    ObstacleMap { seq: 1000, stamp_ns: 2000, origin_world: vec3(), voxel_m: 4.5, voxels: vec![5, 0, 255] }
+    ObstacleMap {
+        seq: 1000,
+        stamp_ns: 2000,
+        origin_world: vec3(),
+        voxel_m: 4.5,
+        voxels: vec![5, 0, 255],
+        depth: Some(depth_blocks()),
+    }
+}
+
+fn depth_blocks() -> DepthBlocks {
+    DepthBlocks {
+        frame_ns: 1000,
+        cam_world: vec3(),
+        world_from_cam: quat(),
+        hfov_rad: 4.5,
+        vfov_rad: 5.5,
+        nearest_dm: vec![6, 0, 255],
+    }
 }
 
 fn control() -> Control {
@@ -299,6 +317,7 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("Plan", plan()),
         entry("Control", control()),
         entry("ObstacleMap", obstacle_map()),
+        entry("DepthBlocks", depth_blocks()),
         entry("Imu", Imu { stamp_ns: 1000, specific_force_body: vec3(), ang_vel_body: vec3() }),
         entry("Target", target()),
         entry("Check", check()),

@@ -84,6 +84,7 @@ class FakeVehicle:
         self.answers: dict[str, pb.CommandReply] = {}
         self.rng = random.Random(args.seed)
         self.np_rng = np.random.default_rng(args.seed)
+        self.trees = self.world().trees
 
     def step(self, now_s: float, dt_s: float) -> str | None:
         """Moves on in time; the text of the event if the mode changed."""
@@ -231,6 +232,28 @@ class FakeVehicle:
             origin_world=vec(m.pos + np.array([1.0, 1.5, -1.0])),
             voxel_m=0.2,
             voxels=bytes(n for along in range(12) for up in range(10) for n in (along, 0, up)),
+            depth=self.depth(m, stamp_ns),
+        )
+
+    def depth(self, m: Motion, stamp_ns: int) -> pb.DepthBlocks:
+        """Of upright trunks where its trees stand, and of flat ground."""
+        left_W = math.tan(HFOV_RAD / 2) * (1 - (2 * np.arange(40) + 1) / 40)
+        up_H = math.tan(VFOV_RAD / 2) * (1 - (2 * np.arange(24) + 1) / 24)
+        forward_2, left_2 = np.array([(math.cos(m.yaw), math.sin(m.yaw)), (-math.sin(m.yaw), math.cos(m.yaw))])
+        off_K2 = np.array([(tree.base_world.x, tree.base_world.y) for tree in self.trees]) - m.pos[:2]
+        ahead_K, radius_K = off_K2 @ forward_2, np.array([tree.radius_m for tree in self.trees])
+        hit_WK = (ahead_K > 1.0) & (np.abs(off_K2 @ left_2 - left_W[:, None] * ahead_K) < radius_K)
+        trunk_W = np.where(hit_WK, ahead_K, math.inf).min(axis=1)
+        ground_H = np.where(up_H < 0.0, m.pos[2] / np.maximum(-up_H, 1e-6), math.inf)
+        nearest_HW = np.minimum(trunk_W[None, :], ground_H[:, None])
+        steps_HW = np.where(nearest_HW < 25.0, np.rint(10 * np.minimum(nearest_HW, 25.0)), 0)
+        return pb.DepthBlocks(
+            frame_ns=stamp_ns,
+            cam_world=vec(m.pos),
+            world_from_cam=wxyz(m.yaw),
+            hfov_rad=HFOV_RAD,
+            vfov_rad=VFOV_RAD,
+            nearest_dm=steps_HW.astype(np.uint8).tobytes(),
         )
 
     def target(self, m: Motion, seq: int, stamp_ns: int) -> pb.Target:

@@ -101,17 +101,17 @@ const TOLD_VOXELS: usize = 800;
 /// And none farther above or below than this, m: the ground is no obstacle to who flies over it.
 const TOLD_HEIGHT: f64 = 1.2;
 
-/// What `planner` remembers about the vehicle at `pos_world`; none: nothing was seen yet.
+/// What `planner` remembers about the vehicle, and what it saw in `frame`, its newest; none: nothing was seen yet.
 #[must_use]
 pub fn obstacle_map(
     seq: u64,
     stamp: core::Time,
     planner: &core::Planner,
-    pos_world: core::Vec3,
+    frame: &core::FrameInput,
 ) -> Option<v1::ObstacleMap> {
     let mut cells = Vec::new();
     let origin = planner.remembered(&mut cells)?;
-    let at = (pos_world - origin) / VOXEL;
+    let at = (frame.odometry.pos_world - origin) / VOXEL;
     cells.retain(|cell| (f64::from(cell[2]) - at.z).abs() < TOLD_HEIGHT / VOXEL);
     if cells.len() > TOLD_VOXELS {
         let far = |cell: &[u8; 3]| (core::Vec3::from(cell.map(f64::from)) - at).norm_squared();
@@ -125,7 +125,22 @@ pub fn obstacle_map(
         origin_world: Some(vec3(origin)),
         voxel_m: VOXEL,
         voxels: cells.concat(),
+        depth: Some(depth_blocks(&planner.config().camera, frame)),
     })
+}
+
+/// A byte a block: 1 kB a second, where the picture itself takes 20.
+fn depth_blocks(camera: &core::CameraModel, frame: &core::FrameInput) -> v1::DepthBlocks {
+    let at = &frame.odometry;
+    let rounded = |mm: &u16| if *mm == 0 { 0 } else { (mm.saturating_add(50) / 100).clamp(1, 255) as u8 };
+    v1::DepthBlocks {
+        frame_ns: at.stamp.0,
+        cam_world: Some(vec3(at.pos_world + at.world_from_body * camera.pos_cam_body)),
+        world_from_cam: Some(quat(at.world_from_body * camera.body_from_cam)),
+        hfov_rad: camera.hfov,
+        vfov_rad: camera.vfov,
+        nearest_dm: frame.nearest.iter().map(rounded).collect(),
+    }
 }
 
 /// The plan, ready at `ready`.
@@ -237,11 +252,10 @@ mod tests {
         let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../vehicles/sim.toml");
         let contract = goshawk_policy::Contract::from_json(include_str!("../../policy/tests/contract.json")).unwrap();
         let config = Vehicle::load(&shipped).unwrap().planner_config(contract.model());
+        let hfov = config.camera.hfov;
         let mut planner = core::Planner::new(config).unwrap();
         let pos_world = core::Vec3::new(3.0, -2.0, 20.0);
-        assert_eq!(obstacle_map(0, core::Time(0), &planner, pos_world), None, "nothing was seen");
-        // A wall that fills the image at each of some distances.
-        for (seq, mm) in (0..20_u64).map(|k| (k, 2000 + 200 * (k / 4) as u16)) {
+        let frame = |seq: u64, nearest| {
             let odometry = core::Odometry {
                 stamp: core::Time(seq * 33_000_000),
                 pos_world,
@@ -251,11 +265,20 @@ mod tests {
                 reset_counter: 0,
             };
             let demand = core::PlanningDemand { task: core::Task::Track, speed: 4.0, goal_world: None };
-            let nearest = [mm; COLUMNS * ROWS];
-            let frame = core::FrameInput::new(0, seq, &odometry, core::Vec3::zeros(), &demand, nearest);
-            drop(planner.see(&frame));
+            core::FrameInput::new(0, seq, &odometry, core::Vec3::zeros(), &demand, nearest)
+        };
+        let nothing = frame(0, [0; COLUMNS * ROWS]);
+        assert_eq!(obstacle_map(0, core::Time(0), &planner, &nothing), None, "nothing was seen");
+        // A wall that fills the image at each of some distances.
+        for (seq, mm) in (0..20_u64).map(|k| (k, 2000 + 200 * (k / 4) as u16)) {
+            drop(planner.see(&frame(seq, [mm; COLUMNS * ROWS])));
         }
-        let map = obstacle_map(7, core::Time(9), &planner, pos_world).unwrap();
+        let mut nearest = [2849; COLUMNS * ROWS];
+        nearest[..4].copy_from_slice(&[0, 7, 25_450, u16::MAX]);
+        let map = obstacle_map(7, core::Time(9), &planner, &frame(20, nearest)).unwrap();
+        let depth = map.depth.unwrap();
+        assert_eq!((&depth.nearest_dm[..5], depth.nearest_dm.len()), (&[0, 1, 255, 255, 28][..], COLUMNS * ROWS));
+        assert_eq!((depth.frame_ns, depth.hfov_rad), (660_000_000, hfov));
         let origin = map.origin_world.unwrap();
         let (cells, rest) = map.voxels.as_chunks::<3>();
         assert!((100..=TOLD_VOXELS).contains(&cells.len()) && rest.is_empty(), "{}", cells.len());

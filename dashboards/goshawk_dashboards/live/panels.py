@@ -104,6 +104,7 @@ class LivePanels:
             self._trails = gui.add_checkbox("Trails", True)
             self._frustum = gui.add_checkbox("Camera frustum", True)
             self._remembered = gui.add_checkbox("Remembered obstacles", True)
+            self._depth = gui.add_checkbox("Measured depth", True)
             self._world = gui.add_checkbox("World (simulator)", True)
             self._truth = gui.add_checkbox("True target (simulator)", True)
             gui.add_button("Clear trails").on_click(lambda _: on_clear())
@@ -144,6 +145,7 @@ class LivePanels:
             frustum=self._frustum.value,
             detections=self._detections.value,
             remembered=self._remembered.value,
+            depth=self._depth.value,
         )
 
     @property

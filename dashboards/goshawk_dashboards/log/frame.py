@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards.state.decode import MalformedError
+from goshawk_dashboards.state.rays import rays_HW3
 from goshawk_dashboards.state.views import Array, PreviewView
 
 MAX_PIXELS = 1280 * 960
@@ -79,8 +80,6 @@ class FrameView:
         depth_HW, rgb_HW3 = self.depth_m_HW(), self.rgb_HW3()
         if depth_HW is None or rgb_HW3 is None or depth_HW.ndim != 2:
             return None
-        left_W = np.tan(0.5 * self.hfov_rad) * (1.0 - 2.0 * (np.arange(self.width) + 0.5) / self.width)
-        up_H = np.tan(0.5 * self.vfov_rad) * (1.0 - 2.0 * (np.arange(self.height) + 0.5) / self.height)
-        rays_HW3 = np.stack(np.broadcast_arrays(1.0, left_W[None, :], up_H[:, None]), axis=-1)
         seen_HW = (depth_HW > 0.0) & (depth_HW < farthest_m)
-        return (rays_HW3 * depth_HW[..., None])[seen_HW], rgb_HW3[seen_HW]
+        rays = rays_HW3(self.height, self.width, self.hfov_rad, self.vfov_rad)
+        return (rays * depth_HW[..., None])[seen_HW], rgb_HW3[seen_HW]

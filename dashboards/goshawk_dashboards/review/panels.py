@@ -111,6 +111,7 @@ class ReviewPanels:
             truth=box["truth"],
             frustum=box["frustum"],
             remembered=box["remembered"],
+            depth=False,  # drawn in full by the review itself
         )
         others: OthersMode = self._others.value
         return ReviewOptions(view=view, depth=box["depth"], replay=box["replay"], others=others)

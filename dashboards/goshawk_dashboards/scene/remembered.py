@@ -1,17 +1,88 @@
-"""What the planner remembers to stand about the vehicle, in the 3-D view: cubes, one batched mesh."""
+"""What the planner remembers to stand about the vehicle, in the 3-D view: cubes, one batched mesh; and what the camera
+measured in the last images that were told, fused into one cloud of points."""
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
+import viser
+import viser.transforms as tf
 
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
 from goshawk_dashboards.scene.batch import Batch
-from goshawk_dashboards.state.views import RememberedView
+from goshawk_dashboards.state.rays import rays_HW3
+from goshawk_dashboards.state.views import Array, DepthView, RememberedView
 
 OPACITY = 0.25
 """What lies behind many of them is to be seen, too: the viewer may stand among them."""
+
+FUSED = 6
+"""Images that make one cloud: one a second is told."""
+FARTHEST_M = 12.0
+"""Stereo is poor beyond."""
+POINT_M = 0.035
+TARGET_M = 0.8
+"""What was measured this near to the target's axis is left out: it will not be there."""
+
+
+class FusedDepth:
+    """Draws what the camera measured, the older the fainter."""
+
+    def __init__(self, viewer: Viewer, name: str) -> None:
+        self._viewer, self._name = viewer, name
+        self._images: deque[tuple[int, Array]] = deque(maxlen=FUSED)
+        """The stamp of each, and its points in the world."""
+        self.node: viser.PointCloudHandle | None = None
+
+    def update(self, depth: DepthView | None, target_3: Array | None) -> None:
+        """Takes an image in; None: there is none, or none is to be seen. The target is at ``target_3``, if known."""
+        if depth is None:
+            self._images.clear()
+            if self.node is not None:
+                self.node.visible = False
+            return
+        last_ns = self._images[-1][0] if self._images else None
+        if depth.frame_ns == last_ns:
+            return
+        if last_ns is not None and depth.frame_ns < last_ns:
+            self._images.clear()  # it was started anew
+        self._images.append((depth.frame_ns, points_world_P3(depth, target_3)))
+        self._draw(depth.cam_world_3)
+
+    def _draw(self, about_3: Array) -> None:
+        # About the lens: a node far out has no rounding then.
+        points_P3 = np.concatenate([points_P3 for _, points_P3 in self._images]) - about_3
+        newest, oldest = np.array(theme.MEASURED), np.array(theme.REJECTED)
+        if len(points_P3) == 0:
+            if self.node is not None:
+                self.node.visible = False
+            return
+        age_P = np.repeat(np.arange(len(self._images))[::-1] / FUSED, [len(points_P3) for _, points_P3 in self._images])
+        colors_P3 = (newest + age_P[:, None] * (oldest - newest)).astype(np.uint8)
+        with self._viewer.atomic():
+            if self.node is None:
+                self.node = self._viewer.scene.add_point_cloud(
+                    self._name, points_P3.astype(np.float32), colors_P3, point_size=POINT_M, point_shading="flat"
+                )
+            else:
+                self.node.points, self.node.colors = points_P3.astype(np.float16), colors_P3
+            self.node.position = about_3
+            self.node.visible = True
+
+
+def points_world_P3(depth: DepthView, target_3: Array | None) -> Array:
+    """What it measured, in the world frame, without the target."""
+    seen_HW = (depth.nearest_m_HW > 0.0) & (depth.nearest_m_HW < FARTHEST_M)
+    height, width = depth.nearest_m_HW.shape
+    rays = rays_HW3(height, width, depth.hfov_rad, depth.vfov_rad)
+    cam_P3 = (rays * depth.nearest_m_HW[..., None])[seen_HW]
+    world_P3 = cam_P3 @ tf.SO3(depth.world_from_cam_4).as_matrix().T + depth.cam_world_3
+    if target_3 is None:
+        return world_P3
+    return world_P3[np.linalg.norm(world_P3[:, :2] - target_3[:2], axis=1) > TARGET_M]
 
 
 class RememberedScene:

@@ -16,7 +16,7 @@ from goshawk_dashboards.scene import curves, shapes
 from goshawk_dashboards.scene.batch import Batch
 from goshawk_dashboards.scene.goal import GoalScene
 from goshawk_dashboards.scene.picture import decode_preview
-from goshawk_dashboards.scene.remembered import RememberedScene
+from goshawk_dashboards.scene.remembered import FusedDepth, RememberedScene
 from goshawk_dashboards.scene.target import TargetScene
 from goshawk_dashboards.scene.tubes import Fan, Tube
 from goshawk_dashboards.scene.world import GRID, NEAR_M, WorldScene
@@ -44,6 +44,7 @@ class ViewOptions:
     frustum: bool = True
     detections: bool = True
     remembered: bool = True
+    depth: bool = True
 
 
 def prepare(server: viser.ViserServer) -> None:
@@ -89,6 +90,7 @@ class LiveScene:
         )
         self.world = WorldScene(viewer, root)
         self.remembered = RememberedScene(viewer, root)
+        self.depth = FusedDepth(viewer, f"{root}/depth")
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
         self._make_vehicle()
         self._make_plan()
@@ -155,7 +157,10 @@ class LiveScene:
         self._draw_detections(snap.plan, plan_fresh and options.detections)
         self._draw_plan(snap.plan, plan_fresh, options)
         self._draw_camera(snap, options)
-        self.remembered.update(snap.remembered if snap.fresh("map", MAP_STALE_S) and options.remembered else None)
+        remembered = snap.remembered if snap.fresh("map", MAP_STALE_S) else None
+        self.remembered.update(remembered if options.remembered else None)
+        target_3 = snap.target.pos_world_3 if snap.target is not None and snap.fresh("target") else None
+        self.depth.update(remembered.depth if remembered is not None and options.depth else None, target_3)
         self.target.update(snap.target if snap.fresh("target") else None, trail=options.trails)
         truth = snap.truth if snap.fresh("sim_truth") else None
         self.target.show_truth(truth if options.truth else None)
@@ -181,6 +186,7 @@ class LiveScene:
         self.target.forget()
         self.goal.update(None)
         self.remembered.update(None)
+        self.depth.update(None, None)
         self._hide_plan()
 
     def clear_trails(self) -> None:

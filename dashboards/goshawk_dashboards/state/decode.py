@@ -21,6 +21,8 @@ MAX_BOXES = 20_000
 """What a simulator sends at most."""
 MAX_VOXELS = 20_000
 """More than a vehicle tells of what it remembers."""
+DEPTH_BLOCKS = (24, 40)
+"""Rows and columns."""
 
 
 class MalformedError(ValueError):
@@ -106,6 +108,22 @@ def remembered(m: pb.ObstacleMap) -> view.RememberedView:
         origin_world_3=_vec("map origin", m.origin_world),
         voxel_m=m.voxel_m,
         cells_V3=np.frombuffer(m.voxels, dtype=np.uint8).reshape(-1, 3),
+        depth=_depth(m.depth) if m.HasField("depth") else None,
+    )
+
+
+def _depth(m: pb.DepthBlocks) -> view.DepthView:
+    if len(m.nearest_dm) != math.prod(DEPTH_BLOCKS):
+        raise MalformedError(f"map has depth of {len(m.nearest_dm)} blocks, not {math.prod(DEPTH_BLOCKS)}")
+    if not all(0.0 < fov_rad < math.pi for fov_rad in (m.hfov_rad, m.vfov_rad)):
+        raise MalformedError(f"map has depth of a camera that sees {m.hfov_rad} by {m.vfov_rad} rad")
+    return view.DepthView(
+        frame_ns=m.frame_ns,
+        cam_world_3=_vec("lens position", m.cam_world),
+        world_from_cam_4=_quat("camera attitude", m.world_from_cam),
+        hfov_rad=m.hfov_rad,
+        vfov_rad=m.vfov_rad,
+        nearest_m_HW=0.1 * np.frombuffer(m.nearest_dm, dtype=np.uint8).reshape(DEPTH_BLOCKS).astype(np.float64),
     )
 
 

@@ -55,6 +55,20 @@ class PlanView:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class DepthView:
+    """What the camera measured of one image, the nearest in each block of it."""
+
+    frame_ns: int
+    cam_world_3: Array
+    """Where the lens was."""
+    world_from_cam_4: Array
+    hfov_rad: float
+    vfov_rad: float
+    nearest_m_HW: Array
+    """Along the optical axis; 0: none measured. The last step stands for all that is farther."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RememberedView:
     """What the planner remembers to stand about the vehicle: V occupied voxels, the nearest ones."""
 
@@ -65,6 +79,8 @@ class RememberedView:
     voxel_m: float
     """A voxel's edge, > 0."""
     cells_V3: NDArray[np.uint8]
+    depth: DepthView | None = None
+    """What the camera measured last; None: an older vehicle does not tell."""
 
     @property
     def centre_V3(self) -> Array:

@@ -210,18 +210,36 @@ class Plan(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., frame_ns: _Optional[int] = ..., ready_ns: _Optional[int] = ..., start_pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., start_acc_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_cam: _Optional[_Union[Quat, _Mapping]] = ..., duration_s: _Optional[float] = ..., alpha: _Optional[float] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., chosen: _Optional[int] = ...) -> None: ...
 
 class ObstacleMap(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "origin_world", "voxel_m", "voxels")
+    __slots__ = ("seq", "stamp_ns", "origin_world", "voxel_m", "voxels", "depth")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     ORIGIN_WORLD_FIELD_NUMBER: _ClassVar[int]
     VOXEL_M_FIELD_NUMBER: _ClassVar[int]
     VOXELS_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     origin_world: Vec3
     voxel_m: float
     voxels: bytes
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., origin_world: _Optional[_Union[Vec3, _Mapping]] = ..., voxel_m: _Optional[float] = ..., voxels: _Optional[bytes] = ...) -> None: ...
+    depth: DepthBlocks
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., origin_world: _Optional[_Union[Vec3, _Mapping]] = ..., voxel_m: _Optional[float] = ..., voxels: _Optional[bytes] = ..., depth: _Optional[_Union[DepthBlocks, _Mapping]] = ...) -> None: ...
+
+class DepthBlocks(_message.Message):
+    __slots__ = ("frame_ns", "cam_world", "world_from_cam", "hfov_rad", "vfov_rad", "nearest_dm")
+    FRAME_NS_FIELD_NUMBER: _ClassVar[int]
+    CAM_WORLD_FIELD_NUMBER: _ClassVar[int]
+    WORLD_FROM_CAM_FIELD_NUMBER: _ClassVar[int]
+    HFOV_RAD_FIELD_NUMBER: _ClassVar[int]
+    VFOV_RAD_FIELD_NUMBER: _ClassVar[int]
+    NEAREST_DM_FIELD_NUMBER: _ClassVar[int]
+    frame_ns: int
+    cam_world: Vec3
+    world_from_cam: Quat
+    hfov_rad: float
+    vfov_rad: float
+    nearest_dm: bytes
+    def __init__(self, frame_ns: _Optional[int] = ..., cam_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_cam: _Optional[_Union[Quat, _Mapping]] = ..., hfov_rad: _Optional[float] = ..., vfov_rad: _Optional[float] = ..., nearest_dm: _Optional[bytes] = ...) -> None: ...
 
 class Control(_message.Message):
     __slots__ = ("seq", "stamp_ns", "mode", "fallback", "pos_world", "vel_world", "world_from_body", "acc_des_world", "acc_att_world", "acc_disturbance_world", "world_from_body_des", "thrust_n", "thrust_norm", "yaw_des_rad", "plan_seq", "plan_age_s", "hover_thrust", "attitude_lag_s", "odometry_fault", "odometry_doubt", "acc_meas_world", "disturbance_limit_mps2")

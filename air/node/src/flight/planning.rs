@@ -58,12 +58,14 @@ impl Planning {
                     if fault.is_none() {
                         shared.plan.put(plan.clone());
                     }
-                    let (ready, start_world) = (clock::now(), plan.start.pos);
-                    let planned = Planned { plan, record, ready, inference_s, fault };
-                    shared.report(Report::Plan(Box::new(planned)));
-                    if ready.since(mapped) >= MAP_PERIOD_S
-                        && let Some(map) = convert::obstacle_map(maps, ready, &self.planner, start_world)
-                    {
+                    let ready = clock::now();
+                    let map = if ready.since(mapped) >= MAP_PERIOD_S {
+                        convert::obstacle_map(maps, ready, &self.planner, &record.frame)
+                    } else {
+                        None
+                    };
+                    shared.report(Report::Plan(Box::new(Planned { plan, record, ready, inference_s, fault })));
+                    if let Some(map) = map {
                         (maps, mapped) = (maps + 1, ready);
                         shared.report(Report::Map(map));
                     }

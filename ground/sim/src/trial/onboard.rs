@@ -210,7 +210,7 @@ impl Pilot for Onboard<'_> {
     }
 
     fn obstacle_map(&self, seq: u64, now: Time) -> Option<v1::ObstacleMap> {
-        convert::obstacle_map(seq, now, &self.planner.planner, self.odometry?.pos_world)
+        convert::obstacle_map(seq, now, &self.planner.planner, &self.frame_record.as_ref()?.frame)
     }
 
     fn spent(&self) -> Spent {
