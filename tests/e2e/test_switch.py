@@ -82,6 +82,11 @@ def reach(link: GroundLink, rig: Rig, modes: Container[int], seconds: float) -> 
     return snap
 
 
+def ran_m(snap: Snapshot) -> float:
+    """How far the target has run."""
+    return 0.0 if snap.truth is None else snap.truth.target_path_m
+
+
 def told(link: GroundLink, words: str, seconds: float = 5.0) -> None:
     assert link.wait_for(lambda s: any(words in e.text for e in s.events), seconds), (
         words,
@@ -117,6 +122,8 @@ def test_the_pilots_switch_starts_holds_goes_on_and_stops(rig: Rig, radio: Recei
         radio.pulse_us = START
         told(link, "asked to resume: going on")
         reach(link, rig, CHASING, 5.0)
+        at_m = ran_m(link.snapshot())
+        assert link.wait_for(lambda s: ran_m(s) > at_m + 10.0, 60.0), "the target does not run on after a hold"
         radio.pulse_us = None
         told(link, "the pilot's radio was last heard")
         assert link.snapshot().mode in {*CHASING, pb.MODE_HOLD}, "the autopilot's own failsafe is for that"
