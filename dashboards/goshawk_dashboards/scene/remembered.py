@@ -19,11 +19,11 @@ from goshawk_dashboards.state.views import Array, DepthView, RememberedView
 OPACITY = 0.25
 """What lies behind many of them is to be seen, too: the viewer may stand among them."""
 
-FUSED = 6
+FUSED = 4
 """Images that make one cloud: one a second is told."""
 FARTHEST_M = 12.0
 """Stereo is poor beyond."""
-POINT_M = 0.035
+POINT_M = 0.02
 TARGET_M = 0.8
 """What was measured this near to the target's axis is left out: it will not be there."""
 
@@ -55,7 +55,7 @@ class FusedDepth:
     def _draw(self, about_3: Array) -> None:
         # About the lens: a node far out has no rounding then.
         points_P3 = np.concatenate([points_P3 for _, points_P3 in self._images]) - about_3
-        newest, oldest = np.array(theme.MEASURED), np.array(theme.REJECTED)
+        newest, oldest = np.array(theme.DEPTH), np.array(theme.REJECTED)
         if len(points_P3) == 0:
             if self.node is not None:
                 self.node.visible = False

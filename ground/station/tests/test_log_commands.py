@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -54,6 +55,21 @@ def test_a_file_that_is_no_log_is_one_clear_line_and_status_2(command: list[str]
         done = goshawk(command[0], path, *command[1:])
         assert done.exit_code == 2
         assert why in one_line(done.stderr)
+
+
+def test_of_a_folder_the_newest_log_is_taken(log: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "logs"
+    for name, age_s in (("b", 0), ("a", 60)):
+        kept = folder / name / "flight.mcap"
+        kept.parent.mkdir(parents=True)
+        kept.write_bytes(log.read_bytes())
+        os.utime(kept, (1e9 - age_s, 1e9 - age_s))
+    assert goshawk("report", folder).exit_code == 0
+    assert [page.parent.name for page in folder.rglob("*.html")] == ["b"]
+    (tmp_path / "empty").mkdir()
+    for command in (["report"], ["review"]):
+        done = goshawk(*command, tmp_path / "empty")
+        assert done.exit_code == 2 and "no flight logs" in one_line(done.stderr)
 
 
 def test_report_writes_one_page_and_tells_what_it_says(log: Path, tmp_path: Path) -> None:

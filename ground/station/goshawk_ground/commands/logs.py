@@ -24,8 +24,8 @@ _HINTS = {
     Format.ROS2: "play it with: ros2 bag play -s mcap {path}",
     Format.CSV: "one file a channel, images beside them",
 }
-LOG_WIDTH, OUTCOME_WIDTH = 34, 17
-"""Columns of the longest name of a log, and of the longest outcome, in a table of 80."""
+OTHERS_WIDTH, OUTCOME_WIDTH = 46, 17
+"""Columns of all but a log's name, and of the longest outcome: 34 are left for a name in a table of 80."""
 
 
 def cache_folder() -> Path:
@@ -145,8 +145,9 @@ def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
     from goshawk_dashboards.report.season.table import wrong
 
     names = [str(Path(f["path"]).relative_to(folder)) for f in flights]
+    console = Console(highlight=False)
     table = Table(box=None, pad_edge=False, expand=True)
-    table.add_column("log", overflow="fold", width=min(max(map(len, names)), LOG_WIDTH))
+    table.add_column("log", overflow="fold", width=min(max(map(len, names)), max(20, console.width - OTHERS_WIDTH)))
     for head in ("s", "near m", "m/s²"):
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("outcome", max_width=OUTCOME_WIDTH, overflow="ellipsis", no_wrap=True)
@@ -162,7 +163,7 @@ def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
             Text(f["outcome"], style="green" if f["good"] else "red"),
             Text(f"{len(told)}: {'; '.join(told)}" if len(told) > 1 else "".join(told) or "-"),
         )
-    Console(highlight=False).print(table)
+    console.print(table)
 
 
 def export(

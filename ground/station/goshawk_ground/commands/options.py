@@ -43,13 +43,35 @@ BinDir = Annotated[
     Path | None,
     typer.Option(help="Where goshawk-air and goshawk-sim are; absent: a checkout's target/release, else on the PATH."),
 ]
-LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A flight log (.mcap), complete, cut off or damaged.")]
 
 
 def fail(text: str, code: int) -> NoReturn:
     """Ends with one clear line on stderr."""
     typer.echo(f"goshawk: {text}", err=True)
     raise typer.Exit(code)
+
+
+def newest(path: Path) -> Path:
+    """Of a folder the newest flight's log in it; else the path as it is."""
+    if not path.is_dir():
+        return path
+    found = sorted(path.rglob("*.mcap"), key=lambda log: (log.stat().st_mtime_ns, log))
+    return found[-1] if found else fail(f"{path}: no flight logs (.mcap) in this folder", NO_REPLY)
+
+
+def newest_of_each(paths: list[Path]) -> list[Path]:
+    """Likewise of several."""
+    return [newest(path) for path in paths]
+
+
+LogFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="LOG",
+        help="A flight log (.mcap), complete, cut off or damaged; of a folder the newest.",
+        callback=newest,
+    ),
+]
 
 
 def print_json(facts: Any) -> None:

@@ -24,6 +24,7 @@ from goshawk_ground.commands.options import (
     Port,
     TokenFile,
     fail,
+    newest_of_each,
 )
 from goshawk_ground.demo import places
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
@@ -182,7 +183,13 @@ def demo(
 
 
 def review(
-    logs: Annotated[list[Path], typer.Argument(help="Flight logs, up to six to compare; also one that was cut off.")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Flight logs, up to six to compare; also one that was cut off; of a folder the newest.",
+            callback=newest_of_each,
+        ),
+    ],
     replay: Annotated[
         Path | None, typer.Option(help="What another policy made of it: a log that goshawk-air replay wrote.")
     ] = None,
