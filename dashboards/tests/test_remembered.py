@@ -13,7 +13,7 @@ from goshawk_dashboards.gate import Access, Gate, Role
 from goshawk_dashboards.log import recorded
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.page.serving import close_server, open_server
-from goshawk_dashboards.scene.remembered import FUSED
+from goshawk_dashboards.scene.remembered import FUSED, surface
 from goshawk_dashboards.scene.scene import LiveScene, ViewOptions
 from goshawk_dashboards.state import decode
 from goshawk_dashboards.state.snapshot import MAP_STALE_S, Snapshot
@@ -34,12 +34,29 @@ def scene() -> Iterator[LiveScene]:
 
 
 def places(scene: LiveScene) -> np.ndarray:
-    """Where the cubes are drawn, in the world."""
-    cubes = scene.remembered.cubes
-    assert cubes.node is not None
-    return (
-        np.asarray(cubes.node.position) + np.asarray(cubes.node.vertices).reshape(-1, 8, 3).mean(axis=1)[: cubes.count]
-    )
+    """Where faces of voxels are drawn, in the world."""
+    faces = scene.remembered.faces
+    assert faces.node is not None
+    middles = np.asarray(faces.node.vertices).reshape(-1, 4, 3).mean(axis=1)[: faces.count]
+    return np.asarray(faces.node.position) + middles
+
+
+def wall_x(scene: LiveScene, front_m: float) -> None:
+    """The recording's wall begins there, and is one voxel thick."""
+    x_F = places(scene)[:, 0]
+    np.testing.assert_allclose([x_F.min(), x_F.max()], [front_m, front_m + 0.2], atol=1e-4)
+
+
+def test_of_voxels_that_touch_only_the_outside_is_drawn_and_it_looks_out() -> None:
+    cells = [(0, 0, 0), (1, 0, 0), (255, 255, 255)]
+    seen = decode.remembered(pb.ObstacleMap(voxel_m=0.5, voxels=bytes(n for cell in cells for n in cell)))
+    middle_F3, out_F3 = surface(seen)
+    assert len(middle_F3) == 5 + 5 + 6
+    inward_F3 = middle_F3 - 0.25 * out_F3
+    held = {tuple(place) for place in np.round(inward_F3 / 0.5 - 0.5).astype(int).tolist()}
+    assert held == set(cells)
+    between = np.abs(middle_F3 - (0.5, 0.25, 0.25)).max(axis=1) < 1e-9
+    assert not between.any()
 
 
 def test_a_voxels_place_is_the_middle_of_its_cell() -> None:
@@ -69,14 +86,14 @@ def test_a_map_that_makes_no_sense_is_refused(message: pb.ObstacleMap, words: st
 def test_the_voxels_are_one_mesh_where_they_stand_and_a_newer_map_takes_its_place(scene: LiveScene, snap: Make) -> None:
     options = ViewOptions()
     scene.update(snap(remembered=decode.remembered(rec.remembered(1.0, 1))), options)
-    first = places(scene)
-    assert first.shape == (100, 3)
-    np.testing.assert_allclose(first[:, 0], 4.0 + 4.0 + 0.1, atol=1e-5)
-    node = scene.remembered.cubes.node
+    # Of ten by ten voxels in one layer the front, the back and the four edges.
+    assert len(places(scene)) == 100 + 100 + 40
+    wall_x(scene, 4.0 + 4.0)
+    node = scene.remembered.faces.node
     scene.update(snap(remembered=decode.remembered(rec.remembered(1.0, 1))), options)
     scene.update(snap(remembered=decode.remembered(rec.remembered(2.0, 2))), options)
-    np.testing.assert_allclose(places(scene)[:, 0], 8.0 + 4.0 + 0.1, atol=1e-5)
-    assert scene.remembered.cubes.node is node, "a node made anew costs a browser its shaders"
+    wall_x(scene, 8.0 + 4.0)
+    assert scene.remembered.faces.node is node, "a node made anew costs a browser its shaders"
 
 
 def cloud(scene: LiveScene) -> np.ndarray:
@@ -138,21 +155,21 @@ def test_no_depth_is_drawn_unasked_nor_of_an_older_vehicle(scene: LiveScene, sna
 def test_nothing_is_drawn_of_an_old_map_nor_of_another_vehicle_nor_unasked(scene: LiveScene, snap: Make) -> None:
     remembered = decode.remembered(rec.remembered(1.0, 1))
     scene.update(snap(remembered=remembered), ViewOptions(remembered=False))
-    assert scene.remembered.cubes.count == 0
+    assert scene.remembered.faces.count == 0
     scene.update(snap(remembered=remembered), ViewOptions())
-    assert scene.remembered.cubes.count > 0
+    assert scene.remembered.faces.count > 0
     scene.update(snap(remembered=remembered, age_s=MAP_STALE_S + 0.1), ViewOptions())
-    assert scene.remembered.cubes.count == 0
+    assert scene.remembered.faces.count == 0
     scene.update(snap(remembered=remembered), ViewOptions())
     scene.forget()
-    assert scene.remembered.cubes.count == 0
+    assert scene.remembered.faces.count == 0
 
 
 def test_the_review_shows_the_newest_map_at_or_before_the_time(scene: LiveScene, tmp_path: Path) -> None:
     flight = Flight.open(rec.write_flight(tmp_path / "flight.mcap", 4.0))
     for time_s, shown_s in ((2.0, 2.0), (2.99, 2.0), (3.0, 3.0), (1.0, 1.0)):
         scene.update(recorded.snapshot_at(flight, time_s), ViewOptions())
-        np.testing.assert_allclose(places(scene)[:, 0], 4.0 * shown_s + 4.1, atol=1e-4)
+        wall_x(scene, 4.0 * shown_s + 4.0)
     assert recorded.snapshot_at(flight, -1.0).remembered is None
 
 

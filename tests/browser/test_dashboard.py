@@ -54,7 +54,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"
 
     def drawn() -> bool:
-        return scene.remembered.cubes.count > 0
+        return scene.remembered.faces.count > 0
 
     page.get_by_text("Candidates", exact=True).click()
     expect(page.locator('[data-goshawk="parts"]')).to_contain_text("+0.25 obstacle")

@@ -19,6 +19,7 @@ import recordings as rec
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import marks_of
 from goshawk_dashboards.review.dashboard import ReviewDashboard, ReviewView
+from goshawk_dashboards.scene.remembered import surface
 from goshawk_ground.pages.ports import free_port
 from goshawk_ground.pages.replan import replanner_of
 from goshawk_ground.pages.review import open_review
@@ -144,9 +145,9 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     expect(north).to_have_text(re.compile(f"{abs(measured):.2f} m/s²"))
     remembered = flight.remembered_at(9.0)
     assert remembered is not None
-    assert scene.remembered.cubes.count == len(remembered.cells_V3)
+    assert scene.remembered.faces.count == len(surface(remembered)[0])
     page.get_by_label("Remembered obstacles").dispatch_event("click")
-    eventually("the toggle hid nothing", lambda: scene.remembered.cubes.count == 0)
+    eventually("the toggle hid nothing", lambda: scene.remembered.faces.count == 0)
     assert seen.errors == []
     assert flight.world is not None, "a trial's log holds its forest"
     assert view.viewer.scene.get_handle_by_name("/first/world/trunks") is not None

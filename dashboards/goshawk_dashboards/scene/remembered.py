@@ -1,5 +1,5 @@
-"""What the planner remembers to stand about the vehicle, in the 3-D view: cubes, one batched mesh; and what the camera
-measured in the last images that were told, fused into one cloud of points."""
+"""What the planner remembers to stand about the vehicle, in the 3-D view: the outside of its voxels. And what the
+camera measured in the last images that were told, fused into one cloud of points."""
 
 from __future__ import annotations
 
@@ -85,6 +85,20 @@ def points_world_P3(depth: DepthView, target_3: Array | None) -> Array:
     return world_P3[np.linalg.norm(world_P3[:, :2] - target_3[:2], axis=1) > TARGET_M]
 
 
+def surface(remembered: RememberedView) -> tuple[Array, Array]:
+    """The faces of its voxels (one at least) that no other covers, m from the origin: their middles, and where they
+    face."""
+    cells_V3 = remembered.cells_V3.astype(np.intp) + 1
+    taken = np.zeros(tuple(cells_V3.max(axis=0) + 2), dtype=bool)
+    taken[tuple(cells_V3.T)] = True
+    middles, outward = list[Array](), list[Array]()
+    for out_3 in np.concatenate([np.eye(3, dtype=np.intp), -np.eye(3, dtype=np.intp)]):
+        bare_V = ~taken[tuple((cells_V3 + out_3).T)]
+        middles.append(remembered.centre_V3[bare_V] + 0.5 * remembered.voxel_m * out_3)
+        outward.append(np.broadcast_to(out_3.astype(np.float64), (int(bare_V.sum()), 3)))
+    return np.concatenate(middles), np.concatenate(outward)
+
+
 class RememberedScene:
     """Draws one vehicle's map."""
 
@@ -92,19 +106,21 @@ class RememberedScene:
         """``root`` is the scene node that it is drawn under; empty: the world frame."""
         self._viewer = viewer
         self._drawn: tuple[int, int] | None = None
-        self.cubes = Batch(viewer, f"{root}/remembered", shapes.box(), theme.REMEMBERED, opacity=OPACITY)
+        self.faces = Batch(viewer, f"{root}/remembered", shapes.square(), theme.REMEMBERED, opacity=OPACITY)
 
     def update(self, remembered: RememberedView | None) -> None:
         """Shows a map, drawn once; None: there is none, it is too old, or it is not to be seen."""
-        if remembered is None:
-            self.cubes.hide()
+        if remembered is None or len(remembered.cells_V3) == 0:
+            self.faces.hide()
             self._drawn = None
         elif self._drawn != (remembered.seq, remembered.stamp_ns):
             self._drawn = (remembered.seq, remembered.stamp_ns)
-            # The farthest first: what is nearer, and its map is about the vehicle, is drawn over it.
-            centre_V3 = remembered.centre_V3[np.argsort(-np.linalg.norm(remembered.centre_V3, axis=1))]
+            middle_F3, out_F3 = surface(remembered)
+            # The farthest first: what is nearer, and the map is about the vehicle, is drawn over it.
+            order_F = np.argsort(-np.linalg.norm(middle_F3 - middle_F3.mean(axis=0), axis=1))
+            size_F3 = np.full_like(middle_F3, remembered.voxel_m)
             with self._viewer.atomic():
                 # About the origin, as it was sent: a node far out has no rounding then.
-                self.cubes.place(centre_V3, np.full_like(centre_V3, remembered.voxel_m))
-                if self.cubes.node is not None:
-                    self.cubes.node.position = remembered.origin_world_3
+                self.faces.place(middle_F3[order_F], size_F3, shapes.wxyz_from_up_K4(out_F3[order_F]))
+                if self.faces.node is not None:
+                    self.faces.node.position = remembered.origin_world_3

@@ -85,6 +85,12 @@ def mote() -> trimesh.Trimesh:
     return trimesh.creation.icosphere(subdivisions=0, radius=0.07)
 
 
+def square() -> trimesh.Trimesh:
+    """A unit square about the origin, seen from above."""
+    corners = [(-0.5, -0.5, 0.0), (0.5, -0.5, 0.0), (0.5, 0.5, 0.0), (-0.5, 0.5, 0.0)]
+    return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
+
+
 def box() -> trimesh.Trimesh:
     """A unit cube about the origin."""
     return trimesh.creation.box(extents=(1.0, 1.0, 1.0))
