@@ -75,7 +75,7 @@ def served(*arguments: str) -> Generator[str]:
 
 def take(page: Page, name: str) -> None:
     """Writes what a page shows as a small PNG."""
-    page.evaluate("for (const n of document.querySelectorAll('.mantine-Notification-root')) n.remove()")
+    page.evaluate("for (const n of document.querySelectorAll('.mantine-Notification-root')) n.style.display = 'none'")
     shot = Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS))).convert("RGB")
     shot.quantize(COLORS).save(PICTURES / f"{name}.png", optimize=True)
     print(f"docs/pictures/{name}.png: {shot.width} x {shot.height}")
