@@ -109,9 +109,7 @@ impl Process {
 
     /// Ends all firmware of this process.
     pub fn end_all() {
-        for running in lock(&ALL).drain(..).filter_map(|one| one.upgrade()) {
-            drop(lock(&running).take());
-        }
+        end(lock(&ALL).drain(..));
     }
 
     /// How it ended by itself; none: it runs.
@@ -127,6 +125,12 @@ impl Process {
         let text = String::from_utf8_lossy(&text).into_owned();
         let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
         lines[lines.len().saturating_sub(3)..].join(" | ")
+    }
+}
+
+fn end(all: impl Iterator<Item = Weak<Mutex<Option<Running>>>>) {
+    for running in all.filter_map(|one| one.upgrade()) {
+        drop(lock(&running).take());
     }
 }
 
@@ -204,7 +208,10 @@ mod tests {
         };
         let runs = || Path::new(&format!("/proc/{pid}")).exists();
         assert!(runs() && own.is_dir());
-        Process::end_all();
+        let known = Arc::downgrade(&process.0);
+        assert!(lock(&ALL).iter().any(|one| one.ptr_eq(&known)));
+        // Not all: beside this one run other tests' programs.
+        end([known].into_iter());
         assert!(!runs() && !own.exists());
     }
 }
