@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 import subprocess
 import sys
@@ -13,6 +14,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
 FAKE = ROOT / "tests/browser/fake_vehicle.py"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def terminal() -> Iterator[None]:
+    """Tests and their programs hear that a terminal closes, even under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,8 +34,8 @@ def test_what_is_no_log_is_one_clear_line_and_status_1(folder: Path) -> None:
     assert (status, line) == (1, f"goshawk: cannot read {folder / 'missing.mcap'}: No such file or directory")
     status, line = refused(folder / "notes.txt")
     assert status == 1 and "is no flight log" in line
-    status, line = refused(folder)
-    assert status == 1 and "Is a directory" in line
+    (empty := folder / "empty").mkdir()
+    assert refused(empty) == (1, f"goshawk: {empty}: no flight logs (.mcap) in this folder")
 
 
 def test_logs_that_do_not_go_together_are_refused(folder: Path) -> None:

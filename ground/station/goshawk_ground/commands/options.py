@@ -51,17 +51,22 @@ def fail(text: str, code: int) -> NoReturn:
     raise typer.Exit(code)
 
 
-def newest(path: Path) -> Path:
-    """Of a folder the newest flight's log in it; else the path as it is."""
+def _newest(path: Path, status: int) -> Path:
+    """Of a folder the newest log in it, else the path as it is; ends with ``status`` where there is none."""
     if not path.is_dir():
         return path
     found = sorted(path.rglob("*.mcap"), key=lambda log: (log.stat().st_mtime_ns, log))
-    return found[-1] if found else fail(f"{path}: no flight logs (.mcap) in this folder", NO_REPLY)
+    return found[-1] if found else fail(f"{path}: no flight logs (.mcap) in this folder", status)
+
+
+def newest(path: Path) -> Path:
+    """Likewise, for an argument that is one log."""
+    return _newest(path, NO_REPLY)
 
 
 def newest_of_each(paths: list[Path]) -> list[Path]:
-    """Likewise of several."""
-    return [newest(path) for path in paths]
+    """Likewise, for an argument that is several."""
+    return [_newest(path, REFUSED) for path in paths]
 
 
 LogFile = Annotated[
