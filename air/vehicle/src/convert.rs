@@ -129,7 +129,7 @@ pub fn obstacle_map(
     })
 }
 
-/// A byte a block: 1 kB a second, where the picture itself takes 20.
+/// A byte a block: the tenth of a metre is finer than anybody sees it drawn.
 fn depth_blocks(camera: &core::CameraModel, frame: &core::FrameInput) -> v1::DepthBlocks {
     let at = &frame.odometry;
     let rounded = |mm: &u16| if *mm == 0 { 0 } else { (mm.saturating_add(50) / 100).clamp(1, 255) as u8 };

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from goshawk_dashboards.state.decode import MalformedError
-from goshawk_dashboards.state.rays import rays_HW3
+from goshawk_dashboards.state.rays import FARTHEST_M, rays_HW3
 from goshawk_dashboards.state.views import Array, PreviewView
 
 MAX_PIXELS = 1280 * 960
@@ -75,8 +75,8 @@ class FrameView:
             return None
         return image if (image.width, image.height) == (self.width, self.height) else None
 
-    def points_cam_P3(self, farthest_m: float = 12.0) -> tuple[Array, NDArray[np.uint8]] | None:
-        """What depth measured nearer than ``farthest_m`` (stereo is poor beyond), in the camera's FLU; its colours."""
+    def points_cam_P3(self, farthest_m: float = FARTHEST_M) -> tuple[Array, NDArray[np.uint8]] | None:
+        """What depth measured nearer than ``farthest_m``, in the camera's FLU; its colours."""
         depth_HW, rgb_HW3 = self.depth_m_HW(), self.rgb_HW3()
         if depth_HW is None or rgb_HW3 is None or depth_HW.ndim != 2:
             return None

@@ -13,7 +13,7 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
 from goshawk_dashboards.scene.batch import Batch
-from goshawk_dashboards.state.rays import rays_HW3
+from goshawk_dashboards.state.rays import FARTHEST_M, rays_HW3
 from goshawk_dashboards.state.views import Array, DepthView, RememberedView
 
 OPACITY = 0.25
@@ -21,9 +21,8 @@ OPACITY = 0.25
 
 FUSED = 4
 """Images that make one cloud: one a second is told."""
-FARTHEST_M = 12.0
-"""Stereo is poor beyond."""
 POINT_M = 0.02
+"""Edge of a drawn point: larger ones hide the candidates from a camera that follows."""
 TARGET_M = 0.8
 """What was measured this near to the target's axis is left out: it will not be there."""
 

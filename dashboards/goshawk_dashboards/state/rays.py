@@ -6,6 +6,9 @@ import numpy as np
 
 from goshawk_dashboards.state.views import Array
 
+FARTHEST_M = 12.0
+"""Stereo is poor beyond: what it measured there is not drawn."""
+
 
 def rays_HW3(height: int, width: int, hfov_rad: float, vfov_rad: float) -> Array:
     """Of the middle of each pixel, or block of pixels; 1 along the optical axis."""
