@@ -14,6 +14,8 @@ from goshawk_dashboards.live.dashboard import LiveDashboard, LiveView
 from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.scene.relief import Relief
+from goshawk_dashboards.scene.scene import CANDIDATE_RADIUS_M, FLOWN_RADIUS_M, SAMPLES
+from goshawk_dashboards.scene.tubes import Bundle
 from goshawk_dashboards.scene.world import NEAR_M
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import BoxesView, CommandView, PreviewView, TruthView, WorldView
@@ -113,22 +115,37 @@ def test_fifteen_curves_start_at_the_plan_and_end_at_its_end_states(live: Live, 
     live.tick(snap())
     fan, chosen = live.scene.candidates, live.scene.chosen
     assert plan is not None
-    # A section has three corners, about the curve.
-    drawn = [np.asarray(tube.node.vertices).reshape(-1, 3, 3).mean(axis=1) for tube in (*fan.tubes, chosen)]
-    curves = np.array(drawn) + np.asarray(fan.root.position)
-    np.testing.assert_allclose(curves[:, 0], np.tile(plan.start_pos_world_3, (16, 1)), atol=1e-5)
-    np.testing.assert_allclose(curves[:15, -1], plan.end_pos_world_N3, atol=1e-5)
-    np.testing.assert_allclose(curves[15, -1], plan.end_pos_world_N3[7], atol=1e-5)
-    assert chosen.radius_S[0] > 2 * fan.tubes[0].radius_S[0]
+    ends = np.concatenate([bundle.curves_KS3[:, -1] for bundle in fan.bundles.values()]) + np.asarray(fan.root.position)
+    assert sorted(map(tuple, ends.round(5))) == sorted(map(tuple, plan.end_pos_world_N3.round(5)))
+    for tubes in (*fan.bundles.values(), chosen):
+        assert tubes.node is not None
+        # A section has three corners, about the curve.
+        drawn_KS3 = np.asarray(tubes.node.vertices).reshape(-1, SAMPLES, 3, 3).mean(axis=2)
+        curves_KS3 = tubes.curves_KS3 if isinstance(tubes, Bundle) else tubes.curve_S3[None]
+        np.testing.assert_allclose(drawn_KS3, curves_KS3, atol=1e-5)
+        start_3 = np.asarray(fan.root.position)
+        starts_K3 = np.tile(plan.start_pos_world_3, (len(drawn_KS3), 1))
+        np.testing.assert_allclose(drawn_KS3[:, 0] + start_3, starts_K3, atol=1e-5)
+    np.testing.assert_allclose(chosen.curve_S3[-1] + np.asarray(fan.root.position), plan.end_pos_world_N3[7], atol=1e-5)
+    assert FLOWN_RADIUS_M > 2 * CANDIDATE_RADIUS_M
 
 
 def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: Live, snap: Make) -> None:
     live.tick(snap())
-    colors = [tube.node.color for tube in live.scene.candidates.tubes]
-    grey = [k for k in range(15) if tuple(colors[k]) == theme.REJECTED]
-    assert grey == [k for k in range(15) if k not in (6, 7, 8)]
-    assert tuple(colors[6]) == theme.vivid(theme.GOOD)
-    assert tuple(colors[8]) == theme.vivid(theme.BAD)
+    plan = snap().plan
+    assert plan is not None
+    bundles = live.scene.candidates.bundles
+
+    def drawn_in(color: theme.Rgb) -> list[int]:
+        """Which candidates are, by where they end."""
+        node = bundles[color].node
+        assert node is not None and tuple(node.color) == color
+        ends = bundles[color].curves_KS3[:, -1] + plan.start_pos_world_3
+        return [int(np.linalg.norm(plan.end_pos_world_N3 - end, axis=1).argmin()) for end in ends]
+
+    assert drawn_in(theme.REJECTED) == [k for k in range(15) if k not in (6, 7, 8)]
+    assert drawn_in(theme.vivid(theme.GOOD)) == [6]
+    assert drawn_in(theme.vivid(theme.BAD)) == [8]
 
 
 def test_a_stale_plan_is_not_drawn(live: Live, snap: Make) -> None:

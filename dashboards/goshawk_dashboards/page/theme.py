@@ -49,14 +49,18 @@ def css(rgb: Rgb, alpha: float = 1.0) -> str:
     return f"rgba({rgb[0]},{rgb[1]},{rgb[2]},{alpha:g})"
 
 
+COST_STEPS = 8
+"""Colours from the cheapest to the dearest: as many meshes at most are what candidates are drawn as."""
 _COST_STOPS = np.array([vivid(GOOD), vivid(WARN), vivid(BAD)], dtype=np.float64)
 
 
 def cost_colors_N3(cost_N: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Green for the cheapest through amber to red for the dearest of these; all green if they cost the same."""
+    """In steps from green for the cheapest through amber to red for the dearest of these; all green if they cost the
+    same."""
     if len(cost_N) == 0:
         return np.zeros((0, 3), dtype=np.uint8)
     span = float(np.ptp(cost_N))
     place_N = (cost_N - cost_N.min()) / span if span > 1e-9 else np.zeros(len(cost_N))
+    place_N = np.round(place_N * (COST_STEPS - 1)) / (COST_STEPS - 1)
     stops = np.linspace(0.0, 1.0, len(_COST_STOPS))
     return np.stack([np.interp(place_N, stops, _COST_STOPS[:, k]) for k in range(3)], axis=1).astype(np.uint8)

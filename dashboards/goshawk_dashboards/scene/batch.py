@@ -68,6 +68,7 @@ class Batch:
                     color=self._color,
                     opacity=self._opacity,
                     flat_shading=self._flat,
+                    material="standard" if self._flat else "toon5",
                     cast_shadow=False,
                     receive_shadow=False,
                 )

@@ -38,7 +38,8 @@ class Relief:
         return (weight_MN * self._base_K3[nearest_MN, 2]).sum(axis=1) / weight_MN.sum(axis=1)
 
     def mesh(self) -> tuple[Array, NDArray[np.uint32]]:
-        """Vertices and faces over the whole world, with a margin of one cell."""
+        """Vertices and faces over the whole world, with a margin of one cell; of each cell's two faces one is in the
+        first half."""
         low_2, high_2 = self._base_K3[:, :2].min(axis=0), self._base_K3[:, :2].max(axis=0)
         cell_m = max(CELL_M, float((high_2 - low_2).max()) / MOST_CELLS)
         x, y = (np.arange(low_2[k] - cell_m, high_2[k] + 2 * cell_m, cell_m) for k in range(2))

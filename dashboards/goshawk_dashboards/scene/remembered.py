@@ -13,6 +13,7 @@ from goshawk_dashboards.page import theme
 from goshawk_dashboards.page.viewer import Viewer
 from goshawk_dashboards.scene import shapes
 from goshawk_dashboards.scene.batch import Batch
+from goshawk_dashboards.state.decode import DEPTH_BLOCKS
 from goshawk_dashboards.state.rays import FARTHEST_M, rays_HW3
 from goshawk_dashboards.state.views import Array, DepthView, RememberedView
 
@@ -21,8 +22,16 @@ OPACITY = 0.25
 
 FUSED = 4
 """Images that make one cloud: one a second is told."""
+SPARE_M = 50_000.0
+"""Below the lens, where nothing is drawn."""
 POINT_M = 0.02
 """Edge of a drawn point: larger ones hide the candidates from a camera that follows."""
+COLORS_N3 = np.repeat(
+    np.linspace(theme.DEPTH, theme.REJECTED, FUSED + 1)[:FUSED].astype(np.uint8),
+    DEPTH_BLOCKS[0] * DEPTH_BLOCKS[1],
+    axis=0,
+)
+"""Of a cloud's points, the newest image first."""
 TARGET_M = 0.8
 """What was measured this near to the target's axis is left out: it will not be there."""
 
@@ -52,22 +61,25 @@ class FusedDepth:
         self._draw(depth.cam_world_3)
 
     def _draw(self, about_3: Array) -> None:
-        # About the lens: a node far out has no rounding then.
-        points_P3 = np.concatenate([points_P3 for _, points_P3 in self._images]) - about_3
-        newest, oldest = np.array(theme.DEPTH), np.array(theme.REJECTED)
-        if len(points_P3) == 0:
+        seen = [points_P3 for _, points_P3 in reversed(self._images) if len(points_P3)]
+        if not seen:
             if self.node is not None:
                 self.node.visible = False
             return
-        age_P = np.repeat(np.arange(len(self._images))[::-1] / FUSED, [len(points_P3) for _, points_P3 in self._images])
-        colors_P3 = (newest + age_P[:, None] * (oldest - newest)).astype(np.uint8)
+        # Always as many points in the same colours, those to spare out of sight: viser makes the shaders of a cloud
+        # anew when its colours change, which takes a browser longer than a picture.
+        points_FP3 = np.tile(about_3 - (0.0, 0.0, SPARE_M), (FUSED, DEPTH_BLOCKS[0] * DEPTH_BLOCKS[1], 1))
+        for points_P3, slot_P3 in zip(seen, points_FP3, strict=False):
+            slot_P3[: len(points_P3)] = points_P3
+        # About the lens: a node far out has no rounding then.
+        points_N3 = points_FP3.reshape(-1, 3) - about_3
         with self._viewer.atomic():
             if self.node is None:
                 self.node = self._viewer.scene.add_point_cloud(
-                    self._name, points_P3.astype(np.float32), colors_P3, point_size=POINT_M, point_shading="flat"
+                    self._name, points_N3.astype(np.float32), COLORS_N3, point_size=POINT_M, point_shading="flat"
                 )
             else:
-                self.node.points, self.node.colors = points_P3.astype(np.float16), colors_P3
+                self.node.points = points_N3.astype(np.float16)
             self.node.position = about_3
             self.node.visible = True
 

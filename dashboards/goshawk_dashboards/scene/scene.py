@@ -53,7 +53,6 @@ def prepare(server: viser.ViserServer) -> None:
     scene.set_up_direction("+z")
     scene.world_axes.visible = False
     scene.configure_fog(0.5 * NEAR_M, 1.1 * NEAR_M, color=theme.BACKGROUND)
-    scene.set_background_image(np.full((4, 4, 3), theme.BACKGROUND, dtype=np.uint8), format="png")
     # Each light is worked out for each pixel, and one from a picture of the sky looked up there: too much without a
     # graphics card. A sun and the sky's own light are enough.
     scene.configure_default_lights(False)

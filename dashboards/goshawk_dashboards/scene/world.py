@@ -33,7 +33,9 @@ class WorldScene:
         self._scene = viewer.scene
         self._ground = f"{root}/world/ground"
         self.trunks = Batch(viewer, f"{root}/world/trunks", shapes.trunk(), theme.TRUNK, flat=False)
-        self.foliage = Batch(viewer, f"{root}/world/foliage", shapes.foliage(), theme.FOLIAGE, opacity=WALL_OPACITY)
+        self.foliage = Batch(
+            viewer, f"{root}/world/foliage", shapes.foliage(), theme.FOLIAGE, opacity=WALL_OPACITY, flat=False
+        )
         self.boxes = Batch(viewer, f"{root}/world/boxes", shapes.box(), theme.WALL, opacity=WALL_OPACITY)
         self.moving = Batch(viewer, f"{root}/truth/moving", shapes.box(), theme.vivid(theme.MOVING))
         self._world: WorldView | None = None
@@ -71,8 +73,9 @@ class WorldScene:
         add(
             self._ground, vertices, faces, color=theme.GROUND, material="toon3", cast_shadow=False, receive_shadow=False
         )
-        lines = vertices + (0.0, 0.0, 0.03)
-        add(f"{self._ground}/lines", lines, faces, color=theme.GRID_SECTION, wireframe=True, cast_shadow=False)
+        # Of each cell one triangle: its edges and those of its neighbours are all there are.
+        lines, half = vertices + (0.0, 0.0, 0.03), faces[: len(faces) // 2]
+        add(f"{self._ground}/lines", lines, half, color=theme.GRID_SECTION, wireframe=True, cast_shadow=False)
 
     def _draw_trees(self, world: WorldView | None, about_2: Array | None) -> None:
         if world is None or len(world.radius_m_K) == 0:
