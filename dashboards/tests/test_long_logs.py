@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 import recordings as rec
-from goshawk_dashboards.log import mcap_file
-from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.log import small
+from goshawk_dashboards.log.flight import Flight, header_of
 from goshawk_proto import PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
 
@@ -18,10 +20,10 @@ READ = """
 import resource, sys
 from pathlib import Path
 from goshawk_dashboards.exports.source import records
-from goshawk_dashboards.log import mcap_file
+from goshawk_dashboards.log import small
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report.season.row import row_of
-mcap_file.SMALL_KEPT_BYTES = 1 << 20
+small.HELD_BYTES = 1 << 20
 path = Path(sys.argv[1])
 assert row_of(path).outcome == "ended: landing"
 assert sum(1 for _ in records(Flight.open(path))) > 900
@@ -62,8 +64,52 @@ def test_memory_grows_by_less_than_a_fifth_of_what_the_log_grows(tmp_path: Path)
 def test_a_record_that_memory_no_longer_holds_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = rec.write_flight(tmp_path / "flight.mcap", 4.0, chunk_bytes=100_000)
     whole = Flight.open(path)
-    monkeypatch.setattr(mcap_file, "SMALL_KEPT_BYTES", 1)
+    monkeypatch.setattr(small, "HELD_BYTES", 1)
     poor = Flight.open(path)
     for topic in whole.log.topics:
         for index in range(len(whole.log.times_ns(topic))):
             assert poor.log.payload(topic, index) == whole.log.payload(topic, index)
+
+
+def test_two_threads_read_one_log_that_was_walked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(small, "HELD_BYTES", 1)
+    flight = Flight.open(rec.write_flight(tmp_path / "flight.mcap", 4.0, chunk_bytes=100_000))
+    wanted = flight.columns("control", ["pos_world"])["pos_world"]
+    with ThreadPoolExecutor(4) as pool:
+        read = [pool.submit(flight.again().columns, "control", ["pos_world"]) for _ in range(8)]
+        for one in read:
+            np.testing.assert_array_equal(one.result()["pos_world"], wanted)
+
+
+def test_no_room_for_what_memory_does_not_hold_is_one_line(tmp_path: Path) -> None:
+    path = rec.write_flight(tmp_path / "flight.mcap", 4.0)
+    script = (
+        "import resource, sys; from pathlib import Path; from goshawk_dashboards.log import small, flight\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); small.HELD_BYTES = 1\n"
+        "try: flight.Flight.open(Path(sys.argv[1]))\n"
+        "except flight.LogError as error: print(error)"
+    )
+    tried = {**os.environ, "TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", script, path], capture_output=True, text=True, timeout=60, env=tried)
+    assert done.stdout == f"cannot read {path}: {tmp_path} has no room for it: File too large\n", done.stderr
+
+
+def test_who_waits_for_a_log_hears_how_far_it_is(tmp_path: Path) -> None:
+    heard: list[tuple[int, int]] = []
+
+    def hear(what: str, done: int, total: int) -> None:
+        assert what == "reading"
+        heard.append((done, total))
+
+    Flight.open(rec.write_flight(tmp_path / "flight.mcap", 4.0, chunk_bytes=100_000), progress=hear)
+    assert len(heard) > 5 and heard == sorted(heard)
+    assert heard[-1][0] == heard[-1][1] == heard[0][1]
+
+
+def test_the_flight_before_is_known_by_its_first_record(tmp_path: Path) -> None:
+    path = rec.write_flight(tmp_path / "1.mcap", 4.0, chunk_bytes=100_000)
+    whole = Flight.open(path).header
+    path.write_bytes(path.read_bytes()[:150_000] + b"damaged")
+    assert header_of(path) == whole
+    path.write_bytes(b"no log")
+    assert header_of(path) is None

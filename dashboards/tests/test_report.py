@@ -175,8 +175,17 @@ def wall_flight(path: Path, target: pb.Target | None = None) -> Flight:
 
 
 def test_clearance_is_to_the_nearest_surface_that_depth_shows(tmp_path: Path) -> None:
-    seen = seen_clearance(wall_flight(tmp_path / "wall.mcap"))
+    heard: list[tuple[str, int, int]] = []
+
+    def hear(what: str, done: int, total: int) -> None:
+        heard.append((what, done, total))
+
+    seen = seen_clearance(wall_flight(tmp_path / "wall.mcap"), hear)
     assert seen is not None
+    count = len(seen.times_s_M)
+    assert heard == [("clearance by depth", k + 1, count) for k in range(count)], (
+        "who waits does not hear how far it is"
+    )
     assert np.nanmin(seen.nearest_m_M) == pytest.approx(3.1, abs=0.02)
     assert np.isnan(seen.nearest_m_M[0])
 
@@ -339,15 +348,15 @@ def test_parameters_that_changed_since_the_flight_before_are_listed(tmp_path: Pa
     log("2.mcap", "crow", "")
     (tmp_path / "3.mcap").write_text("no log")
     path = log("4.mcap", "kite", "[observer]\ngain = 3.0\nnew = 7\n[[mode]]\nname = 'x'\ny = 2")
-    before = flight_before(path)
-    assert before is not None and before.path.name == "1.mcap"
+    before = flight_before(Flight.open(path))
+    assert before is not None and before.name == "1.mcap"
     assert changes(before.header, Flight.open(path).header) == [
         Change(name="tuning: mode.x.y", before="1", now="2"),
         Change(name="tuning: observer.gain", before="2.0", now="3.0"),
         Change(name="tuning: observer.lag", before="1", now="–"),
         Change(name="tuning: observer.new", before="–", now="7"),
     ]
-    assert flight_before(tmp_path / "1.mcap") is None
+    assert flight_before(Flight.open(tmp_path / "1.mcap")) is None
     page = tmp_path / "x.html"
     write_page(make_report(Flight.open(path), before), page)
     assert "Parameters since 1.mcap" in page.read_text(encoding="utf-8")

@@ -32,7 +32,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     seen = visit(g.dashboard.url)
     page = seen.page
     mode(page, "ready")
-    assert g.dashboard.views[0].scene.candidates.tubes == [], "a plan is drawn before there is one"
+    assert g.dashboard.views[0].scene.candidates.count == 0, "a plan is drawn before there is one"
     # The edges of a label have a few pixels of that colour too: more or less, as they are drawn.
     at_rest = look.flown_green(look.picture(page))
     press_start(page, "Start now")
@@ -48,7 +48,7 @@ def test_start_flies_stop_lands_and_candidates_move_meanwhile(ground: Start, vis
     before = look.picture(page)
     time.sleep(1.0)
     after = look.picture(page)
-    assert len(scene.candidates.tubes) == 15
+    assert scene.candidates.count == 15
     assert not np.array_equal(points, scene.chosen.curve_S3)
     assert np.linalg.norm(np.asarray(scene.candidates.root.position) - place) > 1.0
     assert look.changed_fraction(before, after) > 0.005, "the picture stood still"

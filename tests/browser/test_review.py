@@ -132,7 +132,7 @@ def test_the_timeline_moves_scene_picture_candidates_and_plots(
     expect(page.locator('[data-goshawk="learnt"]')).to_contain_text(f"{100 * control.hover_thrust:.1f} %")
     scene = view.scene.first
     assert np.allclose(scene.vehicle.position, control.pos_world_3, atol=1e-5)
-    assert len(scene.candidates.tubes) == 15
+    assert scene.candidates.count == 15
     assert np.allclose(scene.candidates.root.position, plan.start_pos_world_3, atol=1e-5)
     eventually("the chosen trajectory was never seen", lambda: look.flown_green(look.picture(page)[:SCENE_PX]) > 40)
     assert plan.chosen is not None
@@ -403,7 +403,7 @@ def test_an_altered_planner_is_shown_over_the_flight_in_words_scene_picture_and_
     first = altered.replay.plan_for(flown)
     assert first is not None
     eventually("the candidates were not drawn", lambda: view.scene.altered.root.visible)
-    assert len([tube for tube in view.scene.altered.tubes if tube.node.visible]) == 15
+    assert view.scene.altered.count == 15
     expect(page.locator('[data-goshawk="picture"] g[data-goshawk="altered"] [data-candidate]')).to_have_count(15)
     assert first.chosen is not None
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text(f"the altered planner chose {first.chosen + 1}")

@@ -132,8 +132,8 @@ def test_the_trainer_takes_only_canvas_and_log_reader_from_the_dashboards() -> N
     taken: set[str] = set()
     for path in _sources("ground/train/goshawk_train", "*.py"):
         taken |= set(re.findall(r"(?:from|import) (goshawk_dashboards[\w.]*)", path.read_text()))
-    log = {"goshawk_dashboards.log.flight", "goshawk_dashboards.log.frame", "goshawk_dashboards.state.views"}
-    assert taken == {"goshawk_dashboards.report.canvas", *log}
+    log = {f"goshawk_dashboards.log.{name}" for name in ("flight", "frame", "progress")}
+    assert taken == {"goshawk_dashboards.report.canvas", "goshawk_dashboards.state.views", *log}
 
 
 def test_the_top_level_is_the_design_and_nothing_else() -> None:

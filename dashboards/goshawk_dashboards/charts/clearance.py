@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.log.progress import Progress, unheard
 from goshawk_dashboards.state.views import Array
 
 RATE_HZ = 10.0
@@ -41,7 +42,7 @@ class Clearance:
         return float(shown.min()) if len(shown) else None
 
 
-def seen_clearance(flight: Flight) -> Clearance | None:
+def seen_clearance(flight: Flight, progress: Progress = unheard) -> Clearance | None:
     """None if the log has no depth, or the vehicle file does not say where the camera is."""
     mount = frames.camera_mount(flight.header)
     control = flight.columns("control", ["pos_world", "world_from_body"])
@@ -54,6 +55,7 @@ def seen_clearance(flight: Flight) -> Clearance | None:
     clouds: list[tuple[float, NDArray[np.float32]]] = []
     nearest_m_M = np.full(len(times_s_M), np.nan)
     for m, time_s in enumerate(times_s_M):
+        progress("clearance by depth", m + 1, len(times_s_M))
         index = int(flown[np.searchsorted(control.times_s[flown], time_s, side="right") - 1])
         pos_3, q_4 = control["pos_world"][index], control["world_from_body"][index]
         cloud = _cloud(flight, float(time_s), pos_3, q_4, mount, floor_m)

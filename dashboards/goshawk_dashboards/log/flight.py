@@ -24,12 +24,13 @@ from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.columns import Columns, read_columns
 from goshawk_dashboards.log.frame import FrameView
-from goshawk_dashboards.log.mcap_file import Damage, ForeignLogError, LogError, McapLog
+from goshawk_dashboards.log.mcap_file import Damage, ForeignLogError, LogError, McapLog, first_message
 from goshawk_dashboards.log.phases import Phase, phases_of
+from goshawk_dashboards.log.progress import Progress, unheard
 from goshawk_dashboards.state import decode, words
 from goshawk_dashboards.state import views as view
 
-__all__ = ["CHANNELS", "Columns", "Flight", "ForeignLogError", "LogError"]
+__all__ = ["CHANNELS", "Columns", "Flight", "ForeignLogError", "LogError", "header_of"]
 
 Array = view.Array
 View = TypeVar("View")
@@ -90,12 +91,16 @@ class Flight:
             )
 
     @classmethod
-    def open(cls, path: Path, *, start_ns: int | None = None) -> Flight:
+    def open(cls, path: Path, *, start_ns: int | None = None, progress: Progress = unheard) -> Flight:
         """Opens a file; ``start_ns`` puts its second 0 where another log of the same clock has it.
 
         Raises LogError, one line, if it cannot be read or is no flight log.
         """
-        return cls(McapLog(path), start_ns=start_ns)
+        return cls(McapLog(path, progress), start_ns=start_ns)
+
+    def again(self) -> Flight:
+        """The same flight for another thread."""
+        return Flight(self.log.again(), start_ns=self.start_ns)
 
     @property
     def closed(self) -> bool:
@@ -272,6 +277,14 @@ class Flight:
     def _view_at(self, channel: str, time_s: float, make: Callable[[Any], View]) -> View | None:
         index = self.index_at(channel, time_s)
         return None if index is None else self._view(channel, index, make)
+
+
+def header_of(path: Path) -> pb.LogHeader | None:
+    """What a log begins with, without the rest of it; None if that cannot be read or is not of ours."""
+    try:
+        return pb.LogHeader.FromString(first_message(path, CHANNELS["header"][0]))
+    except (LogError, DecodeError):
+        return None
 
 
 def _chosen(plan: Message | None) -> tuple[float, float]:

@@ -4,12 +4,13 @@ One walk over the file at opening; it ends quietly where the file was cut off (`
 What is damaged is left out and named: after it the walk goes on at the next chunk whose lengths fit and whose
 checksum is right. A wrong length leads nowhere, and no more is allocated than the file and CHUNK_LIMIT.
 
-However long the log is, memory holds where each record is (20 bytes), the small records of the chunks that were used
-last, and a few whole chunks, for their images. All else is unpacked again when it is asked for.
+However long the log is, memory holds where each record is (20 bytes), some small records (the others wait in a file
+without a name), and a few whole chunks, for their images. These are unpacked again when they are asked for.
 """
 
 from __future__ import annotations
 
+import copy
 import mmap
 import struct
 import zlib
@@ -26,15 +27,17 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.reader import NonSeekingReader
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 from zstandard import ZstdDecompressor, ZstdError
 
+from goshawk_dashboards.log.progress import Progress, unheard
+from goshawk_dashboards.log.small import SmallRecords
+
 MAGIC = b"\x89MCAP0\r\n"
 SMALL_BYTES = 4096
 """Records up to this size are kept apart from the larger ones (images), which are most of a chunk."""
-SMALL_KEPT_BYTES = 96 << 20
-"""All small records of about five minutes of flight."""
 CHUNKS_KEPT = 8
 """Unpacked chunks that are kept, about 1 MB each."""
 
@@ -87,8 +90,8 @@ class Damage:
 class McapLog:
     """The records of one file. Read-only, and not safe to use from several threads at once."""
 
-    def __init__(self, path: Path) -> None:
-        """Raises LogError if the file cannot be read or is not MCAP at all."""
+    def __init__(self, path: Path, progress: Progress = unheard) -> None:
+        """Raises LogError if the file cannot be read or is not MCAP at all; ``progress`` hears of bytes."""
         self.path = path
         self.closed = False
         """Whether the writer finished the file; False: what follows the last whole chunk is lost."""
@@ -102,9 +105,7 @@ class McapLog:
         self._chunks: list[tuple[int, int]] = []
         self._unpacked: OrderedDict[int, bytes] = OrderedDict()
         self._zstd = ZstdDecompressor()
-        self._small: OrderedDict[int, bytes] = OrderedDict()
-        """Chunk number → its small records, one after the other."""
-        self._small_bytes = 0
+        self._small = SmallRecords()
         self._sorted_times: dict[str, NDArray[np.int64]] = {}
         self._places: dict[str, Places] = {}
         self._found: dict[str, tuple[array[int], array[int]]] = {}
@@ -120,8 +121,19 @@ class McapLog:
         if self._file[: len(MAGIC)] != MAGIC:
             self._file.close()
             raise LogError(f"{path} is no flight log: it does not begin as an MCAP file")
-        self._walk()
+        try:
+            self._walk(progress)
+        except OSError as error:
+            raise LogError(f"cannot read {path}: {self._small.folder} has no room for it: {error.strerror}") from error
         self._sort()
+
+    def again(self) -> McapLog:
+        """The same log for another thread, without a second walk; what was found is shared."""
+        other = copy.copy(self)
+        with self.path.open("rb") as file:
+            other._file = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        other._unpacked, other._zstd = OrderedDict(), ZstdDecompressor()
+        return other
 
     def close(self) -> None:
         """Lets go of the file; what is in memory stays readable."""
@@ -139,7 +151,7 @@ class McapLog:
     def payload(self, topic: str, index: int) -> bytes:
         """One record's message, still encoded. Raises IndexError, KeyError if there is no such record."""
         chunk, offset, length = self._places[topic][index].tolist()
-        data = self._small_of(chunk) if length <= SMALL_BYTES else self._chunk(chunk)
+        data = self._small.of(chunk) if length <= SMALL_BYTES else self._chunk(chunk)
         return data[offset : offset + length]
 
     def records(self) -> Iterator[tuple[Channel, int, int, bytes]]:
@@ -158,7 +170,7 @@ class McapLog:
         """The schema of a channel's messages; None if it was lost."""
         return self._schemas.get(channel.schema_id)
 
-    def _walk(self) -> None:
+    def _walk(self, progress: Progress) -> None:
         """Takes every whole chunk; what lies between two must be records from begin to end, or it is damage."""
         footer_at = len(self._file) - len(_FOOTER) - 20 - len(MAGIC)
         footer = self._file[max(0, footer_at) : footer_at + len(_FOOTER)]
@@ -177,6 +189,8 @@ class McapLog:
             self._chunks.append((at + _RECORD.size, length))
             self._let_go(whole_to, at + _RECORD.size + length)
             whole_to, after_ns = at + _RECORD.size + length, last_ns
+            progress("reading", whole_to, end)
+        progress("reading", end, end)
         # What was cut off ends within a record; a damaged file has its end, or a chunk that is all there but not whole.
         spoiled = any(self._chunk_length(at, end) for at in self._candidates(whole_to, end))
         if spoiled or (self.closed and self._chain(self._file, whole_to, end) != end):
@@ -261,21 +275,6 @@ class McapLog:
             self._unpacked.popitem(last=False)
         return data
 
-    def _small_of(self, number: int) -> bytes:
-        small = self._small.get(number)
-        if small is not None:
-            self._small.move_to_end(number)
-            return small
-        data = self._chunk(number)
-        return self._keep_small(number, b"".join(data[begin:end] for begin, end in _small_messages(data)))
-
-    def _keep_small(self, number: int, small: bytes) -> bytes:
-        self._small[number] = small
-        self._small_bytes += len(small)
-        while self._small_bytes > SMALL_KEPT_BYTES and len(self._small) > 1:
-            self._small_bytes -= len(self._small.popitem(last=False)[1])
-        return small
-
     def _let_go(self, begin: int, end: int) -> None:
         """The pages of a part that was read need not stay in memory: a mapped file would grow to its whole size."""
         begin -= begin % mmap.PAGESIZE
@@ -308,7 +307,7 @@ class McapLog:
                 self._take_schema(data[begin : begin + length])
             elif opcode == Opcode.CHANNEL:
                 self._declare(_channel(data[begin : begin + length]))
-        self._keep_small(number, bytes(small))
+        self._small.append(small)
 
     def _take_schema(self, content: bytes) -> None:
         schema = _schema(content)
@@ -339,6 +338,18 @@ class McapLog:
         self._sinks.clear()
 
 
+def first_message(path: Path, topic: str) -> bytes:
+    """The first message of a topic, of a file that is read no farther. Raises LogError if none can be found."""
+    try:
+        with path.open("rb") as file:
+            reader = NonSeekingReader(file, record_size_limit=CHUNK_LIMIT)
+            for _, _, message in reader.iter_messages([topic], log_time_order=False):
+                return message.data
+    except (OSError, McapError, ZstdError, ValueError, struct.error) as error:
+        raise LogError(f"cannot read {path}: {error}") from error
+    raise LogError(f"{path} has nothing of {topic}")
+
+
 def _channel(content: bytes) -> Channel | None:
     """None if the record is damaged."""
     try:
@@ -364,10 +375,3 @@ def _records(data: bytes | mmap.mmap, at: int, end: int) -> Iterator[tuple[int, 
             return
         yield opcode, at, length
         at += length
-
-
-def _small_messages(data: bytes) -> Iterator[tuple[int, int]]:
-    """Where each small message of a chunk begins and ends."""
-    for opcode, begin, length in _records(data, 0, len(data)):
-        if opcode == Opcode.MESSAGE and _MESSAGE_HEADER <= length <= SMALL_BYTES + _MESSAGE_HEADER:
-            yield begin + _MESSAGE_HEADER, begin + length

@@ -124,7 +124,7 @@ def _changes(report: Report) -> str:
     if report.before is None:
         return ""
     found = changes(report.before.header, report.flight.header)
-    head = f"<h2>Parameters since {escape(report.before.path.name)}</h2>"
+    head = f"<h2>Parameters since {escape(report.before.name)}</h2>"
     if not found:
         return f"<section class='panel' id='changes'>{head}<p class='soft'>None has changed.</p></section>"
     rows = "".join(

@@ -5,12 +5,11 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, cast
 
 from goshawk_proto import goshawk_pb2 as pb
 
-from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.flight import Flight, header_of
 
 MOST_TRIED = 5
 """Logs before this one, until one is of the same vehicle."""
@@ -26,17 +25,22 @@ class Change:
     now: str
 
 
-def flight_before(path: Path) -> Flight | None:
-    """The newest log beside this one that is older, by name as the vehicle names them, and of the same vehicle."""
-    vehicle = Flight.open(path).header.vehicle
+@dataclass(frozen=True, kw_only=True)
+class Earlier:
+    """What is known of a flight that another one is compared with."""
+
+    name: str
+    header: pb.LogHeader
+
+
+def flight_before(flight: Flight) -> Earlier | None:
+    """The newest log beside a flight's that is older, by name as the vehicle names them, and of the same vehicle."""
+    path = flight.path
     older = sorted((p for p in path.parent.glob("*.mcap") if p.name < path.name), reverse=True)
     for candidate in older[:MOST_TRIED]:
-        try:
-            found = Flight.open(candidate)
-        except LogError:
-            continue
-        if found.header.vehicle == vehicle:
-            return found
+        header = header_of(candidate)
+        if header is not None and header.vehicle == flight.header.vehicle:
+            return Earlier(name=candidate.name, header=header)
     return None
 
 

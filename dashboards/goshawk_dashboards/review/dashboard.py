@@ -45,10 +45,10 @@ class Recording:
     ) -> Recording:
         """Reads what is needed of the flights."""
         alignments = align.common(flights)
-        again = tuple(Flight.open(flight.path) for flight in flights)
+        again = tuple(flight.again() for flight in flights)
         table = Table(
             flights=again,
-            replay=None if replay is None else Flight.open(replay.log.path, start_ns=again[0].start_ns),
+            replay=None if replay is None else replay.log.again(),
             marks=recorded.marks_of(flights[0]),
             stops_s=recorded.stops_s(flights[0]),
             alignments=alignments,

@@ -107,6 +107,11 @@ class Fan:
         self.bundles: dict[theme.Rgb, Bundle] = {}
         """By the colour, as many as there ever were."""
 
+    @property
+    def count(self) -> int:
+        """How many curves are shown."""
+        return sum(len(bundle.curves_KS3) for bundle in self.bundles.values())
+
     def draw(self, start_3: Array, curves_NS3: Array, colors_N3: np.ndarray, shown_N: np.ndarray) -> None:
         """Shows those of the curves, from ``start_3`` on, that are to be shown."""
         colors = [(int(red), int(green), int(blue)) for red, green, blue in colors_N3]

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from goshawk_dashboards.exports import FOXGLOVE_LAYOUT, ExportError, Format, export_log
 from goshawk_dashboards.log.flight import LogError
+from goshawk_dashboards.log.progress import progress_bar
 from goshawk_dashboards.log.recover import recover as recover_log
 from rich.console import Console
 from rich.progress import track
@@ -45,16 +46,20 @@ def report(
     """Write a flight's report as one offline HTML page: why it ended so, charts, path, vibration, faults …"""
     # matplotlib takes a second
     from goshawk_dashboards.report.canvas import write
-    from goshawk_dashboards.report.parameters import flight_before
+    from goshawk_dashboards.report.parameters import Earlier, flight_before
     from goshawk_dashboards.report.report import make_report, write_page
 
     target = output or log.with_suffix(".html")
     if target.suffix.lower() != ".html":
         fail(f"{target} is no name for a page: let -o end in .html", NO_REPLY)
     try:
-        with Console(stderr=True).status(f"reading {log}"):
-            flight = open_flight(log)
-            made = make_report(flight, flight_before(log) if against is None else open_flight(against))
+        with progress_bar(counted=False) as progress:
+            flight = open_flight(log, progress)
+            if against is None:
+                before = flight_before(flight)
+            else:
+                before = Earlier(name=against.name, header=open_flight(against).header)
+            made = make_report(flight, before, progress)
             write_page(made, target)
             written = [] if figures is None else write(made.figures, figures)
     except OSError as error:
@@ -175,7 +180,8 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write a flight log for other tools: Foxglove and Lichtblick, Rerun, ROS 2, CSV. Exit status 2 if it cannot."""
-    flight = open_flight(log)
+    with progress_bar(counted=False) as progress:
+        flight = open_flight(log, progress)
     try:
         with Console(stderr=True).status(f"exporting {log}"):
             done = export_log(flight, format, output or log.with_name(log.stem + format.suffix))

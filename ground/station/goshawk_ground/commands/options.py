@@ -8,6 +8,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.progress import Progress, unheard
 
 REFUSED = 1
 NO_REPLY = 2
@@ -84,9 +85,9 @@ def print_json(facts: Any) -> None:
     typer.echo(json.dumps(facts, default=str))
 
 
-def open_flight(path: Path) -> Flight:
+def open_flight(path: Path, progress: Progress = unheard) -> Flight:
     """The flight, or one line about why it cannot be read and status 2."""
     try:
-        return Flight.open(path)
+        return Flight.open(path, progress=progress)
     except LogError as error:
         fail(str(error), NO_REPLY)

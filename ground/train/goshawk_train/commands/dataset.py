@@ -5,19 +5,15 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
+from goshawk_dashboards.log.progress import progress_bar
 
 from goshawk_train.commands.options import SIMULATOR
 from goshawk_train.commands.process import end, ends_in_one_line
-from goshawk_train.data import Progress
 from goshawk_train.data.check import findings
 from goshawk_train.data.check.report import FRAMES
 from goshawk_train.data.check.report import check as check_data
@@ -30,22 +26,6 @@ UNFIT = 1
 PUBLIC = Format()
 
 app = typer.Typer(rich_markup_mode="rich")
-
-
-@contextmanager
-def progress_bar() -> Generator[Progress]:
-    """A bar on a terminal, nothing elsewhere."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    console = Console(stderr=True)
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        tasks: dict[str, TaskID] = {}
-
-        def update(what: str, done: int, total: int) -> None:
-            if what not in tasks:
-                tasks[what] = bar.add_task(what, total=total)
-            bar.update(tasks[what], completed=done, total=total)
-
-        yield update
 
 
 def table(figures: Mapping[str, float]) -> str:

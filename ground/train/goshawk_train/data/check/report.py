@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from goshawk_dashboards.log.progress import Progress, unheard
 
-from goshawk_train.data import DataError, Progress, unheard
+from goshawk_train.data import DataError
 from goshawk_train.data.check.balance import Balance
 from goshawk_train.data.check.conventions import ALTERNATIVES, Agreement, Convention
 from goshawk_train.data.check.findings import Finding

@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from goshawk_dashboards.log.progress import Progress, unheard
 from numpy.typing import NDArray
 
-from goshawk_train.data import DataError, Progress, unheard
+from goshawk_train.data import DataError
 from goshawk_train.data.flown import mine
 from goshawk_train.data.flown.fuse import Fused, Fusion
 from goshawk_train.data.flown.mine import Mask, Other, Reason

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from goshawk_dashboards.log.progress import Progress, unheard
 from numpy.typing import NDArray
 
-from goshawk_train.data import DataError, Progress, unheard
+from goshawk_train.data import DataError
 from goshawk_train.data.check.conventions import AGREED, agreement, explain, sample_pixels, spread
 from goshawk_train.data.check.poses import target_in_camera
 from goshawk_train.data.foreign import yopo

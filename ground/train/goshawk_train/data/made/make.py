@@ -11,7 +11,9 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-from goshawk_train.data import DataError, Progress, unheard
+from goshawk_dashboards.log.progress import Progress, unheard
+
+from goshawk_train.data import DataError
 from goshawk_train.data.layout import read_json
 from goshawk_train.data.made.engines import Engine
 from goshawk_train.data.made.scene import Files, Makers, Recipe, SceneError
