@@ -28,8 +28,8 @@ from goshawk_sensors.view.pinhole import Floats, Lens, Rig
 
 TOLERANCE = 0.02
 """Of the field of view: goshawk-air takes a policy's image that is off by no more."""
-MOST_ACROSS = 4
-"""Colour samples across one of our pixels: all of them up to 4 times our size, and evenly spread beyond."""
+MOST_ACROSS = 3
+"""Colour samples across one of our pixels: all of them up to 3 times our size, and evenly spread beyond."""
 POINTS_ACROSS = 1.25
 """Depth points across one of our pixels, at least: with fewer, pixels are left out by chance."""
 FAR_M = 20.0
@@ -123,8 +123,10 @@ class _DepthSeenAside:
         v_HW, u_HW = np.mgrid[0 : lens.height : self._stride, 0 : lens.width : self._stride].astype(np.float32)
         rays_P3 = lens.rays(u_HW.reshape(-1), v_HW.reshape(-1))
         self._view = view
-        self._rays_3P = np.ascontiguousarray((rays_P3 @ rig.rotation_33.T).T)
-        self._move_3 = rig.translation_3 * np.float32(1000.0 / rig.depth_unit_mm)
+        # In our pixels from the axis, before the division by the distance.
+        focal_3 = np.array([view.fx, view.fy, 1.0], dtype=np.float32)
+        self._rays_3P = np.ascontiguousarray((rays_P3 @ rig.rotation_33.T * focal_3).T)
+        self._move_3 = rig.translation_3 * focal_3 * np.float32(1000.0 / rig.depth_unit_mm)
         ahead_N3 = _rays(view) @ rig.rotation_33  # at infinity, in the depth's frame
         front = ahead_N3[:, 2] > 0.0
         uv_N2 = lens.project(ahead_N3[front])
@@ -132,14 +134,13 @@ class _DepthSeenAside:
 
     def __call__(self, depth_HW: Millimetres, nearest: int, farthest: int) -> Millimetres:
         steps_P = depth_HW[:: self._stride, :: self._stride].reshape(-1)
-        valid = np.flatnonzero((steps_P >= max(nearest, 1)) & (steps_P <= farthest))
-        z = steps_P.take(valid).astype(np.float32)
-        x, y, z = (z * self._rays_3P[k].take(valid) + self._move_3[k] for k in range(3))
+        x, y, z = (steps_P * ray_P + move for ray_P, move in zip(self._rays_3P, self._move_3, strict=True))
         view = self._view
         with np.errstate(divide="ignore", invalid="ignore"):
-            u = np.floor(x * np.float32(view.fx) / z + np.float32(view.cx + 0.5))
-            v = np.floor(y * np.float32(view.fy) / z + np.float32(view.cy + 0.5))
-        kept = np.flatnonzero((z >= 1.0) & (u >= 0) & (u < view.width) & (v >= 0) & (v < view.height))
+            u, v = x / z + np.float32(view.cx + 0.5), y / z + np.float32(view.cy + 0.5)
+            kept_P = (u >= 0) & (u < view.width) & (v >= 0) & (v < view.height) & (z >= 1.0)
+        kept_P &= (steps_P >= max(nearest, 1)) & (steps_P <= farthest)
+        kept = np.flatnonzero(kept_P)
         index_P = v.take(kept).astype(np.int64) * view.width + u.take(kept).astype(np.int64)
         steps_N = np.full(view.width * view.height, NONE)
         np.minimum.at(steps_N, index_P, np.rint(z.take(kept)).clip(1, int(NONE) - 1).astype(np.uint16))
