@@ -34,7 +34,7 @@ install_program() { # PACKAGE: the program beside the library that it looks for 
 pack() { # PACKAGE DEPENDS DESCRIPTION: control file, copyright, checksums, package
   local root=$work/$1 doc=$work/$1/usr/share/doc/$1
   install -D -m 644 LICENSE "$doc/copyright"
-  .venv/bin/python air/deb/licences.py "$1" | gzip -9n > "$doc/crates.txt.gz"
+  .venv/bin/python air/deb/licences.py "$1" "${triple/-/-unknown-}" | gzip -9n > "$doc/crates.txt.gz"
   mkdir -p "$root/DEBIAN"
   local glibc
   glibc=$(find "$root" -type f \( -name "$1" -o -name '*.so*' \) -exec objdump -T {} + |

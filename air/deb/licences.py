@@ -1,4 +1,7 @@
-"""Prints the licences of the crates that a program holds, for the package that it is in: `licences.py goshawk-air`."""
+"""Prints the licences of the crates that a program holds, for the package that it is in.
+
+    licences.py goshawk-air aarch64-unknown-linux-gnu
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,11 @@ def _cargo(*arguments: str) -> str:
     return subprocess.check_output(["cargo", *arguments, "--locked", "--offline"], text=True)
 
 
-def main(program: str) -> None:
-    """One entry a crate: name, version, licence, and its own licence files."""
+def main(program: str, target: str) -> None:
+    """One entry a crate that is in it on this target: name, version, licence, and its own licence files."""
     known = {(p["name"], p["version"]): p for p in json.loads(_cargo("metadata", "--format-version", "1"))["packages"]}
-    lines = _cargo("tree", "-p", program, "-e", "normal", "--prefix", "none", "--no-dedupe", "-f", "{p}").splitlines()
+    tree = ("tree", "-p", program, "--target", target, "-e", "normal", "--prefix", "none", "--no-dedupe", "-f", "{p}")
+    lines = _cargo(*tree).splitlines()
     for name, version in sorted({(line.split()[0], line.split()[1].removeprefix("v")) for line in lines if line}):
         package = known[name, version]
         if package["source"] is None:
@@ -29,4 +33,4 @@ def main(program: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])
