@@ -2,9 +2,9 @@
 
     python campaign_scaling.py [--trials 20]
 
-Flies the same chases by one simulator, by the local engine on 1, 2, … workers, and on Ray. The keys:
-`campaign_scaling` (flights per second by engine and workers), `campaign_flights_per_core_hour`,
-`campaign_bytes_per_flight`.
+Flies the same chases by one simulator, by the local engine on 1, 2, … workers, and on Ray. N workers are to fly 0.9 N
+times what one of the same engine does, on cores that nothing else uses. The keys: `campaign_scaling` (flights per
+second by engine and workers), `campaign_flights_per_core_hour`, `campaign_bytes_per_flight`.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "ground/station/benches"))
 
-from common import record  # noqa: E402
+from common import record, verdict  # noqa: E402
 from goshawk_train.cluster import plan as plans  # noqa: E402
 from goshawk_train.cluster import run as campaign  # noqa: E402
 from goshawk_train.cluster.query import ask  # noqa: E402
 from goshawk_train.cluster.store import Store  # noqa: E402
 
 SIMULATOR, MODELS = ROOT / "target/release/goshawk-sim", ROOT / "air/models"
+TARGET = 0.9
+"""Of as many times one worker's flights as there are workers."""
 PLAN = """
 seed = 5
 seeds = "tuning"
@@ -69,7 +71,13 @@ def measure(folder: Path, trials: int) -> None:
             campaign.fly(made, store, lambda flying=flying: flying)
             rate = trials / (time.monotonic() - begun)
             rates[f"{engine}_{count}"] = round(rate, 3)
-            print(f"  {engine}, {count} workers{rate:24.2f}{rate / yardstick:15.2f}x")
+            print(f"  {engine}, {count} workers{rate:24.2f}{rate / yardstick:15.2f}x", end="")
+            grown = rate / rates[f"{engine}_1"]
+            print(
+                f", {grown:.2f} x one worker (≥ {TARGET * count:g}: {verdict(grown >= TARGET * count)})"
+                if count > 1
+                else ""
+            )
         campaign.gather(made, store)
     record("campaign_scaling", rates)
     ((flights, core_s),) = ask(store, "select count(*), sum(core_s) from flights").fetchall()
