@@ -130,8 +130,6 @@ class McapLog:
     def again(self) -> McapLog:
         """The same log for another thread, without a second walk; what was found is shared."""
         other = copy.copy(self)
-        with self.path.open("rb") as file:
-            other._file = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         other._unpacked, other._zstd = OrderedDict(), ZstdDecompressor()
         return other
 

@@ -48,7 +48,7 @@ class ViewOptions:
 
 
 def prepare(server: viser.ViserServer) -> None:
-    """Light, fog and background, once for a server."""
+    """Light and fog, once for a server."""
     scene = server.scene
     scene.set_up_direction("+z")
     scene.world_axes.visible = False
