@@ -126,21 +126,28 @@ def test_a_block_of_depth_is_a_point_where_it_was_measured(scene: LiveScene, sna
 
 def test_the_last_images_are_one_cloud_without_the_target(scene: LiveScene, snap: Make) -> None:
     for k in range(FUSED + 3):
-        scene.update(snap(remembered=told(1.0 + k, k)), ViewOptions())
-        scene.update(snap(remembered=told(1.0 + k, k)), ViewOptions())
+        for _ in range(2):
+            told_now = snap(remembered=told(1.0 + 0.25 * k, k), target=seen_at(-50.0, 0.0))
+            scene.update(told_now, ViewOptions())
     assert len(cloud(scene)) == FUSED
-    np.testing.assert_allclose(cloud(scene)[-1, 0], rec.position(4.0)[0] + 5.0, atol=0.03)
+    np.testing.assert_allclose(cloud(scene)[-1, 0], rec.position(1.75)[0] + 5.0, atol=0.03)
     node = scene.depth.node
     assert node is not None
     newest, oldest = slice(0, 1), slice(-len(node.colors) // FUSED, None)
     assert node.points[newest][0, 0] > node.points[oldest][0, 0] + 0.5
     assert node.colors[newest].mean() > node.colors[oldest].mean(), "the older are the fainter"
     assert len(node.points) == len(node.colors), "of other numbers and colours viser makes the shaders anew"
-    x, y, _ = rec.position(11.0)
-    scene.update(snap(remembered=told(11.0, 20), target=seen_at(x + 5.3, y)), ViewOptions())
+    x, y, _ = rec.position(2.75)
+    scene.update(snap(remembered=told(2.75, 20), target=seen_at(x + 5.3, y)), ViewOptions())
     assert len(cloud(scene)) == FUSED - 1, "the target itself is no obstacle"
     scene.update(snap(remembered=told(2.0, 21)), ViewOptions())
     assert len(cloud(scene)) == 1, "a vehicle that was started anew begins anew"
+
+
+def test_what_the_lens_has_passed_is_left_out(scene: LiveScene, snap: Make) -> None:
+    scene.update(snap(remembered=told(1.0, 1)), ViewOptions())
+    scene.update(snap(remembered=told(3.0, 2)), ViewOptions())
+    np.testing.assert_allclose(cloud(scene)[:, 0], rec.position(3.0)[0] + 5.0, atol=0.03)
 
 
 def test_no_depth_is_drawn_unasked_nor_of_an_older_vehicle(scene: LiveScene, snap: Make) -> None:

@@ -58,11 +58,12 @@ class FusedDepth:
         if last_ns is not None and depth.frame_ns < last_ns:
             self._images.clear()  # it was started anew
         self._images.append((depth.frame_ns, points_world_P3(depth, target_3)))
-        self._draw(depth.cam_world_3)
+        self._draw(depth.cam_world_3, tf.SO3(depth.world_from_cam_4).as_matrix()[:, 0].astype(np.float64))
 
-    def _draw(self, about_3: Array) -> None:
-        seen = [points_P3 for _, points_P3 in reversed(self._images) if len(points_P3)]
-        if not seen:
+    def _draw(self, about_3: Array, ahead_3: Array) -> None:
+        # What the lens has passed is left out: a camera that follows flies among it, and each point hides much there.
+        seen = [points_P3[(points_P3 - about_3) @ ahead_3 > 0.0] for _, points_P3 in reversed(self._images)]
+        if not any(map(len, seen)):
             if self.node is not None:
                 self.node.visible = False
             return
