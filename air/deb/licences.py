@@ -1,6 +1,6 @@
 """Prints the licences of the crates that a program holds, for the package that it is in.
 
-    licences.py goshawk-air aarch64-unknown-linux-gnu
+licences.py goshawk-air aarch64-unknown-linux-gnu
 """
 
 from __future__ import annotations
