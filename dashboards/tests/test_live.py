@@ -14,7 +14,7 @@ from goshawk_dashboards.live.dashboard import LiveDashboard, LiveView
 from goshawk_dashboards.live.feed import Watched
 from goshawk_dashboards.page import theme
 from goshawk_dashboards.scene.relief import Relief
-from goshawk_dashboards.scene.scene import CANDIDATE_RADIUS_M, FLOWN_RADIUS_M, SAMPLES
+from goshawk_dashboards.scene.scene import CANDIDATE_RADIUS_M, SAMPLES
 from goshawk_dashboards.scene.tubes import Bundle
 from goshawk_dashboards.scene.world import NEAR_M
 from goshawk_dashboards.state.snapshot import Snapshot
@@ -128,7 +128,9 @@ def test_fifteen_curves_start_at_the_plan_and_end_at_its_end_states(live: Live, 
         starts_K3 = np.tile(plan.start_pos_world_3, (len(drawn_KS3), 1))
         np.testing.assert_allclose(drawn_KS3[:, 0] + start_3, starts_K3, atol=1e-5)
     np.testing.assert_allclose(chosen.curve_S3[-1] + np.asarray(fan.root.position), plan.end_pos_world_N3[7], atol=1e-5)
-    assert FLOWN_RADIUS_M > 2 * CANDIDATE_RADIUS_M
+    corner_33 = np.asarray(chosen.node.vertices)[:3]
+    thick_m = np.linalg.norm(corner_33 - corner_33.mean(axis=0), axis=1).min()
+    assert thick_m > 2 * CANDIDATE_RADIUS_M, "what is flown stands out"
 
 
 def test_rejected_candidates_are_grey_and_the_others_coloured_by_cost(live: Live, snap: Make) -> None:

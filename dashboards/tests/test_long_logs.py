@@ -113,3 +113,17 @@ def test_the_flight_before_is_known_by_its_first_record(tmp_path: Path) -> None:
     assert header_of(path) == whole
     path.write_bytes(b"no log")
     assert header_of(path) is None
+
+
+def test_whatever_stands_beside_a_log_its_header_is_read_or_is_none(tmp_path: Path) -> None:
+    path, rng = rec.write_flight(tmp_path / "1.mcap", 1.0, chunk_bytes=20_000), np.random.default_rng(1)
+    begun, whole = bytearray(path.read_bytes()[:30_000]), Flight.open(path).header
+    found = list[bool]()
+    for _ in range(200):
+        changed = begun.copy()
+        for at in rng.integers(0, 300, rng.integers(1, 9)):
+            changed[at] = rng.choice([0, 127, 255])
+        path.write_bytes(changed)
+        header = header_of(path)
+        found.append(header == whole)
+    assert not all(found)

@@ -343,7 +343,7 @@ def first_message(path: Path, topic: str) -> bytes:
             reader = NonSeekingReader(file, record_size_limit=CHUNK_LIMIT)
             for _, _, message in reader.iter_messages([topic], log_time_order=False):
                 return message.data
-    except (OSError, McapError, ZstdError, ValueError, struct.error) as error:
+    except (OSError, McapError, ZstdError, ValueError, struct.error, MemoryError, OverflowError) as error:
         raise LogError(f"cannot read {path}: {error}") from error
     raise LogError(f"{path} has nothing of {topic}")
 
