@@ -83,11 +83,11 @@ def take(page: Page, name: str) -> None:
 
 def visit(browser: Browser, url: str, size: tuple[int, int] = DESKTOP) -> Page:
     """A page of its own."""
-    page = browser.new_page(
-        viewport={"width": size[0], "height": size[1]}, device_scale_factor=2 if size == PHONE else 1
-    )
+    scale = 2 if size == PHONE else 1
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
     page.set_default_timeout(PATIENCE_MS)
-    page.goto(url)
+    # viser would draw fewer pixels, for it is slow without a graphics card.
+    page.goto(f"{url}?fixedDpr={scale}" if url.startswith("http") else url)
     return page
 
 

@@ -30,6 +30,13 @@ if (!window.goshawkOver) {
       true,
     );
 
+  // Where frames are slow, viser draws three quarters of the window's pixels, across and up. Without a graphics card a
+  // flight is drawn with six tenths, to keep up with it. Charts are no canvases here, and stay sharp.
+  if (document.querySelector('style[data-goshawk="plain"]')) {
+    const { get } = Object.getOwnPropertyDescriptor(window, "devicePixelRatio");
+    Object.defineProperty(window, "devicePixelRatio", { configurable: true, get: () => 0.8 * get.call(window) });
+  }
+
   // Which vehicle this tab shows outlives a reload and a lost connection, after which viser begins with the first one.
   // Its digit asks for it again, until it is shown: viser may not listen yet.
   let visit, now, wanted;
