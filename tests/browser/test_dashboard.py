@@ -188,7 +188,9 @@ def opened_late(ground: Start, visit: Visit) -> Page:
     return page
 
 
-def test_a_flight_without_a_graphics_card_has_few_pixels_and_instances_and_no_smoothed_edges(ground: Start, visit: Visit) -> None:
+def test_a_flight_without_a_graphics_card_has_few_pixels_and_instances_and_no_smoothed_edges(
+    ground: Start, visit: Visit
+) -> None:
     page = opened_late(ground, visit)
     page.evaluate(f"() => {{{COUNT_INSTANCES}}}")
     page.wait_for_function("window.draws > 10")
@@ -198,7 +200,9 @@ def test_a_flight_without_a_graphics_card_has_few_pixels_and_instances_and_no_sm
         "[...document.querySelectorAll('canvas')].map(c => c.getContext('webgl2')?.getContextAttributes().antialias)"
     )
     assert False in page.evaluate(smooth) and True not in page.evaluate(smooth)
-    page.wait_for_function("[...document.querySelectorAll('canvas')].some(c => c.width && c.width < 0.7 * c.clientWidth)")
+    page.wait_for_function(
+        "[...document.querySelectorAll('canvas')].some(c => c.width && c.width < 0.7 * c.clientWidth)"
+    )
 
 
 def test_a_page_opened_late_shows_the_flight_in_progress(ground: Start, visit: Visit, look: Any) -> None:

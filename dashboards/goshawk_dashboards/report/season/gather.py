@@ -14,6 +14,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
+from goshawk_dashboards.log.progress import Progress, unheard
 from goshawk_dashboards.report.season.row import Row, row_of
 
 MEANING = 1
@@ -74,8 +75,8 @@ def _stamp(path: Path) -> str:
     return f"{facts.st_size} {facts.st_mtime_ns} {_FORMAT}"
 
 
-def gather(paths: Sequence[Path], cache: Path) -> Iterator[Row | None]:
-    """A row for each log, in no order, as each is known: a caller can show how far it is."""
+def gather(paths: Sequence[Path], cache: Path, progress: Progress = unheard) -> Iterator[Row | None]:
+    """A row for each log, in no order, as each is known."""
     with closing(Kept(cache)) as kept:
         unread: list[Path] = []
         for path in paths:
@@ -85,15 +86,18 @@ def gather(paths: Sequence[Path], cache: Path) -> Iterator[Row | None]:
             else:
                 unread.append(path)
         stamps = [_stamp(path) for path in unread]
-        for path, stamp, row in zip(unread, stamps, _read(unread), strict=True):
+        done = len(paths) - len(unread)
+        for path, stamp, row in zip(unread, stamps, _read(unread, progress), strict=True):
             kept.put(path, stamp, row)
+            done += 1
+            progress("logs", done, len(paths))
             yield None if row is None else replace(row, path=str(path))
 
 
-def _read(paths: Sequence[Path]) -> Iterator[Row | None]:
+def _read(paths: Sequence[Path], progress: Progress) -> Iterator[Row | None]:
     processes = min(os.cpu_count() or 1, len(paths) // _PER_PROCESS)
     if processes < 2:
-        yield from map(row_of, paths)
+        yield from (row_of(path, progress) for path in paths)
         return
     # Ctrl-C is for the one that waits for them: it lets them finish the log in hand.
     with ProcessPoolExecutor(

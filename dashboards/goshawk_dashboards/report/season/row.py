@@ -8,6 +8,7 @@ from pathlib import Path
 from goshawk_dashboards.charts.clearance import seen_clearance
 from goshawk_dashboards.charts.errors import target_errors
 from goshawk_dashboards.log.flight import Flight, ForeignLogError, LogError
+from goshawk_dashboards.log.progress import Progress, unheard
 from goshawk_dashboards.report.latency import latencies
 from goshawk_dashboards.report.summary import GOOD_OUTCOMES, card, figures
 
@@ -52,10 +53,10 @@ class Row:
     """What is wrong with the log: cut off, which seconds it lacks, or why it cannot be read."""
 
 
-def row_of(path: Path) -> Row | None:
+def row_of(path: Path, progress: Progress = unheard) -> Row | None:
     """Reads a whole log. None: it is another program's. One that cannot be read is a row that says why."""
     try:
-        flight = Flight.open(path)
+        flight = Flight.open(path, progress=progress)
     except ForeignLogError:
         return None
     except LogError as error:
@@ -64,7 +65,7 @@ def row_of(path: Path) -> Row | None:
     facts, numbers = card(flight), figures(flight, None, target_errors(flight), latencies(flight))
     clearance_m, by = numbers.true_clearance_m, "truth"
     if clearance_m is None:
-        seen = seen_clearance(flight)
+        seen = seen_clearance(flight, progress)
         clearance_m, by = None if seen is None else seen.least_m, "depth"
     return Row(
         path=str(path),

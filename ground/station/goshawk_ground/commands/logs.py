@@ -13,7 +13,6 @@ from goshawk_dashboards.log.flight import LogError
 from goshawk_dashboards.log.progress import progress_bar
 from goshawk_dashboards.log.recover import recover as recover_log
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 from rich.text import Text
 
@@ -112,8 +111,8 @@ def logs(
     if report is not None and report.suffix.lower() != ".html":
         fail(f"{report} is no name for a page: let --report end in .html", NO_REPLY)
     paths, screen = sorted(folder.rglob("*.mcap")), Console(stderr=True)
-    read = track(gather(paths, cache_folder()), "reading", total=len(paths), console=screen, transient=True)
-    season = Season(row for row in read if row is not None)
+    with progress_bar(counted=False) as progress:
+        season = Season(row for row in gather(paths, cache_folder(), progress) if row is not None)
     try:
         if where is not None:
             season.keep(where)
