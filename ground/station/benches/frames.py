@@ -31,7 +31,20 @@ const clear = WebGL2RenderingContext.prototype.clear;
 WebGL2RenderingContext.prototype.clear = function (mask) {
   if (this.getParameter(this.FRAMEBUFFER_BINDING) === null) window.framesDrawn++;
   return clear.call(this, mask);
-};"""
+};
+window.asked = { draws: 0, triangles: 0 };
+for (const [name, count] of Object.entries({
+  drawArrays: (mode, first, n) => n, drawElements: (mode, n) => n,
+  drawArraysInstanced: (mode, first, n, copies) => n * copies,
+  drawElementsInstanced: (mode, n, type, offset, copies) => n * copies,
+})) {
+  const draw = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    window.asked.draws++;
+    if (given[0] === this.TRIANGLES) window.asked.triangles += count(...given) / 3;
+    return draw.apply(this, given);
+  };
+}"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +54,9 @@ class Drawn:
     hz: float
     frame_ms: float
     """On a core, of the browser's processes, for one frame and what came with it."""
+    draws: float
+    triangles: float
+    """What is asked of a graphics card, if there is one, for one frame."""
 
 
 def measure(seconds: float) -> None:
@@ -56,9 +72,12 @@ def measure(seconds: float) -> None:
         f"target {TARGET_HZ:g}: {verdict(seen.hz >= TARGET_HZ)}"
     )
     print(f"  of the empty scene  {100 * seen.hz / floor.hz:8.0f} %")
+    print(f"  a frame of it asks  {seen.draws:8.0f} draws, {seen.triangles:.0f} triangles")
     record("dashboard_frames_per_s", round(seen.hz, 2))
     record("dashboard_frames_per_s_empty_scene", round(floor.hz, 2))
     record("dashboard_frame_core_ms", round(seen.frame_ms, 1))
+    record("dashboard_frame_draws", round(seen.draws))
+    record("dashboard_frame_triangles", round(seen.triangles))
 
 
 def watch(url: str, seconds: float) -> Drawn:
@@ -75,16 +94,22 @@ def watch(url: str, seconds: float) -> Drawn:
         page.wait_for_function("window.framesDrawn > 3")
         time.sleep(SETTLE_S)
         pids = browser_pids()
-        began_s, frames, used_s = time.monotonic(), drawn(page), core_seconds(pids)
+        began_s, before, used_s = time.monotonic(), counted(page), core_seconds(pids)
         time.sleep(seconds)
-        frames, lasted_s, used_s = drawn(page) - frames, time.monotonic() - began_s, core_seconds(pids) - used_s
+        frames, draws, triangles = (now - was for now, was in zip(counted(page), before, strict=True))
+        lasted_s, used_s = time.monotonic() - began_s, core_seconds(pids) - used_s
         browser.close()
-    return Drawn(hz=frames / lasted_s, frame_ms=1e3 * used_s / max(1, frames))
+    if not frames:
+        raise SystemExit(f"the page drew no frame in {lasted_s:.0f} s: is this machine busy?")
+    return Drawn(
+        hz=frames / lasted_s, frame_ms=1e3 * used_s / frames, draws=draws / frames, triangles=triangles / frames
+    )
 
 
-def drawn(page: Page) -> int:
-    """Frames of the scene since the page began."""
-    return int(page.evaluate("window.framesDrawn"))
+def counted(page: Page) -> tuple[int, int, int]:
+    """Frames, draws and triangles of the scene since the page began."""
+    frames, draws, triangles = page.evaluate("[window.framesDrawn, window.asked.draws, window.asked.triangles]")
+    return frames, draws, triangles
 
 
 def core_seconds(pids: list[int]) -> float:
