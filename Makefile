@@ -19,7 +19,7 @@ PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --overri
 TORCH := $(if $(TORCH_BACKEND),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --torch-backend $(TORCH_BACKEND) \
   $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt),$(INSTALL) -r ground/train/torch/requirements.txt)
 
-.PHONY: help setup setup-camera setup-train setup-campaign setup-rerun setup-test build build-tests demo sitl test test-rust test-python test-timed test-untimed test-install lint docs pins deny fuzz bench chaos train wheel deb image release
+.PHONY: help setup setup-camera setup-openvino setup-train setup-campaign setup-rerun setup-test build build-tests demo sitl test test-rust test-python test-timed test-untimed test-install lint docs pins deny fuzz bench chaos train wheel deb image release
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -61,7 +61,11 @@ $(VENV)/.camera: air/sensors/requirements.txt air/sensors/pyproject.toml $(VENV)
 	$(INSTALL_OWN) -e air/sensors
 	@touch $@
 
-$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.rerun $(VENV)/.camera
+$(VENV)/.openvino: air/policy/openvino/requirements.txt | $(UV)
+	$(INSTALL) --no-deps --target $(VENV)/openvino -r $<
+	@touch $@
+
+$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.rerun $(VENV)/.camera $(if $(filter amd64,$(HOST)),$(VENV)/.openvino)
 	$(INSTALL) -r tests/requirements.txt
 	@command -v chromium >/dev/null && test -x /usr/sbin/sshd && command -v ip >/dev/null || { \
 	  echo "installing chromium, sshd and ip for the tests"; \
@@ -71,6 +75,8 @@ $(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.
 setup: $(VENV)/.station build ## everything that the demo needs
 
 setup-camera: $(VENV)/.camera ## everything that `goshawk-camera` needs, on the vehicle (x86-64)
+
+setup-openvino: $(VENV)/.openvino ## ONNX Runtime for Intel processors and their graphics, in .venv/openvino (x86-64)
 
 setup-train: $(VENV)/.train ## everything that `goshawk train`, `dataset` and `campaign` need
 
@@ -147,6 +153,7 @@ pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to cur
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt
 	for f in ground/bootstrap ground ground/rerun ground/campaign ground/train ground/train/torch air/sensors; do \
 	  $(PIN) $(if $(UPGRADE),--upgrade) $$f/requirements.in -c tests/requirements.txt -o $$f/requirements.txt || exit 1; done
+	$(PIN) $(if $(UPGRADE),--upgrade) --no-deps air/policy/openvino/requirements.in -o air/policy/openvino/requirements.txt
 
 deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (which it installs)
 	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import platform
 import subprocess
 from pathlib import Path
 
 import pytest
-from rig import BIN, VEHICLE, Rig, copied
+from rig import BIN, ROOT, VEHICLE, Rig, copied
 
 
 def check(rig: Rig, *arguments: str | Path, wait_s: float) -> tuple[int, dict[str, dict[str, str]], str]:
@@ -65,6 +66,18 @@ def test_an_accelerator_that_is_not_there_leaves_the_processor_and_says_why(rig:
         assert found["provider"]["level"] == "warning", "this machine has one: look at what it says"
         assert "runs on cpu" in found["provider"]["text"]
         assert len(found["provider"]["text"]) > 60
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="there is no OpenVINO for this processor here")
+def test_openvino_answers_the_golden_images_in_32_and_in_16_bits(rig: Rig, tmp_path: Path) -> None:
+    library = ROOT / ".venv/openvino/onnxruntime/capi"
+    config = tmp_path / "vehicle.toml"
+    for half, told in (("false", "the network runs on openvino"), ("true", "the network runs on openvino, in 16 bits")):
+        asked = f'provider = "openvino"\nlibrary = "{library}"\nhalf_precision = {half}'
+        config.write_text(copied().replace('provider = "cpu"', asked))
+        _, found, _ = check(rig, "--config", config, wait_s=0.1)
+        assert found["policy"]["level"] == found["inference"]["level"] == "ok", found
+        assert (found["provider"]["level"], found["provider"]["text"]) == ("ok", told)
 
 
 def test_a_broken_vehicle_file_is_all_that_is_said(rig: Rig, tmp_path: Path) -> None:

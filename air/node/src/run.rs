@@ -159,11 +159,10 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
 /// # Errors
 /// The policy cannot be loaded or run at all.
 pub fn load_policy(vehicle: &Vehicle, model: &Path) -> Result<Policy, PolicyError> {
-    let (asked, library) = (vehicle.policy.provider, vehicle.library());
-    let policy = Policy::load_on(asked, model, library.as_deref(), vehicle.policy.threads)?;
+    let policy = vehicle.load_policy(model, vehicle.policy.threads)?;
     vehicle.check_pin(model, &policy)?;
     if let Some(why) = policy.why_not() {
-        tracing::warn!("the network runs on the cpu, not on {}: {why}", asked.name());
+        tracing::warn!("the network runs on the cpu, not on {}: {why}", vehicle.policy.provider.name());
     }
     Ok(policy)
 }

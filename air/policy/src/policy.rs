@@ -95,6 +95,17 @@ pub enum PolicyError {
         /// Those of the contract.
         needed: String,
     },
+    /// The provider that was asked for is not to be had, where no other will do.
+    #[error(
+        "the network does not run on {asked}: {why}; name a library that was built for it in policy.library of the \
+         vehicle file, or set policy.provider = \"cpu\""
+    )]
+    Provider {
+        /// Its name.
+        asked: &'static str,
+        /// In one line.
+        why: String,
+    },
     /// The caller's input has the wrong length.
     #[error("input {input} has {found} numbers, the policy needs {needed}")]
     Length {
@@ -166,6 +177,7 @@ pub struct Policy {
     /// The model takes `rgbd` before `state`.
     rgbd_first: bool,
     provider: Provider,
+    half: bool,
     why_not: Option<String>,
 }
 
@@ -175,12 +187,13 @@ impl Policy {
     /// # Errors
     /// As there.
     pub fn load(path: &Path, library: Option<&Path>, threads: usize) -> Result<Self, PolicyError> {
-        Self::load_on(Provider::Cpu, path, library, threads)
+        Self::load_on(Provider::Cpu, false, path, library, threads)
     }
 
     /// Loads an exported ONNX file and checks it against its contract.
     ///
     /// A `provider` that cannot run it here is replaced by the processor: [`Self::provider`], [`Self::why_not`].
+    /// `half`: in 16 bits where the provider can, which the processor cannot.
     /// `library`: ONNX Runtime's file or directory; absent: the usual places ([`library::find`]). `threads`: threads of
     /// one inference, the caller's included (at least 1).
     ///
@@ -188,6 +201,7 @@ impl Policy {
     /// Whatever is wrong with the file, the library or the contract, each its own variant.
     pub fn load_on(
         provider: Provider,
+        half: bool,
         path: &Path,
         library: Option<&Path>,
         threads: usize,
@@ -195,7 +209,8 @@ impl Policy {
         let bytes = std::fs::read(path).map_err(|source| PolicyError::Read { path: path.into(), source })?;
         let not_onnx = |source: ort::Error| PolicyError::NotOnnx { path: path.into(), source };
         let environment = environment(library)?;
-        let accelerated = provider.dispatch().map(|asked| session(&environment, threads, Some(asked), &bytes));
+        let asked = provider.dispatch(half, threads);
+        let accelerated = asked.map(|asked| session(&environment, threads, Some(asked), &bytes));
         let (session, provider, why_not) = match accelerated {
             Some(Ok(session)) => (session, provider, None),
             Some(Err(why)) => {
@@ -215,13 +230,20 @@ impl Policy {
         let options = RunOptions::new()?.with_outputs(selector);
         let rgbd_first = session.inputs()[0].name() == RGBD;
         let sha256 = hex(&Sha256::digest(&bytes));
-        Ok(Self { contract, contract_json, sha256, session, options, rgbd_first, provider, why_not })
+        let half = half && provider.has_half();
+        Ok(Self { contract, contract_json, sha256, session, options, rgbd_first, provider, half, why_not })
     }
 
     /// What runs the network.
     #[must_use]
     pub fn provider(&self) -> Provider {
         self.provider
+    }
+
+    /// It is calculated in 16 bits.
+    #[must_use]
+    pub fn half(&self) -> bool {
+        self.half
     }
 
     /// Why the provider that was asked for does not run it, in one line; none: it does.

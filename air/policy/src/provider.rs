@@ -1,8 +1,15 @@
 //! What runs the network: the processor, or an accelerator that the ONNX Runtime library in use was built for.
 
-use ort::ep::{self, ExecutionProviderDispatch};
+use ort::ep::{self, ArbitrarilyConfigurableExecutionProvider, ExecutionProviderDispatch};
 use schemars::JsonSchema;
 use serde::Deserialize;
+
+/// In how many bits OpenVINO calculates: in its own form, for each kind of device.
+const OPENVINO_FULL: &str =
+    r#"{"CPU": {"INFERENCE_PRECISION_HINT": "f32"}, "GPU": {"INFERENCE_PRECISION_HINT": "f32"}}"#;
+/// The same, in half as many.
+const OPENVINO_HALF: &str =
+    r#"{"CPU": {"INFERENCE_PRECISION_HINT": "bf16"}, "GPU": {"INFERENCE_PRECISION_HINT": "f16"}}"#;
 
 /// One of ONNX Runtime's execution providers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -31,13 +38,22 @@ impl Provider {
         }
     }
 
-    /// What a session is to be given; none: nothing, the processor is what every session ends with.
-    pub(crate) fn dispatch(self) -> Option<ExecutionProviderDispatch> {
+    /// Whether it can calculate in 16 bits.
+    pub(crate) fn has_half(self) -> bool {
+        matches!(self, Provider::TensorRt | Provider::OpenVino)
+    }
+
+    /// What a session is to be given; none: nothing, the processor is what every session ends with. `half`: in 16 bits
+    /// where it can. `threads` are the processor's.
+    pub(crate) fn dispatch(self, half: bool, threads: usize) -> Option<ExecutionProviderDispatch> {
         let provider = match self {
             Provider::Cpu => return None,
-            Provider::TensorRt => ep::TensorRT::default().build(),
+            Provider::TensorRt => ep::TensorRT::default().with_fp16(half).build(),
             Provider::Cuda => ep::CUDA::default().build(),
-            Provider::OpenVino => ep::OpenVINO::default().build(),
+            Provider::OpenVino => ep::OpenVINO::default()
+                .with_num_threads(threads)
+                .with_arbitrary_config("load_config", if half { OPENVINO_HALF } else { OPENVINO_FULL })
+                .build(),
         };
         Some(provider.error_on_failure())
     }

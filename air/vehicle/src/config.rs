@@ -252,6 +252,15 @@ impl Vehicle {
         }
     }
 
+    /// Loads a model as the file has it run, with `threads` threads of the processor.
+    ///
+    /// # Errors
+    /// As [`goshawk_policy::Policy::load_on`].
+    pub fn load_policy(&self, model: &Path, threads: usize) -> Result<goshawk_policy::Policy, PolicyError> {
+        let (policy, library) = (&self.policy, self.library());
+        goshawk_policy::Policy::load_on(policy.provider, policy.half_precision, model, library.as_deref(), threads)
+    }
+
     /// The file's own model is the one that it pins; a model that was named instead of it is not pinned.
     ///
     /// # Errors

@@ -42,8 +42,7 @@ impl Network for Timed {
 
 fn main() -> color_eyre::Result<()> {
     let vehicle = Vehicle::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml"))?;
-    let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
-    let policy = Policy::load(&vehicle.resolve(&vehicle.policy.model), library.as_deref(), 1)?;
+    let policy = vehicle.load_policy(&vehicle.resolve(&vehicle.policy.model), 1)?;
     let mut network = Timed { policy, inference_s: 0.0, frames: 0 };
     let (mut factors, mut flown_s, mut core_s) = (Vec::new(), 0.0, 0.0);
     for seed in 0..FLIGHTS {

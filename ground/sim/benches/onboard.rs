@@ -264,7 +264,7 @@ fn recorder(flight: &Flight) -> color_eyre::Result<(f64, f64)> {
 
 fn main() -> color_eyre::Result<()> {
     let vehicle = Vehicle::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../air/vehicles/sim.toml"))?;
-    let mut policy = Policy::load(&vehicle.resolve(&vehicle.policy.model), vehicle.library().as_deref(), 1)?;
+    let mut policy = vehicle.load_policy(&vehicle.resolve(&vehicle.policy.model), 1)?;
     let flight = fly(&vehicle, &mut policy)?;
     for why in (Schedule { priority: vehicle.realtime.planner_priority, core: None }).try_apply() {
         println!("refused here: {why}");

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use color_eyre::eyre::{Result, WrapErr, ensure};
 use goshawk_core::Task;
-use goshawk_policy::Policy;
 use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::fly::Campaign;
+use crate::fly::args::load_policy;
 use crate::fly::files::Files;
 use crate::fly::progress::Progress;
 use crate::seeds::Seeds;
@@ -90,9 +90,7 @@ impl Flying {
 
     fn fly(&self, campaign: &Campaign, progress: &Progress) -> Result<crate::fly::report::Report> {
         let model = if campaign.task == Task::Track { &self.track } else { &self.navigate };
-        let library = self.vehicle.library();
-        let load = || Policy::load(model, library.as_deref(), 1);
-        let make = || Ok(Some(Box::new(load()?) as Box<dyn Network + Send>));
+        let make = || Ok(Some(Box::new(load_policy(&self.vehicle, model)?) as Box<dyn Network + Send>));
         Ok(campaign.run(&self.vehicle, &make, &|flight| progress.flown(flight.outcome))?)
     }
 }
@@ -112,7 +110,7 @@ impl FaultsArgs {
         let flying = Flying::load(&self.vehicle_file)?;
         let faults = if self.flights == 0 { Vec::new() } else { self.only.clone().unwrap_or_else(Fault::all) };
         let ordinary = self.ordinary_campaigns(&flying)?;
-        let named = Policy::load(&flying.track, flying.vehicle.library().as_deref(), 1)?;
+        let named = load_policy(&flying.vehicle, &flying.track)?;
         flying.vehicle.check_pin(&flying.track, &named)?;
         let progress = Progress::new(faults.len() * self.flights + ordinary.len() * self.ordinary)?;
         let files = Files::default();

@@ -34,8 +34,7 @@ pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -
         findings.fail("policy", "not tried: it needs ONNX Runtime");
         return None;
     }
-    let asked = vehicle.policy.provider;
-    let mut policy = match Policy::load_on(asked, model, vehicle.library().as_deref(), vehicle.policy.threads) {
+    let mut policy = match vehicle.load_policy(model, vehicle.policy.threads) {
         Ok(policy) => policy,
         Err(error) => {
             findings.fail("policy", one_line(&error));
@@ -54,7 +53,7 @@ pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -
         "policy",
         fits.map(|_| format!("{}: {task:?}, sha256 {sha}…", model.display())).map_err(|error| one_line(error.as_ref())),
     );
-    provider(asked, &policy, findings);
+    provider(vehicle.policy.provider, &policy, findings);
     let schedule = Schedule { priority: vehicle.realtime.planner_priority, core: None };
     inference(&mut policy, schedule, findings);
     Some(policy)
@@ -62,7 +61,10 @@ pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -
 
 fn provider(asked: Provider, policy: &Policy, findings: &mut Findings) {
     match policy.why_not() {
-        None => findings.ok("provider", format!("the network runs on {}", policy.provider().name())),
+        None => {
+            let bits = if policy.half() { ", in 16 bits" } else { "" };
+            findings.ok("provider", format!("the network runs on {}{bits}", policy.provider().name()));
+        }
         Some(why) => findings.warn(
             "provider",
             format!(

@@ -49,6 +49,10 @@ pub struct Policy {
     pub threads: usize,
     /// What runs it. Where that cannot be, the processor does, and `goshawk-air check` says why.
     pub provider: Provider,
+    /// TensorRT and OpenVINO calculate in 16 bits, which is faster where the device has instructions for it. The others
+    /// do not, whatever this says. Absent: in 32.
+    #[serde(default)]
+    pub half_precision: bool,
     /// libonnxruntime, relative to this file; absent: it is searched for.
     pub library: Option<PathBuf>,
 }

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use color_eyre::eyre::{Result, WrapErr, bail, ensure};
 use goshawk_autopilot::Firmware as Kind;
 use goshawk_core::Task;
-use goshawk_policy::Policy;
+use goshawk_policy::{Policy, PolicyError};
 use goshawk_vehicle::config::Vehicle;
 
 use super::files::Files;
@@ -177,6 +177,18 @@ fn course_length(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The policy as the vehicle's file has it run: flights must not come of another provider than it says.
+///
+/// # Errors
+/// It cannot be loaded, or the provider is not to be had.
+pub(crate) fn load_policy(vehicle: &Vehicle, model: &Path) -> Result<Policy, PolicyError> {
+    let policy = vehicle.load_policy(model, 1)?;
+    match policy.why_not() {
+        None => Ok(policy),
+        Some(why) => Err(PolicyError::Provider { asked: vehicle.policy.provider.name(), why: why.to_owned() }),
+    }
+}
+
 impl FlyArgs {
     /// Flies, prints the table, writes the JSON.
     ///
@@ -207,11 +219,10 @@ impl FlyArgs {
         let json = self.json.as_ref().map(begin).transpose()?;
         let records = self.records.as_ref().map(begin).transpose()?;
         let model = self.model(&vehicle);
-        let library = vehicle.policy.library.as_ref().map(|path| vehicle.resolve(path));
         // The classical pilot needs a policy's eyes, but not its way.
         let needed = task == Task::Track || campaign.pilots.contains(&PilotKind::Policy);
         ensure!(needed || self.policy.is_none(), "--pilot classical navigates without a policy: leave out --policy");
-        let load = || needed.then(|| Policy::load(&model, library.as_deref(), 1)).transpose();
+        let load = || needed.then(|| load_policy(&vehicle, &model)).transpose();
         let first = load()?;
         if let Some(policy) = first.as_ref().filter(|_| self.policy.is_none()) {
             vehicle.check_pin(&model, policy)?;
