@@ -61,6 +61,10 @@ $(VENV)/.camera: air/sensors/requirements.txt air/sensors/pyproject.toml $(VENV)
 	$(INSTALL_OWN) -e air/sensors
 	@touch $@
 
+$(VENV)/.bench: ground/sim/benches/requirements.txt $(VENV)/.station
+	$(INSTALL) -r ground/sim/benches/requirements.txt
+	@touch $@
+
 $(VENV)/.openvino: air/policy/openvino/requirements.txt | $(UV)
 	$(INSTALL) --no-deps --target $(VENV)/openvino -r $<
 	@touch $@
@@ -151,7 +155,7 @@ test-untimed:
 
 pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt
-	for f in ground/bootstrap ground ground/rerun ground/campaign ground/train ground/train/torch air/sensors; do \
+	for f in ground/bootstrap ground ground/rerun ground/campaign ground/train ground/train/torch ground/sim/benches air/sensors; do \
 	  $(PIN) $(if $(UPGRADE),--upgrade) $$f/requirements.in -c tests/requirements.txt -o $$f/requirements.txt || exit 1; done
 	$(PIN) $(if $(UPGRADE),--upgrade) --no-deps air/policy/openvino/requirements.in -o air/policy/openvino/requirements.txt
 
@@ -163,9 +167,11 @@ deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (whic
 
 test: lint test-rust test-python ## exactly what CI runs
 
-bench: setup setup-train setup-campaign setup-camera build ## speed, each figure against its yardstick
+bench: setup setup-train setup-campaign setup-camera setup-openvino $(VENV)/.bench build ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
+	$(VENV)/bin/python ground/sim/benches/embree.py
 	$(VENV)/bin/goshawk train bench
+	$(VENV)/bin/python ground/train/benches/network.py
 	$(VENV)/bin/python ground/station/benches/telemetry.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py
 	$(VENV)/bin/python ground/station/benches/dashboard.py --frames --seconds 30

@@ -17,7 +17,7 @@ use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, TrialConfig
 use goshawk_vehicle::config::Vehicle;
 
 const FLIGHTS: u64 = 6;
-const TARGET: f64 = 10.0;
+const TARGET: f64 = 20.0;
 
 /// The policy, and how long it has had the core.
 struct Timed {

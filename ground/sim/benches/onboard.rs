@@ -4,7 +4,8 @@
 //! `recorder_core_fraction`.
 //!
 //! The thread is scheduled as the vehicle's planner, where that is permitted: what else runs then counts as little as on
-//! board. The yardstick, measured in the same run, is the network alone. What comes after the network is measured twice:
+//! board. The yardstick, measured in the same run, is the network alone: a frame may take 1.15 times its median, and one
+//! of a hundred 1.5 times. How near the network is to what a core can do is `ground/train/benches/network.py`'s. What comes after the network is measured twice:
 //! by itself (`post_network_us`), and behind the network, which has just filled the caches with its weights
 //! (`post_network_cold_us`).
 
@@ -274,18 +275,20 @@ fn main() -> color_eyre::Result<()> {
     let line = |name: &str, unit: &str, values: &mut Vec<f64>, targets: Option<(f64, f64)>| {
         let (p50, p99) = (quantile(values, 0.5), quantile(values, 0.99));
         let said = targets.map_or_else(String::new, |(half, most)| {
-            let wanted = if half.is_finite() { format!("p50 {half}, p99 {most}") } else { format!("p99 {most}") };
+            let wanted = if half.is_finite() { format!("p50 {half:.2}, p99 {most:.2}") } else { format!("p99 {most}") };
             format!("   target {wanted} {unit}: {}", verdict(p50 <= half && p99 <= most))
         });
         println!("  {name:<20} p50 {p50:7.3} {unit}, p99 {p99:7.3} {unit}{said}");
         (p50, p99)
     };
-    let whole = line("frame to command", "ms", &mut t.whole_ms, Some((3.0, 5.0)));
+    let alone_ms = quantile(&mut t.network_ms, 0.5);
+    let wanted = ((1.15 * alone_ms).min(1.5), (1.5 * alone_ms).min(3.0));
+    let whole = line("frame to command", "ms", &mut t.whole_ms, Some(wanted));
     line("  message to frame", "ms", &mut t.decode_ms, None);
     line("  image to input", "ms", &mut t.prepare_ms, None);
     line("  obstacles' memory", "ms", &mut t.memory_ms, None);
     let network = line("  network, yardstick", "ms", &mut t.network_ms, None);
-    let cold = line("  caches cold: rest", "us", &mut t.post_us, None);
+    let cold = line("  caches cold: rest", "us", &mut t.post_us, Some((10.0, 25.0)));
     line("    planner", "us", &mut t.planner_us, None);
     line("    controller", "us", &mut t.controller_us, None);
     line("    encode", "us", &mut t.encode_us, None);
@@ -300,12 +303,14 @@ fn main() -> color_eyre::Result<()> {
     let (fraction, mbps) = recorder(&flight)?;
     let met = verdict(fraction <= 0.05);
     println!("  recorder             {:.1} % of a core, {mbps:.2} MB/s   target 5 %: {met}", 100.0 * fraction);
-    record(
-        "frame_to_command_ms",
-        serde_json::json!({"p50": whole.0, "p99": whole.1, "target": {"p50": 3.0, "p99": 5.0}}),
-    )?;
+    let wanted = serde_json::json!({"p50": wanted.0, "p99": wanted.1});
+    let whole = serde_json::json!({"p50": whole.0, "p99": whole.1, "network_p50": network.0, "target": wanted});
+    record("frame_to_command_ms", whole)?;
     record("post_network_us", row(post.0, post.1, 10.0))?;
-    record("post_network_cold_us", serde_json::json!({"p50": cold.0, "p99": cold.1}))?;
+    record(
+        "post_network_cold_us",
+        serde_json::json!({"p50": cold.0, "p99": cold.1, "target": {"p50": 10.0, "p99": 25.0}}),
+    )?;
     let monitors = serde_json::json!({"p50": monitors.0, "p99": monitors.1, "network_ms_p50": network.0});
     record("monitors_us", monitors)?;
     record("controller_step_us", row(step.0, step.1, 2.0))?;

@@ -18,7 +18,7 @@ from goshawk_train.data import batches
 from goshawk_train.errors import TrainerError
 from goshawk_train.run import train
 
-KEY, TARGET = "training_speedup", 2.0
+KEY, TARGET = "training_speedup", 3.5
 WARM_UP, STEPS, ROUNDS = 2, 8, 3
 
 
