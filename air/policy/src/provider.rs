@@ -51,7 +51,7 @@ impl Provider {
             Provider::TensorRt => ep::TensorRT::default().with_fp16(half).build(),
             Provider::Cuda => ep::CUDA::default().build(),
             Provider::OpenVino => ep::OpenVINO::default()
-                .with_num_threads(threads)
+                .with_num_threads(threads.max(1))
                 .with_arbitrary_config("load_config", if half { OPENVINO_HALF } else { OPENVINO_FULL })
                 .build(),
         };

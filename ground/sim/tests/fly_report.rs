@@ -398,3 +398,19 @@ fn an_interrupt_ends_a_campaign_at_once_and_leaves_only_whole_files() {
     assert_eq!(names(folder.path()), BTreeSet::from(["logs".to_owned()]));
     assert!(names(&logs).iter().all(|name| name.ends_with(".mcap") && !name.starts_with('.')));
 }
+
+#[test]
+fn a_provider_that_is_not_there_is_refused_in_one_line() {
+    let (folder, vehicles) = (tempfile::tempdir().unwrap(), Path::new(ROOT).join("air/vehicles"));
+    fs::copy(vehicles.join("tuning.toml"), folder.path().join("tuning.toml")).unwrap();
+    let shipped = fs::read_to_string(vehicles.join("sim.toml")).unwrap();
+    let asked = shipped.replace(r#"provider = "cpu""#, r#"provider = "tensorrt""#);
+    let file = folder.path().join("vehicle.toml");
+    fs::write(&file, asked.replace("../models", &format!("{ROOT}/air/models"))).unwrap();
+    let arguments = ["fly", "--task", "track", "--speed", "3", "--trials", "1", "--vehicle-file"];
+    let command = Command::new(env!("CARGO_BIN_EXE_goshawk-sim")).args(arguments).arg(&file).current_dir(ROOT).output();
+    let (output, begins) = (command.unwrap(), "error: the network does not run on tensorrt: ");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");
+    assert!(said.starts_with(begins) && said.contains("policy.library"), "{said}");
+}
