@@ -86,8 +86,10 @@ def visit(browser: Browser, url: str, size: tuple[int, int] = DESKTOP) -> Page:
     scale = 2 if size == PHONE else 1
     page = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
     page.set_default_timeout(PATIENCE_MS)
-    # viser would draw fewer pixels, for it is slow without a graphics card.
-    page.goto(f"{url}?fixedDpr={scale}" if url.startswith("http") else url)
+    # viser would draw fewer pixels, for it is slow without a graphics card. This is its own word for all of them.
+    whole = f"history.replaceState(null, '', '/?fixedDpr={scale}')"
+    page.add_init_script(f"if (location.pathname === '/' && !location.search) {whole}")
+    page.goto(url)
     return page
 
 

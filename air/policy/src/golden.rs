@@ -14,7 +14,7 @@ use crate::preprocess::{PreprocessError, Preprocessor, Source};
 pub const MAGIC: &[u8; 16] = b"GOSHAWK GOLDEN 1";
 /// An answer may differ so much, as a share of it and of 1: another provider rounds otherwise. Chosen by eye.
 pub const TOLERANCE: f32 = 0.02;
-/// The same, where it is calculated in 16 bits: the shipped policies' differ by up to 0.03. Chosen by eye.
+/// The same, where it is calculated in 16 bits: not all shipped policies keep the other one there. Chosen by eye.
 pub const TOLERANCE_HALF: f32 = 0.1;
 /// No file is larger: frames, pixels of a side, numbers.
 const MOST: [u32; 5] = [16, 1024, 1024, 64, 1024];

@@ -44,7 +44,7 @@ impl Provider {
     }
 
     /// What a session is to be given; none: nothing, the processor is what every session ends with. `half`: in 16 bits
-    /// where it can. `threads` are the processor's.
+    /// where it can. `threads` are those of the processor.
     pub(crate) fn dispatch(self, half: bool, threads: usize) -> Option<ExecutionProviderDispatch> {
         let provider = match self {
             Provider::Cpu => return None,
