@@ -62,7 +62,7 @@ def test_a_log_is_read_again_only_when_it_has_changed(log: Path, tmp_path: Path)
 
 def test_who_waits_hears_how_far_the_reading_is(log: Path, tmp_path: Path) -> None:
     heard: list[tuple[str, int, int]] = []
-    list(gather([log], tmp_path, lambda *told: heard.append(told)))
+    list(gather([log], tmp_path, lambda what, done, total: heard.append((what, done, total))))
     size = log.stat().st_size
     assert any(what == "reading" and 0 < done < total <= size for what, done, total in heard)
     assert heard[-1] == ("logs", 1, 1)
