@@ -9,6 +9,8 @@ ARCH ?= $(HOST)
 # Built for the other processor: only a 64-bit ARM is built for elsewhere.
 CROSS := $(if $(filter-out $(HOST),$(ARCH)),aarch64-unknown-linux-gnu)
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER := $(if $(CROSS),aarch64-linux-gnu-gcc,cc)
+# What only x86-64 has packages of: OpenVINO, and the ray caster of the benchmarks.
+X86 := $(filter amd64,$(HOST))
 BUILT := target/$(if $(CROSS),$(CROSS)/)release
 VENV := .venv
 UV := $(VENV)/bin/uv
@@ -69,7 +71,7 @@ $(VENV)/.openvino: air/policy/openvino/requirements.txt | $(UV)
 	$(INSTALL) --no-deps --target $(VENV)/openvino -r $<
 	@touch $@
 
-$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.rerun $(VENV)/.camera $(if $(filter amd64,$(HOST)),$(VENV)/.openvino)
+$(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.rerun $(VENV)/.camera $(if $(X86),$(VENV)/.openvino)
 	$(INSTALL) -r tests/requirements.txt
 	@command -v chromium >/dev/null && test -x /usr/sbin/sshd && command -v ip >/dev/null || { \
 	  echo "installing chromium, sshd and ip for the tests"; \
@@ -167,9 +169,9 @@ deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (whic
 
 test: lint test-rust test-python ## exactly what CI runs
 
-bench: setup setup-train setup-campaign setup-camera setup-openvino $(VENV)/.bench build ## speed, each figure against its yardstick
+bench: setup setup-train setup-campaign setup-camera $(if $(X86),$(VENV)/.openvino $(VENV)/.bench) build ## speed, each figure against its yardstick
 	cargo bench --locked --workspace
-	$(VENV)/bin/python ground/sim/benches/embree.py
+	$(if $(X86),$(VENV)/bin/python ground/sim/benches/embree.py,@echo "Embree is not timed: there is no package of it for this processor")
 	$(VENV)/bin/goshawk train bench
 	$(VENV)/bin/python ground/train/benches/network.py
 	$(VENV)/bin/python ground/station/benches/telemetry.py
