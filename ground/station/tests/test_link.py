@@ -185,7 +185,7 @@ def test_a_ground_that_is_busy_still_sees_what_is_now(fake_vehicle: Fakes) -> No
 
         # The two clocks differ by a constant; what matters is that the difference does not grow.
         usual = min(behind_s() for _ in range(50) if time.sleep(0.01) is None)
-        threads = [threading.Thread(target=hog) for _ in range(2)]
+        threads = [threading.Thread(target=hog, daemon=True) for _ in range(2)]
         for thread in threads:
             thread.start()
         late = sorted(behind_s() - usual for _ in range(30) if time.sleep(0.1) is None)

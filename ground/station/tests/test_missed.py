@@ -212,7 +212,7 @@ def test_a_recording_holds_what_was_told_after_a_cut_in_its_place(
     path, ended = tmp_path / "heard.mcap", threading.Event()  # type: ignore[operator]
     with GroundLink(connect=free_endpoint) as link:
         assert link.wait_for(lambda s: s.alive, 10.0)
-        writing = threading.Thread(target=record, args=(link, path, ended.is_set))
+        writing = threading.Thread(target=record, args=(link, path, ended.is_set), daemon=True)
         writing.start()
         time.sleep(0.3)
         vehicle.put("health", beat(10.0))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 from command import goshawk
+from lost_node import losing_a_node
 
 ROOT = Path(__file__).resolve().parents[3]
 PLAN = """
@@ -37,39 +37,15 @@ def cells(out: Path) -> Any:
     return json.loads((out / "cells/navigation.json").read_text())["cells"]
 
 
-@pytest.fixture
-def cluster(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A head that flies nothing, and two nodes of one core each."""
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    monkeypatch.setenv("RAY_worker_niceness", "0")
-    from ray.cluster_utils import Cluster
-
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
-    yield made
-    made.shutdown()
-
-
 def test_two_nodes_one_killed_in_the_middle_make_the_cells_of_one_machine(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    dies, lives = cluster.add_node(num_cpus=1), cluster.add_node(num_cpus=1)
     out = tmp_path / "ray"
-    left: list[int] = []
-
-    def kill_one_node() -> None:
-        while not (units := list((out / "units").glob("*.parquet"))):
-            dead.wait(0.02)
-        cluster.remove_node(dies, allow_graceful=False)
-        left.append(6 - len(units))
-
-    dead = threading.Event()
-    killer = threading.Thread(target=kill_one_node)
-    killer.start()
-    run(out, "--engine", "ray", "--address", cluster.address)
-    killer.join()
-    assert left[0] > 0, "the node died after the last flight"
-    assert [node["NodeID"] for node in alive(cluster)] and lives in cluster.worker_nodes
+    with losing_a_node(cluster, lambda: len(list((out / "units").glob("*.parquet")))) as done:
+        run(out, "--engine", "ray", "--address", cluster.address)
+    assert 0 < done[0] < 6, "the node died after the last flight"
+    assert len(alive(cluster)) == 1
     run(tmp_path / "local")
     assert cells(out) == cells(tmp_path / "local")
     assert sum(cell["trials"] for cell in cells(out)) == 30

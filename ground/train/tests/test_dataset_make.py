@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from command import goshawk
 from goshawk_train.data.made.make import RECIPE
+from lost_node import losing_a_node
 
 SIMULATOR = Path(__file__).parents[3] / "target" / "release" / "goshawk-sim"
 GOSHAWK = [sys.executable, "-c", "from goshawk_ground.cli import main; main()"]
@@ -85,36 +86,12 @@ def test_what_was_made_of_something_else_is_not_gone_on_with(tmp_path: Path) -> 
     assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1) and RECIPE in refused.stderr
 
 
-@pytest.fixture
-def cluster(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A head that makes nothing, and two nodes of one core each."""
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    monkeypatch.setenv("RAY_gcs_server_request_timeout_seconds", "30")  # on a machine that has other work
-    from ray.cluster_utils import Cluster
-
-    made: Any = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
-    yield made
-    made.shutdown()
-
-
 def test_a_cluster_that_loses_a_node_makes_the_files_of_one_call_of_the_simulator(cluster: Any, tmp_path: Path) -> None:
     out, scenes = tmp_path / "units", 12
-    dies, _lives = cluster.add_node(num_cpus=1), cluster.add_node(num_cpus=1)
-    left: list[int] = []
-    begun = threading.Event()
-
-    def kill_one_node() -> None:
-        while not list(out.glob("scene_*")):
-            begun.wait(0.02)
-        left.append(scenes - len(list(out.glob("scene_*"))))
-        cluster.remove_node(dies, allow_graceful=False)
-
-    killer = threading.Thread(target=kill_one_node)
-    killer.start()
-    made = goshawk(*arguments(out, scenes, "--engine", "ray", "--address", cluster.address))
-    killer.join()
+    with losing_a_node(cluster, lambda: len(list(out.glob("scene_*")))) as done:
+        made = goshawk(*arguments(out, scenes, "--engine", "ray", "--address", cluster.address))
     assert made.exit_code == 0, made.output
-    assert left[0] > 0, "the node died after the last scene"
+    assert 0 < done[0] < scenes, "the node died after the last scene"
     assert files(out) == whole(tmp_path / "whole", scenes)
 
 
