@@ -14,14 +14,16 @@ FOCAL_PX = 320.0
 """90 degrees wide: the policy's view of 160 x 96, four times as fine."""
 
 
-def camera_info(stamp_ns: int, **changes: Any) -> Any:
+def camera_info(stamp_ns: int, part: int = 1, **changes: Any) -> Any:
+    """Of the camera, or of one with a part of its pixels each way."""
+    width, height, focal_px = WIDTH // part, HEIGHT // part, FOCAL_PX / part
     fields: dict[str, Any] = {
         "header": header(stamp_ns),
-        "height": HEIGHT,
-        "width": WIDTH,
+        "height": height,
+        "width": width,
         "distortion_model": "plumb_bob",
         "d": np.zeros(5),
-        "k": np.array([FOCAL_PX, 0, (WIDTH - 1) / 2, 0, FOCAL_PX, (HEIGHT - 1) / 2, 0, 0, 1.0]),
+        "k": np.array([focal_px, 0, (width - 1) / 2, 0, focal_px, (height - 1) / 2, 0, 0, 1.0]),
         "r": np.eye(3).ravel(),
         "p": np.zeros(12),
         "binning_x": 0,

@@ -11,6 +11,7 @@ import threading
 import time
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import zenoh
@@ -35,6 +36,12 @@ def header(stamp_ns: int, frame: str = "camera") -> Any:
 def mangled(kind: str) -> str:
     package, _, name = kind.split("/")
     return f"{package}::msg::dds_::{name}_"
+
+
+@cache
+def own_hash(kind: str) -> str:
+    """Of a type: as long to find as a message to write."""
+    return STORE.hash_rihs01(kind)
 
 
 def listening(port: int, mode: str) -> zenoh.Session:
@@ -80,7 +87,7 @@ class RosPeer:
                 self.tokens.discard(str(sample.key_expr))
 
     def key(self, topic: str, kind: str, type_hash: str | None = None) -> str:
-        found = type_hash or STORE.hash_rihs01(kind)
+        found = type_hash or own_hash(kind)
         return f"{self.domain}/{topic.strip('/')}/{mangled(kind)}/{found}"
 
     def publish(
