@@ -119,16 +119,26 @@ class ReviewScene:
 
     def _draw_depth(self, time_s: float, shown: bool) -> None:
         found = recorded.depth_points(self._flight, time_s) if shown else None
-        if found is None:
+        if found is None or not len(found[0]):
             if self.depth is not None:
                 self.depth.visible = False
             return
         points_P3, colors_P3 = found
-        if self.depth is not None:
-            self.depth.remove()
-        self.depth = self._viewer.scene.add_point_cloud(
-            "/depth", points_P3.astype(np.float32), colors_P3, point_size=0.035, point_shape="square"
-        )
+        # About their middle: viser sends 16 bits, which far out are centimetres.
+        about_3 = points_P3.mean(axis=0)
+        points_P3 = points_P3 - about_3
+        with self._viewer.atomic():
+            if self.depth is None or len(self.depth.points) < len(points_P3):
+                self.depth = self._viewer.scene.add_point_cloud(
+                    "/depth", points_P3.astype(np.float32), colors_P3, point_size=0.035, point_shape="square"
+                )
+            else:
+                # In the same cloud, which does not flicker: as many points as it has, some of them twice.
+                count = len(self.depth.points)
+                self.depth.points = np.resize(points_P3, (count, 3)).astype(np.float16)
+                self.depth.colors = np.resize(colors_P3, (count, 3))
+            self.depth.position = about_3
+            self.depth.visible = True
 
     def _draw_replayed(self, snap: Snapshot, replayed: PlanView | None) -> None:
         chosen = recorded.only_chosen(replayed)
