@@ -53,6 +53,28 @@ def test_network_fits_a_few_frames(small: Config, loaded: tuple[batches.Frames, 
         assert late < share * early, f"{name}: {early:.3f} -> {late:.3f}"
 
 
+@pytest.mark.parametrize(("able", "kind"), [({"avx512_bf16": True}, torch.bfloat16), ({"avx2": True}, torch.float32)])
+def test_bfloat16_is_computed_with_only_where_the_processor_has_instructions_for_it(
+    able: dict[str, bool],
+    kind: torch.dtype,
+    small: Config,
+    loaded: tuple[batches.Frames, SceneMaps],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: able)
+    training, seen = trainer(small, loaded), list[torch.dtype]()
+    features = training.network.features
+
+    def watched(rgbd_I4HW: torch.Tensor) -> torch.Tensor:
+        found = features(rgbd_I4HW)
+        seen.append(found.dtype)
+        return found
+
+    monkeypatch.setattr(training.network, "features", watched)
+    training.advance()
+    assert small.training.bf16 and seen == [kind]
+
+
 def test_resumed_run_repeats_the_uninterrupted_one(
     small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
 ) -> None:

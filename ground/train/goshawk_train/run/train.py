@@ -84,6 +84,8 @@ class Trainer:
         self.steps_per_epoch = len(frames) // batch
         self.total_steps = math.ceil(config.training.samples / batch)
         self.step, self.seconds = 0, 0.0
+        self.bf16 = config.training.bf16 and workers.has_bf16
+        """The backbone computes with bfloat16."""
         self._order = (-1, np.zeros(0, dtype=np.int64))
         self._ahead: tuple[int, Batch] | None = None
 
@@ -190,7 +192,7 @@ class Trainer:
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.network.train()
-        with torch.autocast(self.workers.device.type, dtype=torch.bfloat16, enabled=training.bf16):
+        with torch.autocast(self.workers.device.type, dtype=torch.bfloat16, enabled=self.bf16):
             features = self.network.features(batch.rgbd_I4HW)
         # The backbone costs most and does not see the state: several states for an image are nearly free.
         features = features.float().repeat_interleave(training.states, dim=0)

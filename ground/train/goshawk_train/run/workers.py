@@ -25,6 +25,9 @@ Found = TypeVar("Found")
 PATIENCE = timedelta(hours=2)
 """How long processes wait for one another: the first also validates and flies. A dead one is noticed at once."""
 
+BF16 = ("avx512_bf16", "amx_bf16", "bf16")
+"""A processor's instructions for bfloat16, as PyTorch names them; the last is ARM's."""
+
 
 @dataclass(frozen=True)
 class Workers:
@@ -40,6 +43,14 @@ class Workers:
     def first(self) -> bool:
         """Whether this one prints and writes."""
         return self.rank == 0
+
+    @property
+    def has_bf16(self) -> bool:
+        """Whether it computes with bfloat16 by instructions of its own: without them that is slower than in 32 bits."""
+        if self.device.type == "cuda":
+            return torch.cuda.is_bf16_supported(including_emulation=False)
+        able = torch.cpu.get_capabilities()
+        return any(able.get(name, False) for name in BF16)
 
     def hardware(self) -> str:
         """What a run computes on, for its record."""
