@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,23 @@ def test_measured_depth_stays_one_cloud_and_lies_where_it_was_measured(scene: Re
         assert len(drawn_P3) == len(scene.depth.colors)
         clouds.append(scene.depth)
     assert clouds[0] is clouds[1] is clouds[2], "a cloud that is made anew flickers"
-    hidden = ReviewOptions(view=ViewOptions(depth=False), depth=False, replay=False, others="Hidden")
-    scene.update(recorded.snapshot_at(flight, 6.0), None, hidden, (0.0,))
+    scene.update(recorded.snapshot_at(flight, 6.0), None, replace(SHOWN, depth=False), (0.0,))
     assert not scene.depth.visible
+
+
+def test_a_cloud_shows_all_points_of_an_image_and_no_others(
+    scene: ReviewScene, flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    snap, images = recorded.snapshot_at(flight, 2.0), list[tuple[np.ndarray, np.ndarray]]()
+
+    def newest(_flight: Flight, _time_s: float) -> tuple[np.ndarray, np.ndarray]:
+        return images[-1]
+
+    monkeypatch.setattr(recorded, "depth_points", newest)
+    for count in (5, 3, 9):
+        points_P3 = np.arange(3.0 * count).reshape(count, 3) + 1000.0
+        images.append((points_P3, np.arange(3 * count, dtype=np.uint8).reshape(count, 3)))
+        scene.update(snap, None, SHOWN, (0.0,))
+        assert scene.depth is not None and scene.depth.visible
+        drawn = np.hstack([np.asarray(scene.depth.points) + scene.depth.position, np.asarray(scene.depth.colors)])
+        assert np.allclose(np.unique(drawn, axis=0), np.hstack(images[-1]), atol=0.02)

@@ -40,7 +40,7 @@ def mangled(kind: str) -> str:
 
 @cache
 def own_hash(kind: str) -> str:
-    """Of a type: as long to find as a message to write."""
+    """Of a type; kept, for it takes as long as to write a message."""
     return STORE.hash_rihs01(kind)
 
 

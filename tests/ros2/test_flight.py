@@ -78,5 +78,5 @@ def test_ros2_odometry_and_images_fly_a_chase(bridge: BridgeRig, driver: Driver)
     is_sent_on(driver)
     # On a machine that has other work, the first images come before their lens, and some come late.
     refused = [line for line in bridge.said().splitlines() if "refused" in line]
-    refused = [line for line in refused if "no camera_info came yet" not in line and "its stamp is" not in line]
-    assert not refused
+    expected = ("no camera_info came yet", "s old by this computer's clock")
+    assert not [line for line in refused if not any(words in line for words in expected)], refused

@@ -28,4 +28,4 @@ def losing_a_node(cluster: Any, done: Callable[[], int]) -> Generator[list[int]]
         yield then
     finally:
         ended.set()
-        killer.join()
+        killer.join(60.0)
