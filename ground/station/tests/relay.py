@@ -46,6 +46,7 @@ class Relay:
         """Ends for good."""
         self._closing.set()
         self.cut()
+        self._thread.join()
         self._listener.close()
 
     def _accept(self) -> None:

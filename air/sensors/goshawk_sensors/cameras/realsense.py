@@ -100,7 +100,7 @@ class RealSense:
 
 
 class Recording:
-    """A file that is played as fast as it was taken."""
+    """A file that is played as fast as it was taken, from the first read on."""
 
     def __init__(self, path: Path, profile: Profile) -> None:
         self.name = str(path)
@@ -109,6 +109,8 @@ class Recording:
             self._playback = self._context.load_device(str(path))
         except RuntimeError as error:
             raise CameraError(f"{path} cannot be played: {' '.join(str(error).split())}") from error
+        self._playback.pause()  # or it plays while the pipeline starts, and the first images are lost
+        self._paused = True
         config = rs.config()
         config.enable_all_streams()
         self._replayed = clock.Replayed()
@@ -117,6 +119,9 @@ class Recording:
 
     def read(self) -> Frame | None:
         """The next pair; EndOfRecordingError after the last."""
+        if self._paused:
+            self._playback.resume()
+            self._paused = False
         pair = self._stream.read()
         if pair is None:
             if self._playback.current_status() == rs.playback_status.stopped:
