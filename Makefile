@@ -170,16 +170,18 @@ deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (whic
 test: lint test-rust test-python ## exactly what CI runs
 
 bench: setup setup-train setup-campaign setup-camera $(if $(X86),$(VENV)/.openvino $(VENV)/.bench) build ## speed, each figure against its yardstick
-	cargo bench --locked --workspace
-	$(if $(X86),$(VENV)/bin/python ground/sim/benches/embree.py,@echo "Embree is not timed: there is no package of it for this processor")
-	$(VENV)/bin/goshawk train bench
-	$(VENV)/bin/python ground/train/benches/network.py
-	$(VENV)/bin/python ground/station/benches/telemetry.py
-	$(VENV)/bin/python ground/station/benches/dashboard.py
-	$(VENV)/bin/python ground/station/benches/dashboard.py --frames --seconds 30
-	$(VENV)/bin/python ground/station/benches/gate.py
-	$(VENV)/bin/python ground/train/benches/campaign_scaling.py
-	PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py
+	@missing=; try() { echo "$$*"; "$$@" || missing="$$missing\n  $$*"; }; \
+	try cargo bench --locked --workspace --no-fail-fast; \
+	$(if $(X86),try $(VENV)/bin/python ground/sim/benches/embree.py,echo "Embree is not timed: there is no package of it for this processor"); \
+	try $(VENV)/bin/goshawk train bench; \
+	try $(VENV)/bin/python ground/train/benches/network.py; \
+	try $(VENV)/bin/python ground/station/benches/telemetry.py; \
+	try $(VENV)/bin/python ground/station/benches/dashboard.py; \
+	try $(VENV)/bin/python ground/station/benches/dashboard.py --frames --seconds 30; \
+	try $(VENV)/bin/python ground/station/benches/gate.py; \
+	try $(VENV)/bin/python ground/train/benches/campaign_scaling.py; \
+	try env PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py; \
+	test -z "$$missing" || { printf "these have no figure, run them again:$$missing\n"; exit 1; }
 
 chaos: setup ## flights with seeded schedules of faults, every step judged (SEED=n, N=how many)
 	target/release/goshawk-sim chaos --seed $(SEED) --schedules $(N)
