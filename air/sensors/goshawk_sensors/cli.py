@@ -89,6 +89,8 @@ def run(
         chosen, fed = profile.load(profile_name), vehicle.load(config)
         images, opening = Images(fed.wanted, chosen), _opening(chosen, serial, play, record)
         first = keeping.begun(opening, ending, say, wait=wait)
+        if first is not None:
+            images.of(first)  # its tables take longer than an image lasts
         with publisher(fed.name, connect or fed.endpoint, ending, say) as sending:
             told_s = begun_s = time.monotonic()
             said, sent, total = set[tuple[str, str]](), tally.Tally(), 0
@@ -129,7 +131,9 @@ def check(
         images, seen = Images(fed.wanted, chosen), tally.Tally()
         begun_s: float | None = None
         opening = _opening(chosen, serial, play, None)
-        for source, frame in keeping.frames(opening(), opening, ending, say):
+        first = opening()
+        images.of(first)
+        for source, frame in keeping.frames(first, opening, ending, say):
             if begun_s is None:
                 typer.echo(f"{'camera':14}{source.name}")
                 typer.echo(f"{'view':14}{tally.view(images.of(source))}")

@@ -2,8 +2,9 @@
 
     python campaign_scaling.py [--trials 20]
 
-Flies the same chases by one simulator, by the local engine on 1, 2, … workers, and on Ray. N workers are to fly 0.9 N
-times what one of the same engine does, on cores that nothing else uses. The keys: `campaign_scaling` (flights per
+Flies the same chases by one simulator and by several beside each other, by the local engine on 1, 2, … workers, and on
+Ray. N workers are to fly 0.9 N times what one of the same engine does, on cores that nothing else uses. What N
+simulators do that know nothing of each other is what the machine gives. The keys: `campaign_scaling` (flights per
 second by engine and workers), `campaign_flights_per_core_hour`, `campaign_bytes_per_flight`.
 """
 
@@ -50,18 +51,27 @@ def main() -> None:
         measure(Path(scratch), trials)
 
 
+def beside(command: list[str | Path], count: int) -> float:
+    """How often a second a command is done of which so many run beside each other."""
+    begun = time.monotonic()
+    running = [subprocess.Popen(command, stdout=subprocess.DEVNULL) for _ in range(count)]
+    if any(process.wait() for process in running):
+        raise SystemExit(f"{command[0]} fly failed")
+    return count / (time.monotonic() - begun)
+
+
 def measure(folder: Path, trials: int) -> None:
     """All rows."""
     (folder / "plan.toml").write_text(f"trials = {trials}\n{PLAN}")
     plan = plans.load(folder / "plan.toml")
     one = ["fly", "--task", "track", "--speed", "4", "--seed", "5", "--trials", str(trials), "--threads", "1"]
-    begun = time.monotonic()
-    subprocess.run([SIMULATOR, *one, "--policy", MODELS / "track.onnx"], check=True, stdout=subprocess.DEVNULL)
-    yardstick = trials / (time.monotonic() - begun)
-    print(f"{trials} chases{'flights/s':>32}{'of one thread':>16}")
-    print(f"  goshawk-sim fly, one thread{yardstick:13.2f}")
-    rates = {"fly": round(yardstick, 3)}
     workers = sorted({1, 2, len(os.sched_getaffinity(0))})
+    alone = {count: beside([SIMULATOR, *one, "--policy", MODELS / "track.onnx"], count) * trials for count in workers}
+    yardstick = alone[1]
+    print(f"{trials} chases{'flights/s':>32}{'of one thread':>16}")
+    for count, rate in alone.items():
+        print(f"  {f'goshawk-sim fly, {count} beside each other':34}{rate:7.2f}{rate / yardstick:15.2f}x")
+    rates = {f"fly_{count}": round(rate, 3) for count, rate in alone.items()}
     store = Store(str(folder))
     with campaign.ready(plan, SIMULATOR, MODELS) as made:
         for engine, count in [(engine, count) for engine in ("local", "ray") for count in workers]:
@@ -74,7 +84,8 @@ def measure(folder: Path, trials: int) -> None:
             print(f"  {engine}, {count} workers{rate:24.2f}{rate / yardstick:15.2f}x", end="")
             grown = rate / rates[f"{engine}_1"]
             print(
-                f", {grown:.2f} x one worker (≥ {TARGET * count:g}: {verdict(grown >= TARGET * count)})"
+                f", {grown:.2f} x one worker (≥ {TARGET * count:g}: {verdict(grown >= TARGET * count)};"
+                f" the machine gives {alone[count] / yardstick:.2f})"
                 if count > 1
                 else ""
             )
