@@ -187,8 +187,11 @@ def results(row: str, column: str) -> list[str]:
     [
         ("chasing a target of this speed", "Tracking", "success"),
         ("the same in gusts of 5 m/s", "Tracking in gusts of 5 m/s", "success"),
+        ("chasing with a tree every 5 m", "Tracking, fast", "success"),
         ("flying to a goal 120 m ahead", "Navigation, 120 m", "success"),
         ("its cruise speed, m/s", "Navigation, 120 m", "cruise, m/s"),
+        ("flying there with a tree every 5 m", "Navigation, 120 m, fast", "success"),
+        ("its cruise speed there, m/s", "Navigation, 120 m, fast", "cruise, m/s"),
     ],
 )
 def test_the_first_pages_figures_are_the_results(in_readme: str, in_results: str, column: str) -> None:
@@ -199,7 +202,9 @@ def test_the_first_pages_figures_are_the_results(in_readme: str, in_results: str
 
 def test_the_first_page_says_what_is_hardest_as_the_results_do() -> None:
     for row, words in (
+        ("Tracking a reactive evader", "{} of 24 at 5 m/s. Then"),
         ("Tracking in buildings", "{} of 24 through buildings"),
         ("Tracking along an eight", "{} of 24 along"),
+        ("Navigation, 120 m, dense", "{} of 24 at 6 m/s."),
     ):
         assert words.format(*results(row, "success")) in text(ROOT / "README.md")

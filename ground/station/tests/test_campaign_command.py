@@ -13,7 +13,7 @@ from goshawk_ground.cli import app
 from typer.testing import CliRunner, Result
 
 ROOT = Path(__file__).resolve().parents[3]
-KEPT = ROOT / "ground/train/results/navigation-dense.json"
+KEPT = ROOT / "tests/data/campaign-of-an-older-rule.json"
 
 
 def report(*arguments: object) -> Result:
@@ -131,7 +131,10 @@ def test_without_files_the_flight_tables_own_are_compared_and_others_skipped_in_
     (kept / "bad.json").write_text("{}")
     done = compare()
     assert done.exit_code == 0
-    assert one_line(done.stderr) == "goshawk: skipped bad.json (unreadable), navigation-dense.json (an older rule)"
+    assert (
+        one_line(done.stderr)
+        == "goshawk: skipped bad.json (unreadable), campaign-of-an-older-rule.json (an older rule)"
+    )
     assert (tmp_path / "README.md").exists() and (tmp_path / "ground/train/RESULTS.md").exists()
 
 
@@ -141,7 +144,7 @@ def test_what_cannot_be_compared_or_written_is_one_clear_line_and_status_2(tmp_p
     out = ("--out", tmp_path / "p.html")
     for why, done in (
         ("bad.json is no campaign", compare(tmp_path / "bad.json", *out)),
-        ("nothing to compare: fly with --pilot policy,classical; skipped navigation", compare(KEPT, *out)),
+        ("nothing to compare: fly with --pilot policy,classical; skipped campaign-of", compare(KEPT, *out)),
         ("lacks the marks", compare(flown_by_both(tmp_path), *out, "--readme", tmp_path / "plain.md")),
         ("cannot write", compare(flown_by_both(tmp_path), "--out", tmp_path)),
     ):

@@ -18,8 +18,8 @@ CAVEATS = (
     "differ by 1 % or less are a tie. Where a pilot flew fewer than two flights, or fewer than two reached the goal, "
     "nothing is claimed.",
     "A place of 4 m is a forest with a tree every 4 m. A course is 40 m long where nothing else is said.",
-    "Flights are the same on every machine whose processor rounds alike. Compute is of the machine that flew, and of its "
-    "load.",
+    "Flights are the same on every machine whose processor rounds alike. Compute is of the machine that flew, and of "
+    "its load.",
     "Compute is of a whole campaign, so it counts once for each, however many cells there are. A plan is what is done "
     "for one frame of the camera; the classical pilot makes a new trajectory in every third or when it must.",
     "In a chase the classical pilot finds the target by the learned pilot's network: that is its perception. The "
