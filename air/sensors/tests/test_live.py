@@ -11,13 +11,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from goshawk_sensors import keeping
+from camera_process import VEHICLE
+from goshawk_sensors import cli, keeping
 from goshawk_sensors.cameras import realsense
 from goshawk_sensors.cameras.librealsense import Handle, rs
 from goshawk_sensors.cameras.source import Frame
 from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
 from goshawk_sensors.setup.profile import Depth, Image, Profile
+from goshawk_sensors.view.pinhole import Rig
 from software_camera import Shot, SoftwareCamera, rig
+from typer.testing import CliRunner
 
 SIZE = (320, 192)
 PROFILE = Profile(
@@ -195,3 +198,39 @@ def test_what_is_recorded_while_it_is_sent_can_be_played_from_its_first_image(tm
 def test_a_recording_in_another_format_is_refused_with_the_one_that_can_be_written(tmp_path: Path) -> None:
     with pytest.raises(CameraError, match=r"must have \.db3 extension"):
         opened(SoftwareCamera(rig(SIZE)), record=tmp_path / "kept.bag")
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_its_tables_are_made_before_the_first_image_is_asked_for(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[str]()
+
+    class Source:
+        name = "made up"
+
+        @property
+        def rig(self) -> Rig:
+            asked.append("rig")
+            return rig(SIZE)
+
+        def read(self) -> Frame | None:
+            asked.append("read")
+            raise EndOfRecordingError
+
+        def close(self) -> None:
+            asked.append("close")
+
+    @contextmanager
+    def nobody(*_: object) -> Generator[None]:
+        yield None
+
+    def opening(*_: object) -> Callable[[], Source]:
+        return Source
+
+    def unheard(*_: object) -> None:
+        """Ctrl-C stays the tests' own."""
+
+    monkeypatch.setattr(cli, "_opening", opening)
+    monkeypatch.setattr(cli, "publisher", nobody)
+    monkeypatch.setattr(cli.signal, "signal", unheard)
+    CliRunner().invoke(cli.app, [command, "--config", str(VEHICLE)])
+    assert asked == ["rig", "read", "close"]
