@@ -145,6 +145,18 @@ fn the_network_is_told_of_less_acceleration_or_of_all() {
     assert_eq!(agility(Extensions { agility_limit: false, ..ALL }), 1.0);
 }
 
+#[test]
+fn a_navigation_is_asked_for_more_than_the_asked_speed_or_for_that() {
+    let planned = |task: Task, extensions: Extensions| {
+        let frame = FrameInput { speed: 4.0, ..common::frame(0, odometry(0)) };
+        planner(task, extensions).see(&frame).answer(&network(&[])).alpha * 6.0
+    };
+    assert!(planned(Task::Navigate, ALL) > 4.4);
+    for (task, extensions) in [(Task::Navigate, Extensions { pace: false, ..ALL }), (Task::Track, ALL)] {
+        assert!((planned(task, extensions) - 4.0).abs() < 1e-9);
+    }
+}
+
 /// A flight of the closed loop, flown with all and with a part switched off; `what` is told of it.
 fn flown<T>(off: Extensions, fly: impl Fn(&mut Loop) -> T) -> [T; 2] {
     [ALL, off].map(|extensions| {

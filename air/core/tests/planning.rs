@@ -231,7 +231,9 @@ fn the_state_is_seen_from_the_tilted_camera() {
         goal_world: Some(Vec3::new(1.0, 7.0, 3.0)),
         ..common::frame(0, odometry(0.0))
     };
-    let state = *planner(Task::Navigate).see(&frame).state();
+    let config = common::planner_config(Task::Navigate);
+    let extensions = Extensions { pace: false, ..config.extensions };
+    let state = *Planner::new(PlannerConfig { extensions, ..config }).unwrap().see(&frame).state();
     let (sin, cos) = (0.17_f32.sin(), 0.17_f32.cos());
     // alpha 0.5: velocity 2 / 3, acceleration 1.5 / (0.25 * 6) = 1; a camera looking up sees them below and ahead.
     let want = [2.0 / 3.0 * cos, 0.0, -2.0 / 3.0 * sin, sin, 0.0, cos, sin, 0.0, cos, 0.0, 0.5, 0.0, 1.0];

@@ -154,7 +154,7 @@ fn check_decoding(vectors: &Value, case: &Value, task: Task) {
         camera,
         policy,
         planning: common::planning(target_config(&load("target"))),
-        extensions: Extensions::ALL,
+        extensions: Extensions { pace: false, ..Extensions::ALL },
         keep_off: 1.5,
     };
     let mut planner = Planner::new(config).unwrap();
@@ -284,7 +284,8 @@ fn flatness_agrees_within_and_at_its_limits() {
 #[test]
 fn lead_agrees() {
     let vectors = load("lead");
-    let (config, tau) = (LeadConfig { limit_mps2: number(&vectors["limit"]) }, number(&vectors["tau"]));
+    let (config, tau) =
+        (LeadConfig { limit_mps2: number(&vectors["limit"]), navigation_lag_s: 0.0 }, number(&vectors["tau"]));
     for case in list(&vectors["cases_B"]) {
         same_vector("led", lead(&config, tau, vector(&case["acc_3"]), vector(&case["jerk_3"])), &case["led_3"]);
     }

@@ -157,7 +157,11 @@ impl ControllerConfig {
         Self {
             airframe,
             observer: tuning.observer,
-            lead: if tuning.extensions.attitude_lead { tuning.lead } else { LeadConfig { limit_mps2: 0.0 } },
+            lead: if tuning.extensions.attitude_lead {
+                tuning.lead
+            } else {
+                LeadConfig { limit_mps2: 0.0, ..tuning.lead }
+            },
             yaw: tuning.yaw,
             view,
             gaze: GazeConfig {

@@ -147,7 +147,8 @@ impl Controller {
             self.hover.reset();
             let age = now.since(flown.stamp);
             let reference = flown.quintic.at(age);
-            let led = lead(&self.config.lead, self.motion.attitude_lag(), reference.acc, flown.quintic.jerk(age));
+            let ahead = self.config.lead.ahead(task, self.motion.attitude_lag());
+            let led = lead(&self.config.lead, ahead, reference.acc, flown.quintic.jerk(age));
             let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
             let acc_world = match task {
                 Task::Track if self.config.extensions.view_limit => {

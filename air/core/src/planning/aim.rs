@@ -26,6 +26,26 @@ pub struct ChaseConfig {
     pub pursue_until_s: f64,
 }
 
+/// How a goal is flown to.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NavigationConfig {
+    /// What the network is asked for each m/s of the asked speed: among trees it flies more slowly than what it is asked.
+    #[schemars(range(min = 0.5, max = 2.0), extend("x-why" = "half and twice of what is asked is another speed", "x-source" = "tried, notebook: The asked speed is flown"))]
+    pub pace: f64,
+    /// It is asked more than the asked speed up to this, m/s: beyond it the acceleration is what is missing.
+    #[schemars(range(min = 0.0, max = 40.0), extend("x-why" = "faster no profile asks", "x-source" = "tried, notebook: The asked speed is flown"))]
+    pub pace_up_to_mps: f64,
+}
+
+impl NavigationConfig {
+    /// What the network is asked for a profile that asks `speed`, m/s.
+    #[must_use]
+    pub fn asked(&self, speed: f64) -> f64 {
+        (self.pace * speed).min(self.pace_up_to_mps.max(speed))
+    }
+}
+
 /// Looks along a trajectory at so many instants. Chosen by eye.
 const LOOKS: u32 = 8;
 
@@ -210,5 +230,12 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY] {
             assert_eq!(within_reach(Vec3::new(bad, 1.0, 0.0), 10.0), Vec3::zeros());
         }
+    }
+
+    #[test]
+    fn more_than_the_asked_speed_is_asked_up_to_a_limit_and_never_less() {
+        let how = NavigationConfig { pace: 1.2, pace_up_to_mps: 9.0 };
+        let asked = [5.0, 8.0, 9.0, 12.0].map(|speed| how.asked(speed));
+        assert_eq!(asked, [6.0, 9.0, 9.0, 12.0]);
     }
 }

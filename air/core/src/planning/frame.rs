@@ -28,7 +28,7 @@ pub struct FrameInput {
     pub odometry: Odometry,
     /// Commanded acceleration at the stamp, m/s².
     pub acc_world: Vec3,
-    /// Desired largest speed, m/s; sets alpha = speed / v_max.
+    /// Desired speed, m/s; sets alpha ([`crate::Planner::alpha`]).
     pub speed: f64,
     /// Navigation's goal; none while tracking.
     pub goal_world: Option<Vec3>,

@@ -4,7 +4,7 @@
 use crate::gaze::expected::Expected;
 use crate::gaze::hidden;
 use crate::gaze::threat::Threat;
-use crate::planning::aim::{Chase, ChaseConfig, climbing, crowding, within_reach};
+use crate::planning::aim::{Chase, ChaseConfig, NavigationConfig, climbing, crowding, within_reach};
 use crate::planning::evade::{Evading, Evasion, EvasionConfig, Scene};
 use crate::planning::frame::FrameInput;
 use crate::planning::movers::{Movers, MoversConfig, meeting};
@@ -55,6 +55,8 @@ pub struct PlanningConfig {
     pub detection: SelectConfig,
     /// The target filter.
     pub target: TargetConfig,
+    /// How a goal is flown to.
+    pub navigation: NavigationConfig,
     /// How the target is chased.
     pub chase: ChaseConfig,
     /// What is added to the network's costs.
@@ -108,6 +110,9 @@ impl PlanningConfig {
         }
         if !extensions.no_climbing {
             how.costs.climbing_per_m = 0.0;
+        }
+        if !extensions.pace {
+            how.navigation.pace = 1.0;
         }
         if !extensions.agility_limit {
             (how.max_agility, how.max_acc_mps2) = (1.0, f64::INFINITY);
@@ -203,10 +208,14 @@ impl Planner {
         self.obstacles.remembered(cells)
     }
 
-    /// alpha for a desired largest speed (m/s): speed / v_max, kept within 0.05..=10.
+    /// alpha for the speed that a profile asks for (m/s): what the network is asked / v_max, kept within 0.05..=10.
     #[must_use]
     pub fn alpha(&self, speed: f64) -> f64 {
-        let alpha = speed / self.config.policy.v_max;
+        let asked = match self.config.policy.task {
+            Task::Navigate => self.config.planning.navigation.asked(speed),
+            Task::Track => speed,
+        };
+        let alpha = asked / self.config.policy.v_max;
         if alpha.is_finite() { alpha.clamp(0.05, 10.0) } else { 1.0 }
     }
 

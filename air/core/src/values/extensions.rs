@@ -38,6 +38,8 @@ pub struct Extensions {
     pub no_climbing: bool,
     /// Navigation: a vehicle that is stuck flies some metres aside first.
     pub detours: bool,
+    /// Navigation: the network is asked for more than the asked speed, so that this is flown.
+    pub pace: bool,
     /// The network is told of less acceleration than training's most.
     pub agility_limit: bool,
     /// The thrust that hovers is learnt in flight.
@@ -66,6 +68,7 @@ impl Extensions {
         view_limit: true,
         no_climbing: true,
         detours: true,
+        pace: true,
         agility_limit: true,
         learnt_hover_thrust: true,
         learnt_attitude_lag: true,
