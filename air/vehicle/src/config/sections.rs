@@ -142,7 +142,7 @@ pub(super) struct ProfileRow {
     pub(super) name: String,
     /// What to do.
     pub(super) task: Task,
-    /// Largest speed, m/s: a chase needs about twice its target's.
+    /// Speed, m/s: a navigation cruises at it, and a chase, which wants about twice its target's, flies no faster.
     #[schemars(range(min = 0.5, max = 20.0), extend("x-why" = "no policy is trained for more, nor does less get anywhere", "x-source" = "twice a target of 3 m/s"))]
     pub(super) speed_mps: f64,
     /// Height above the start to climb to, m.
