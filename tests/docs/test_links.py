@@ -205,6 +205,6 @@ def test_the_first_page_says_what_is_hardest_as_the_results_do() -> None:
         ("Tracking a reactive evader", "{} of 24 at 5 m/s. Then"),
         ("Tracking in buildings", "{} of 24 through buildings"),
         ("Tracking along an eight", "{} of 24 along"),
-        ("Navigation, 120 m, dense", "{} of 24 at 6 m/s."),
+        ("Navigation, 120 m, dense", "{0} of 24 at 6 m/s. At 10 m/s it is often slow: {2} of 24."),
     ):
         assert words.format(*results(row, "success")) in text(ROOT / "README.md")
