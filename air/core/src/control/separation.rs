@@ -16,9 +16,6 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeparationTuning {
-    /// What the vehicle may spend on keeping away from it, m/s².
-    #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less keeps off nobody, more no airframe gives", "x-source" = "tried, notebook: Nearer, for it brakes harder"))]
-    pub max_acc_mps2: f64,
     /// From the target's move to the vehicle's, s: camera, network, filter, attitude loop.
     #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "no vehicle answers sooner, and one that answers later could not chase", "x-source" = "chosen by eye"))]
     pub reaction_s: f64,
@@ -38,8 +35,10 @@ pub struct SeparationTuning {
 pub struct SeparationConfig {
     /// Least distance from the vehicle's centre to the target's, m (2).
     pub min_distance: f64,
-    /// The target's greatest acceleration, m/s² (8).
+    /// The target's greatest acceleration, m/s² (8),
     pub target_acc: f64,
+    /// and what the vehicle may spend on keeping away from it, m/s² (10).
+    pub max_acc: f64,
     /// How to keep it.
     pub tuning: SeparationTuning,
 }
@@ -103,7 +102,7 @@ impl SeparationConfig {
         let (mut closing, mut lost, mut time) = (speed + comes, 0.0, 0.0);
         for end in [full.min(reaction), full.max(reaction), f64::INFINITY] {
             let runs = if time < full { self.target_acc } else { 0.0 };
-            let brakes = if time < reaction { 0.0 } else { self.tuning.max_acc_mps2 };
+            let brakes = if time < reaction { 0.0 } else { self.max_acc };
             let acc = runs - brakes;
             let parts = if acc < 0.0 { (closing / -acc).max(0.0) } else { f64::INFINITY };
             let lasts = (end - time).min(parts);
@@ -177,7 +176,7 @@ impl Separation {
         };
         let within = if bent == flat { flat } else { within_room(bent, flat, vel_world.xy(), room) };
         // What was commanded may be more than this rule may spend.
-        let most = config.tuning.max_acc_mps2.max(flat.norm());
+        let most = config.max_acc.max(flat.norm());
         let within = within * (most / within.norm().max(most));
         if within.iter().all(|x| x.is_finite()) { Vec3::new(within.x, within.y, acc_world.z) } else { acc_world }
     }
@@ -260,7 +259,7 @@ mod tests {
 
     fn config() -> SeparationConfig {
         let tuning = shipped::tuning().separation;
-        SeparationConfig { min_distance: 2.0, target_acc: 8.0, tuning }
+        SeparationConfig { min_distance: 2.0, target_acc: 8.0, max_acc: 10.0, tuning }
     }
 
     fn threat(pos_world: Vec3, vel_world: Vec3) -> Threat {
@@ -302,10 +301,10 @@ mod tests {
     #[test]
     fn the_speed_at_which_it_may_be_approached_is_what_reaction_and_braking_leave() {
         let speed = |gap: f64, comes: f64, fastest: f64| config().approach(gap, comes, fastest).0;
-        // It stands and stays: v * 0.25 s + v² / 24 is the gap.
-        assert!((speed(3.0, 0.0, 0.0) - 6.0).abs() < 0.01, "{}", speed(3.0, 0.0, 0.0));
+        // It stands and stays: v * 0.25 s + v² / 20 is the gap.
+        assert!((speed(3.0, 0.0, 0.0) - 5.6394).abs() < 0.01, "{}", speed(3.0, 0.0, 0.0));
         // It comes as fast as it can: the same, counted from its own speed.
-        assert!((speed(3.0, 4.0, 4.0) - 2.0).abs() < 0.01);
+        assert!((speed(3.0, 4.0, 4.0) - 1.6394).abs() < 0.01);
         assert!(speed(3.0, 0.0, 4.0) < speed(3.0, 0.0, 0.0), "it may begin to come");
         assert!(speed(3.0, -4.0, 4.0) > speed(3.0, 0.0, 4.0), "it must turn first");
         assert!(speed(0.0, 3.0, 3.0) < -2.9 && speed(-1.0, 0.0, 2.0) < -1.0);
@@ -361,7 +360,7 @@ mod tests {
             let acc = Vec3::from(acc);
             let kept = keep(acc, Vec3::from(vel), &threat(Vec3::from(at), Vec3::from(of)), None);
             prop_assert_eq!(kept.z, acc.z);
-            prop_assert!(kept.xy().norm() <= acc.xy().norm().max(config().tuning.max_acc_mps2) + 1e-9);
+            prop_assert!(kept.xy().norm() <= acc.xy().norm().max(config().max_acc) + 1e-9);
         }
 
         #[test]

@@ -176,6 +176,7 @@ impl ControllerConfig {
             separation: SeparationConfig {
                 min_distance: limits.min_target_distance_m,
                 target_acc: tuning.planner.target.max_acc_mps2,
+                max_acc: tuning.planner.max_acc_mps2,
                 tuning: tuning.separation,
             },
             evasion: tuning.planner.evasion,
