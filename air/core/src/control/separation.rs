@@ -131,10 +131,11 @@ impl SeparationConfig {
         Vec3::new(acc_world.x, acc_world.y, acc_world.z.max(KV * (-sinks - vel_world.z)))
     }
 
-    /// The least level distance between two that are `rise` m apart in height, m.
+    /// The least level distance between two that are `rise` m apart in height, m. The doubt is level, since nobody runs up,
+    /// and counts for nothing from the least distance on.
     fn level(&self, doubt: f64, rise: f64) -> f64 {
-        let least = self.min_distance + doubt;
-        (least * least - rise * rise).max(0.0).sqrt()
+        let share = 1.0 - (rise / self.min_distance).powi(2);
+        (self.min_distance + doubt) * share.max(0.0).sqrt()
     }
 }
 
@@ -347,8 +348,10 @@ mod tests {
 
     #[test]
     fn who_flies_above_the_target_is_free() {
-        let below = threat(Vec3::new(0.5, 0.0, -3.0), Vec3::zeros());
+        let below = Threat { pos_doubt: 0.8, ..threat(Vec3::new(0.5, 0.0, -2.1), Vec3::zeros()) };
         assert_eq!(keep(Vec3::x(), Vec3::zeros(), &below, None), Vec3::x());
+        let beside = Threat { pos_world: Vec3::new(0.5, 0.0, -1.0), ..below };
+        assert!(keep(Vec3::x(), Vec3::zeros(), &beside, None).x < -4.0);
     }
 
     proptest! {

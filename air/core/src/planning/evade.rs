@@ -2,6 +2,7 @@
 //!
 //! The network's trajectories lead to the aim and last a second or more: a slow vehicle's hardly differ before a mover
 //! is there. If the best of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
+//! So it is when the best meets at once what stands: beside a trunk that came into view late, all of them lead into it.
 //! So it is when a target comes that braking alone does not keep away from; then faster ways are tried as well, and ways
 //! over it: it runs as fast as the vehicle backs, but it does not fly.
 
@@ -75,6 +76,9 @@ const TURNS: [f64; 6] = [-0.9, -0.45, -0.2, 0.2, 0.45, 0.9];
 /// What the trajectory that would be flown costs at least for movers, so that another is looked for: a navigation takes
 /// its time, a chase that steps aside loses its target. Chosen by eye.
 const WORTH: (f64, f64) = (2.0, 14.0);
+/// And what it costs for what stands: as much as to meet it within 0.8 s, or within 1.4 s if a way aside is flown already.
+/// Chosen by eye.
+const AT_ONCE: (f64, f64) = (14.0, 6.0);
 /// A way aside costs less by so much, or is not flown. Chosen by eye.
 const BETTER: f64 = 1.0;
 /// What a place costs that was never looked through. Chosen by eye.
@@ -212,7 +216,10 @@ impl Evading {
         };
         let horizon = flown.map_or(HORIZON, Quintic::duration);
         let worth = if scene.chases { WORTH.1 } else { WORTH.0 };
-        if met == 0.0 && MEETING * meeting(scene.movers, scene.clearance, scene.stamp, &otherwise, horizon) < worth {
+        let moving = MEETING * meeting(scene.movers, scene.clearance, scene.stamp, &otherwise, horizon);
+        let at_once = if last.is_some() { AT_ONCE.1 } else { AT_ONCE.0 };
+        let standing = MEETING * scene.obstacles.meeting_on(&otherwise, horizon, scene.ignored);
+        if met == 0.0 && moving < worth && standing < at_once {
             return None;
         }
         let least = scene.danger(&otherwise, horizon) + met;
@@ -298,11 +305,16 @@ mod tests {
 
     /// One looks at a wall 9 m ahead.
     fn open_space() -> Obstacles {
+        before_wall(9000)
+    }
+
+    /// Or nearer, mm.
+    fn before_wall(mm: u16) -> Obstacles {
         let how = shipped::tuning().planner;
         let (hfov, vfov) = (90_f64.to_radians(), 62_f64.to_radians());
         let mut obstacles = Obstacles::new(hfov, vfov, 6.0, &how.obstacles, how.movers);
         for _ in 0..4 {
-            obstacles.see(STAMP, (&Vec3::zeros(), &Rot::identity()), &[9000; COLUMNS * ROWS], None);
+            obstacles.see(STAMP, (&Vec3::zeros(), &Rot::identity()), &[mm; COLUMNS * ROWS], None);
         }
         obstacles
     }
@@ -318,12 +330,20 @@ mod tests {
     }
 
     fn step_before(start: &FlatState, movers: &Movers, threat: Option<Threat>) -> Option<Evasion> {
-        let obstacles = open_space();
+        step_among(&open_space(), start, movers, threat)
+    }
+
+    fn step_among(
+        obstacles: &Obstacles,
+        start: &FlatState,
+        movers: &Movers,
+        threat: Option<Threat>,
+    ) -> Option<Evasion> {
         let ahead = FlatState { pos: start.pos + start.vel * 2.0, ..*start };
         let flown = Quintic::new(start, &ahead, 2.0);
         let scene = Scene {
             stamp: STAMP,
-            obstacles: &obstacles,
+            obstacles,
             movers,
             clearance: 0.5,
             ignored: None,
@@ -348,6 +368,15 @@ mod tests {
         assert!(least > 0.6, "{least} {evasion:?}");
         assert_eq!(step(&start, &mover(Vec3::new(2.2, -1.2, 0.0), Vec3::y() * -1.2)), None);
         assert_eq!(step(&start, &[None; MOST]), None);
+    }
+
+    #[test]
+    fn what_stands_so_near_that_all_trajectories_meet_it_is_evaded_and_what_stands_farther_is_left_to_them() {
+        let start = FlatState { vel: Vec3::x() * 2.0, ..FlatState::default() };
+        let evasion = step_among(&before_wall(1600), &start, &[None; MOST], None).expect("it would be met");
+        let nearest = (1..=20).map(|k| aside(&config(), &start, &evasion, f64::from(k) * 0.06).x);
+        assert!(nearest.fold(0.0, f64::max) < 1.4, "{evasion:?}");
+        assert_eq!(step_among(&before_wall(4000), &start, &[None; MOST], None), None);
     }
 
     fn target(pos_world: Vec3, vel_world: Vec3) -> Option<Threat> {

@@ -270,12 +270,25 @@ impl Obstacles {
     pub(crate) fn meeting_on(&self, way: &impl Fn(f64) -> Vec3, horizon: f64, ignored: Option<&Ignored>) -> f64 {
         let Some(low) = self.low else { return 0.0 };
         let horizon = horizon.min(HORIZON);
-        let met = (1..=LOOKS).map(|k| horizon * f64::from(k) / f64::from(LOOKS)).find(|time| {
-            let pos = way(*time);
+        let gap = |time: f64| {
+            let pos = way(time);
             let expected = ignored.is_some_and(|c| (pos.xy() - c.at_world.xy()).norm() < c.radius);
-            !expected && self.is_near(&low, &in_voxels(&pos, &low))
-        });
-        met.map_or(0.0, |time| (1.0 - time / HORIZON).powi(2))
+            if expected { f32::INFINITY } else { self.gap(&low, &in_voxels(&pos, &low)) }
+        };
+        // Beside something already, it is as bad as much of what is left is lost; not at all if one leaves.
+        let mut left = gap(0.0);
+        let mut worst = 0.0_f64;
+        for time in (1..=LOOKS).map(|k| horizon * f64::from(k) / f64::from(LOOKS)) {
+            let gap = gap(time);
+            let lost = if left.is_infinite() { f32::from(u8::from(gap.is_finite())) } else { (1.0 - gap / left).max(0.0) };
+            worst = worst.max((1.0 - time / HORIZON).powi(2) * f64::from(lost));
+            if gap.is_infinite() {
+                left = gap;
+            } else if left.is_infinite() {
+                break;
+            }
+        }
+        worst
     }
 
     /// The place was looked through once.
@@ -320,17 +333,28 @@ impl Obstacles {
         )
     }
 
-    /// Something is in the point's voxel or in one of those about it: within 0.2 to 0.4 m.
-    fn is_near(&self, low: &Voxel, at: &Vector3<f32>) -> bool {
+    /// How far the nearest thing is in the point's voxel and those about it, which reach 0.2 to 0.4 m, in voxels;
+    /// infinite: there is none.
+    fn gap(&self, low: &Voxel, at: &Vector3<f32>) -> f32 {
         if !is_inside(at) {
-            return false;
+            return f32::INFINITY;
         }
         let inner = at.map(|x| x as i32);
         // The voxel's neighbours along x, but for those beyond the grid, where the rows wrap.
         let (first, last) = ((inner.x - 1).max(0), (inner.x + 1).min(SIZE[0] - 1));
         let about = (first..=last).fold(0_u128, |bits, x| bits | 1 << bit_of(low.x + x));
         let rows = |axis: usize| (inner[axis] - 1).max(0)..=(inner[axis] + 1).min(SIZE[axis] - 1);
-        rows(2).any(|z| rows(1).any(|y| self.occupied[row_of(&(low + Voxel::new(0, y, z)))] & about != 0))
+        let mut least = f32::INFINITY;
+        for (y, z) in rows(2).flat_map(|z| rows(1).map(move |y| (y, z))) {
+            let things = self.occupied[row_of(&(low + Voxel::new(0, y, z)))] & about;
+            if things != 0 {
+                let beside = Vector2::new(y as f32 + 0.5 - at.y, z as f32 + 0.5 - at.z).norm_squared();
+                for x in (first..=last).filter(|x| things & 1 << bit_of(low.x + x) != 0) {
+                    least = least.min((x as f32 + 0.5 - at.x).powi(2) + beside);
+                }
+            }
+        }
+        least.sqrt()
     }
 
     /// Moves the grid so that `centre` is in its middle, and forgets what it leaves. Returns the lowest voxel.
@@ -477,6 +501,23 @@ mod tests {
         assert!(obstacles.meeting(&way, None) > 0.0, "holes look through nothing");
         (0..10).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(9000)));
         assert_eq!(obstacles.meeting(&way, None), 0.0);
+    }
+
+    #[test]
+    fn who_is_beside_something_may_leave_and_not_come_nearer() {
+        let mut obstacles = obstacles();
+        (0..4).for_each(|_| see(&mut obstacles, Vec3::zeros(), &thing_at(1000)));
+        let beside = Vec3::x() * 0.85;
+        let meeting = |by: Vec3| {
+            let start = FlatState { pos: beside, ..FlatState::default() };
+            obstacles.meeting(&Quintic::new(&start, &FlatState { pos: beside + by, ..start }, 1.0), None)
+        };
+        assert!(meeting(Vec3::x()) > 0.2);
+        for leaves in [Vec3::x() * -2.0, Vec3::y() * 2.0, Vec3::zeros()] {
+            assert_eq!(meeting(leaves), 0.0, "{leaves}");
+        }
+        let around = |time: f64| beside + Vec3::x() * if time < 0.5 { -2.0 * time } else { 2.0 * time - 2.0 };
+        assert!(obstacles.meeting_on(&around, 1.0, None) > 0.0, "having left it, it comes back");
     }
 
     #[test]
