@@ -55,12 +55,33 @@ const GLIMPSE_LASTS: f64 = 0.2;
 /// A glimpse may be this much farther from where the target was than it can have run, m. Chosen by eye, as the shipped
 /// `planner.target.reacquire_margin_m`.
 const GLIMPSE_MARGIN: f64 = 1.0;
+/// Who is farther than this from where the target should be, m, is not the target as it is believed. Chosen by eye.
+const APART: f64 = 1.5;
+/// Who is seen for so long looks like the target for sure, s: three frames. Chosen by eye.
+const STRANGER_SHOWS: f64 = 0.06;
+/// Not seen for so long it is forgotten, s. Chosen by eye.
+const STRANGER_LASTS: f64 = 0.3;
+/// It steps no farther from one look to the next, m. Chosen by eye.
+const STRANGER_STEP: f64 = 1.0;
+/// It may be nearer by so much, m. Chosen by eye, as the target's after a few looks.
+const STRANGER_DOUBT: f64 = 0.3;
 /// A hidden target that should be nearer than this, m, has left the image at its side. Chosen by eye.
 const SLIPPED_WITHIN: f64 = 4.0;
 /// One that is farther off is looked for so far to the sides, rad. Chosen by eye.
 const GLANCE_ANGLE: f64 = 1.0;
 /// To and fro in this, s. Chosen by eye.
 const GLANCE_PERIOD: f64 = 2.0;
+
+/// Somebody who looks like the target, and is not where that is believed to be.
+#[derive(Clone, Copy, Debug)]
+struct Stranger {
+    /// Seen since then,
+    since: Time,
+    /// and until then,
+    stamp: Time,
+    /// there, m.
+    pos_world: Vec3,
+}
 
 /// The camera's heading, and what is believed of the target.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +92,7 @@ pub struct Gaze {
     target: Option<TargetEstimate>,
     /// When and where something last looked like the target.
     glimpse: Option<(Time, Vec3)>,
+    stranger: Option<Stranger>,
     /// The side to which the target would leave the image; its sign counts, positive to the left.
     side: f64,
 }
@@ -79,12 +101,12 @@ impl Gaze {
     /// At rest at yaw 0, with nothing seen.
     #[must_use]
     pub fn new(config: GazeConfig, yaw: YawConfig, view: ViewConfig) -> Self {
-        Self { config, view, yaw: YawPlanner::new(yaw), target: None, glimpse: None, side: 1.0 }
+        Self { config, view, yaw: YawPlanner::new(yaw), target: None, glimpse: None, stranger: None, side: 1.0 }
     }
 
     /// A flight begins: what was seen before it is of another one.
     pub fn forget(&mut self) {
-        (self.target, self.glimpse) = (None, None);
+        (self.target, self.glimpse, self.stranger) = (None, None, None);
     }
 
     /// What a frame of `stamp` shows: the filter's estimate, and what its cells hold.
@@ -95,6 +117,23 @@ impl Gaze {
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
             self.glimpse = Some((stamp, pos_world));
         }
+        self.stranger = self.beside(stamp, candidates).or(self.stranger);
+    }
+
+    /// Who looks most like the target where that is not believed to be.
+    fn beside(&self, stamp: Time, candidates: &[Candidate]) -> Option<Stranger> {
+        let believed = self.target_at(stamp)?.pos;
+        let apart = |candidate: &&Candidate| {
+            candidate.objectness >= self.config.objectness
+                && candidate.target_world.is_some_and(|at| finite(&at) && (at - believed).norm() > APART)
+        };
+        let seen = candidates.iter().filter(apart).max_by(|a, b| a.objectness.total_cmp(&b.objectness))?;
+        let pos_world = seen.target_world?;
+        let same = |last: &Stranger| {
+            stamp.since(last.stamp) < STRANGER_LASTS && (pos_world - last.pos_world).norm() < STRANGER_STEP
+        };
+        let since = self.stranger.filter(same).map_or(stamp, |last| last.since);
+        Some(Stranger { since, stamp, pos_world })
     }
 
     /// Moves what is known along: the odometry's frame jumped, the vehicle and the target did not.
@@ -104,6 +143,9 @@ impl Gaze {
         }
         if let Some((_, pos_world)) = &mut self.glimpse {
             *pos_world += jump.pos_world;
+        }
+        if let Some(stranger) = &mut self.stranger {
+            stranger.pos_world += jump.pos_world;
         }
         self.yaw.shift(jump.yaw);
     }
@@ -127,6 +169,21 @@ impl Gaze {
     #[must_use]
     pub fn threat(&self, now: Time) -> Option<Threat> {
         self.target.as_ref().and_then(|target| Threat::of(target, now))
+    }
+
+    /// Who surely looks like the target where that is not believed to be, at its worst: it may be the target, or somebody
+    /// else, and neither is flown into.
+    #[must_use]
+    pub fn stranger(&self, now: Time) -> Option<Threat> {
+        let stranger = self.stranger.filter(|s| s.stamp.since(s.since) >= STRANGER_SHOWS)?;
+        let hidden_for = now.since(stranger.stamp).max(0.0);
+        (hidden_for < STRANGER_LASTS).then_some(Threat {
+            pos_world: stranger.pos_world,
+            vel_world: Vec3::zeros(),
+            pos_doubt: STRANGER_DOUBT,
+            vel_doubt: 0.0,
+            hidden_for,
+        })
     }
 
     /// For how long the target has been hidden, s; none: there is none.
@@ -265,17 +322,21 @@ mod tests {
         }
     }
 
-    /// What is glimpsed `lateral` m beside a target that has been hidden for so long, `later` s after the frame.
-    fn glimpsed(objectness: f64, lateral: f64, hidden: f64, later: f64) -> Option<Vec3> {
-        let stamp = Time::from_secs(1.0 + hidden);
-        let candidate = Candidate {
+    fn candidate(objectness: f64, target_world: Vec3) -> Candidate {
+        Candidate {
             end: FlatState::default(),
             cost: 0.0,
             added: Added::default(),
             objectness,
-            target_world: Some(Vec3::new(5.0, lateral, 1.0)),
+            target_world: Some(target_world),
             rejection: Some(Rejection::Cost),
-        };
+        }
+    }
+
+    /// What is glimpsed `lateral` m beside a target that has been hidden for so long, `later` s after the frame.
+    fn glimpsed(objectness: f64, lateral: f64, hidden: f64, later: f64) -> Option<Vec3> {
+        let stamp = Time::from_secs(1.0 + hidden);
+        let candidate = candidate(objectness, Vec3::new(5.0, lateral, 1.0));
         let mut gaze = gaze();
         gaze.take(stamp, Some(target(5.0)), &[Candidate { objectness: 0.0, ..candidate }, candidate]);
         gaze.glimpse(stamp.plus(later))
@@ -290,6 +351,38 @@ mod tests {
         assert_eq!(glimpsed(0.95, 2.0, 0.2, 0.3), None, "too old");
         assert_eq!(glimpsed(0.95, f64::NAN, 0.2, 0.0), None);
         assert_eq!(glimpsed(f64::NAN, 2.0, 0.2, 0.0), None);
+    }
+
+    /// Who is kept away from besides the target after so many frames, `apart` m from it, `later` s after the last.
+    fn stranger(objectness: f64, apart: f64, frames: u32, later: f64) -> Option<Threat> {
+        let mut gaze = gaze();
+        let mut stamp = Time::from_secs(1.0);
+        for frame in 0..frames {
+            stamp = Time::from_secs(1.0 + f64::from(frame) / 30.0);
+            gaze.take(stamp, Some(target(5.0)), &[candidate(objectness, Vec3::new(5.0, apart, 1.0))]);
+        }
+        gaze.stranger(stamp.plus(later))
+    }
+
+    #[test]
+    fn who_looks_like_the_target_for_some_frames_where_that_is_not_is_kept_away_from_too() {
+        let seen = stranger(0.95, 2.0, 4, 0.1).expect("somebody");
+        assert_eq!(seen.pos_world, Vec3::new(5.0, 2.0, 1.0));
+        for (objectness, apart, frames, later) in [
+            (0.85, 2.0, 4, 0.1),
+            (0.95, 1.0, 4, 0.1),
+            (0.95, 2.0, 1, 0.0),
+            (0.95, 2.0, 4, 0.4),
+            (0.95, f64::NAN, 4, 0.1),
+        ] {
+            assert_eq!(stranger(objectness, apart, frames, later), None, "{objectness} {apart} {frames} {later}");
+        }
+        let mut gaze = gaze();
+        for (frame, apart) in [2.0, -2.0, 2.0, -2.0].into_iter().enumerate() {
+            let stamp = Time::from_secs(1.0 + frame as f64 / 30.0);
+            gaze.take(stamp, Some(target(5.0)), &[candidate(0.95, Vec3::new(5.0, apart, 1.0))]);
+            assert_eq!(gaze.stranger(stamp), None, "nobody jumps");
+        }
     }
 
     #[test]

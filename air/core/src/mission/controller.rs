@@ -33,7 +33,8 @@ pub struct Controller {
     pub(crate) plans: Plans,
     pub(crate) gaze: Gaze,
     pub(crate) hover: Hover,
-    pub(crate) separation: Separation,
+    /// From the target, and from who looks like it elsewhere.
+    pub(crate) separations: [Separation; 2],
     pub(crate) flight: Option<Flight>,
     /// Commanded in the last step.
     pub(crate) commanded: Commanded,
@@ -122,7 +123,7 @@ impl Controller {
             plans: Plans::new(Time(0)),
             gaze: Gaze::new(config.gaze, config.yaw, config.view),
             hover: Hover::default(),
-            separation: Separation::default(),
+            separations: Default::default(),
             flight: None,
             commanded: Commanded::default(),
             handing_back: false,

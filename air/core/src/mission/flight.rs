@@ -208,14 +208,18 @@ impl Controller {
         }
     }
 
-    /// `acc_world` such that the least distance to the target is kept.
+    /// `acc_world` such that the least distance to the target is kept, and to who looks like it elsewhere.
     fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
-        let Some(threat) = self.threat(now) else { return acc_world };
         let state = [odometry.pos_world, odometry.vel_world];
         let config = &self.config.separation;
+        let acc_world = match self.gaze.stranger(now).filter(|_| self.keeps_apart()) {
+            Some(stranger) => self.separations[1].keep(config, dt, acc_world, state, &stranger, self.plans.room()),
+            None => acc_world,
+        };
+        let Some(threat) = self.threat(now) else { return acc_world };
         let acc_world = match self.evading(now) {
             Some(evasion) if evasion.from_target => acc_world,
-            _ => self.separation.keep(config, dt, acc_world, state, &threat, self.plans.room()),
+            _ => self.separations[0].keep(config, dt, acc_world, state, &threat, self.plans.room()),
         };
         // A landing is told by its descent.
         if self.mode == Mode::Stopping { acc_world } else { config.stay_above(acc_world, state, &threat) }
@@ -223,8 +227,13 @@ impl Controller {
 
     /// The target, where it may have to be kept away from.
     fn threat(&self, now: Time) -> Option<Threat> {
+        self.gaze.threat(now).filter(|_| self.keeps_apart())
+    }
+
+    /// A distance is to be kept.
+    fn keeps_apart(&self) -> bool {
         let chases = self.flight.as_ref().is_some_and(|flight| flight.profile.task == Task::Track);
-        self.gaze.threat(now).filter(|_| chases && self.config.extensions.least_distance)
+        chases && self.config.extensions.least_distance
     }
 
     fn hover_rung(&self) -> Fallback {

@@ -280,7 +280,8 @@ impl Obstacles {
         let mut worst = 0.0_f64;
         for time in (1..=LOOKS).map(|k| horizon * f64::from(k) / f64::from(LOOKS)) {
             let gap = gap(time);
-            let lost = if left.is_infinite() { f32::from(u8::from(gap.is_finite())) } else { (1.0 - gap / left).max(0.0) };
+            let lost =
+                if left.is_infinite() { f32::from(u8::from(gap.is_finite())) } else { (1.0 - gap / left).max(0.0) };
             worst = worst.max((1.0 - time / HORIZON).powi(2) * f64::from(lost));
             if gap.is_infinite() {
                 left = gap;
