@@ -219,6 +219,24 @@ fn a_target_that_runs_at_the_vehicle_is_backed_from_or_is_not() {
 }
 
 #[test]
+fn who_stands_on_the_way_to_where_the_target_is_believed_is_kept_away_from_or_is_not() {
+    let [kept, met] = flown(Extensions { least_distance: false, ..ALL }, |sim| {
+        chase(sim, 60.0);
+        let believed = Vec3::new(63.0, -2.0, 1.5);
+        sim.run(3.0);
+        let stands = sim.pos + Vec3::new(9.0, 0.1, 0.0);
+        sim.frames = Frames::Astray(believed, stands);
+        let mut least = f64::INFINITY;
+        for _ in 0..800 {
+            sim.tick(None);
+            least = least.min((sim.pos - stands).norm());
+        }
+        least
+    });
+    assert!(kept > 1.5 && met < 0.5, "{kept} {met}");
+}
+
+#[test]
 fn a_way_aside_is_flown_only_if_the_planner_may_step_aside() {
     // The planner's switch; that a plan's way aside is flown is shown elsewhere.
     let moving = |extensions: Extensions| {

@@ -88,6 +88,8 @@ pub enum Frames {
     Target(Vec3),
     /// Something here that looks like a target and is not believed to be it.
     Glimpse(Vec3),
+    /// A target that is believed to be here, while it is seen there.
+    Astray(Vec3, Vec3),
     /// A straight plan to the demand's goal.
     Goal,
 }
@@ -328,7 +330,7 @@ impl Loop {
         let (aim, target) = match self.frames {
             Frames::None => return None,
             Frames::Blank | Frames::Glimpse(_) => (None, None),
-            Frames::Target(at) => (Some(at), Some(at)),
+            Frames::Target(at) | Frames::Astray(at, _) => (Some(at), Some(at)),
             Frames::Goal => (demand.goal_world, None),
         };
         let alpha = demand.speed / 6.0;
@@ -338,7 +340,10 @@ impl Loop {
             let direction = line.try_normalize(1e-6).unwrap_or_default();
             FlatState { pos: pos + direction * reach, vel: direction * (2.0 * self.haste), acc: Vec3::zeros() }
         });
-        let glimpsed = if let Frames::Glimpse(at) = self.frames { Some(at) } else { target };
+        let glimpsed = match self.frames {
+            Frames::Glimpse(at) | Frames::Astray(_, at) => Some(at),
+            _ => target,
+        };
         let candidate = Candidate {
             end,
             cost: 1.0,
