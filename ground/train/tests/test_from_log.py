@@ -43,7 +43,7 @@ SCENE = "scene_0000"
 
 def fly(folder: Path, *options: str, task: str = "track") -> Path:
     """One flight's log."""
-    command = [str(SIMULATOR), "fly", "--task", task, "--speed", "4", "--trials", "1", "--seed", "411"]
+    command = [str(SIMULATOR), "fly", "--task", task, "--speed", "4", "--trials", "1", "--seed", "414"]
     command += ["--threads", "1", "--log", str(folder), *options]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (log,) = folder.glob("*.mcap")
