@@ -7,6 +7,7 @@ import subprocess
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from command import goshawk
@@ -68,6 +69,28 @@ def test_a_part_of_the_other_task_changes_no_flight(
     assert len(off) >= 2 and flown[0] == flown[1]
 
 
+def test_what_differs_from_the_base_is_told_with_its_luck(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    plan = extensions.load(PLAN)
+
+    def cell(*outcomes: str) -> dict[str, Any]:
+        count = outcomes.count("success")
+        return {
+            "trials": len(outcomes),
+            "successes": count,
+            "success_interval": [0.5, 1],
+            "failures": {"collision": outcomes.count("collision")},
+            "outcomes": list(outcomes),
+        }
+
+    won = cell("success", "collision", *["success"] * 5)
+    base = {campaign.name: won for campaign in plan.campaigns}
+    part = {name: cell("collision", "success", *["lost"] * 5) for name in list(base)[:2]}
+    _, _, above, below = extensions.markdown(plan, {"all": base, "all-without-weak-detections": part}).splitlines()
+    assert above.endswith("| 24 of 28 | 4 |  |")
+    assert below.endswith("| the same | the same | 14 of 28 | 4 | -10 (2 won, 12 lost; p 0.013) |")
+
+
 def test_lines_are_flown_once_and_told_against_their_base(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(ROOT)
     (tmp_path / "plan.toml").write_text(
@@ -80,19 +103,26 @@ def test_lines_are_flown_once_and_told_against_their_base(monkeypatch: pytest.Mo
     table.write_text("\n".join(extensions.MARKS))
     fly = [
         *("campaign", "extensions", "--plan", str(tmp_path / "plan.toml"), "--trials", "2"),
-        *("--only", "all", "--only", "all-without-no-climbing", "--runs", str(tmp_path / "runs")),
-        *("--out", str(tmp_path / "out"), "--markdown", str(table)),
+        *("--runs", str(tmp_path / "runs"), "--out", str(tmp_path / "out"), "--markdown", str(table)),
     ]
-    first = goshawk(*fly)
+    lines = ["--only", "all", "--only", "all-without-no-climbing"]
+    first = goshawk(*fly, *lines)
     assert first.exit_code == 0, first.stderr
     flown_ns = [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("**/*.json"))]
     kept = json.loads((tmp_path / "out/all-without-no-climbing.json").read_text())
     assert kept["identity"]["switches"]["no_climbing"] is False and len(kept["cells"]) == 1
     written = table.read_text()
-    assert "| All | " in written and "| All, without no climbing | " in written
-    assert goshawk(*fly).exit_code == 0 and len(flown_ns) == 4
+    base, line = written.splitlines()[3:5]
+    assert base.startswith("| All | ") and base.endswith(" |  |")
+    assert line.startswith("| All, without no climbing | ") and " won, " in line and "; p " in line
+    again = goshawk(*fly, "--only", "all-without-no-climbing")
+    assert again.exit_code == 0 and table.read_text() == written, "what is known is told, named or not"
     assert [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("**/*.json"))] == flown_ns, "flown once"
-    assert table.read_text() == written
+    assert len(flown_ns) == 4
+    kept["identity"]["flight_code_sha256"] = "of another day"
+    (tmp_path / "out/all.json").write_text(json.dumps(kept))
+    assert goshawk(*fly, "--only", "all-without-no-climbing").exit_code == 0
+    assert [line.split(" |")[0] for line in table.read_text().splitlines()[3:-1]] == ["| All, without no climbing"]
 
 
 def test_an_unknown_line_and_a_bad_plan_are_refused_by_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from command import goshawk
-from goshawk_train.cluster.paired import MedianDifference, RateDifference, compare
-from goshawk_train.cluster.query import Rate
+from goshawk_train.cluster.paired import MedianDifference, compare
 from goshawk_train.cluster.store import Store
+from goshawk_train.rates import Rate, RateDifference
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -15,7 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from goshawk_train.campaigns.flights import FlightsError, Row, fly, present
+from goshawk_train.rates import RateDifference
 
+Cells = dict[str, dict[str, Any]]
+"""What came of a line, by the campaigns' names."""
 TASKS = ["track", "navigate"]
 MARKS = ("<!-- extensions: begin -->", "<!-- extensions: end -->")
 
@@ -158,51 +161,67 @@ def _flown(plan: Plan, variant: Variant) -> list[Row]:
     return [row for row in plan.campaigns if row.task in variant.tasks]
 
 
-def carry_out(
-    plan: Plan, variant: Variant, folder: Path, runs: Path, simulator: Path, models: Path
-) -> list[dict[str, Any]]:
-    """The only cell of each campaign that the line changes; flown unless it is in `folder` already, each campaign's
-    report kept in `runs`."""
-    now, summary = identity(plan, variant, simulator, models), folder / f"{variant.slug}.json"
-    if summary.exists() and (known := json.loads(summary.read_text()))["identity"] == now:
-        return known["cells"]
-    vehicle = variant.write(runs)
+def kept(plan: Plan, variant: Variant, folder: Path, simulator: Path, models: Path) -> Cells | None:
+    """The line as this very flight code flew it before, if it did."""
+    path = folder / f"{variant.slug}.json"
+    if not path.exists():
+        return None
+    known = json.loads(path.read_text())
+    if known["identity"] != identity(plan, variant, simulator, models):
+        return None
+    return {row.name: cell for row, cell in zip(_flown(plan, variant), known["cells"], strict=True)}
+
+
+def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator: Path, models: Path) -> None:
+    """Flies each campaign that the line changes, unless `folder` has it; keeps the full reports in `runs`."""
+    if kept(plan, variant, folder, simulator, models) is not None:
+        return
+    now, vehicle = identity(plan, variant, simulator, models), variant.write(runs)
     cells: list[dict[str, Any]] = []
     for campaign in _flown(plan, variant):
         model = variant.base.policy(campaign.task)
         row = replace(campaign, model=model, options=[*campaign.options, "--vehicle-file", str(vehicle)])
         also = {name: now[name] for name in ("switches", "vehicle_sha256", "flight_code_sha256")}
         report = fly(row, vehicle.parent, simulator, models, trials=plan.trials, seed=plan.seed, also=also)
-        cells += report["cells"]
+        (cell,) = report["cells"]
+        brief = {name: value for name, value in cell.items() if name not in ("flights", "target_plane")}
+        cells.append({**brief, "outcomes": [flight["outcome"] for flight in cell["flights"]]})
     folder.mkdir(parents=True, exist_ok=True)
-    summary.write_text(json.dumps({"identity": now, "cells": cells}, indent=1) + "\n")
-    return cells
+    (folder / f"{variant.slug}.json").write_text(json.dumps({"identity": now, "cells": cells}, indent=1) + "\n")
 
 
-def markdown(plan: Plan, results: list[tuple[Variant, list[dict[str, Any]]]]) -> str:
-    """The table of all lines that are flown: successes in each campaign with their 95 % interval, and their sum."""
-    if not results:
+def markdown(plan: Plan, known: dict[str, Cells]) -> str:
+    """The table of all lines that are known, by their slugs: successes in each campaign with their 95 % interval, their
+    sum, and how many more they are than the base's in the same flights."""
+    if not known:
         return "None is flown yet."
-    head = ["what flies", *(campaign.name for campaign in plan.campaigns), "all", "against its base"]
+    names = [campaign.name for campaign in plan.campaigns]
+    head = ["what flies", *names, "all", "collisions", "against its base"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    cells = {variant.slug: _cells(plan, variant, flown) for variant, flown in results}
-    for variant, _ in results:
-        base = cells.get(replace(variant, part=None).slug, {})
-        own = cells[variant.slug]
-        told = [_share(own[row.name]) if row.name in own else "the same" for row in plan.campaigns]
-        whole = base | own
-        sums = [sum(cell[name] for cell in whole.values()) for name in ("successes", "trials")]
-        complete = len(whole) == len(plan.campaigns)
-        total = f"{sums[0]} of {sums[1]}" if complete else ""
-        against = sums[0] - sum(cell["successes"] for cell in base.values())
-        shown = f"{against:+d}" if variant.part and complete and len(base) == len(whole) else ""
-        lines.append(f"| {' | '.join([variant.name, *told, total, shown])} |")
+    for variant in plan.variants:
+        if (own := known.get(variant.slug)) is None:
+            continue
+        base = known.get(replace(variant, part=None).slug, {})
+        told = [_share(own[name]) if name in own else "the same" for name in names]
+        whole, sums = base | own, ["", ""]
+        if len(whole) == len(names):
+            trials, successes = (sum(cell[key] for cell in whole.values()) for key in ("trials", "successes"))
+            sums = [f"{successes} of {trials}", str(sum(cell["failures"]["collision"] for cell in whole.values()))]
+        against = _against(base, own) if variant.part and len(base) == len(names) else ""
+        lines.append(f"| {' | '.join([variant.name, *told, *sums, against])} |")
     return "\n".join(lines)
 
 
-def _cells(plan: Plan, variant: Variant, flown: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """By the campaigns' names."""
-    return dict(zip((row.name for row in _flown(plan, variant)), flown, strict=True))
+def _against(base: Cells, own: Cells) -> str:
+    """By McNemar's exact test: what differs may be luck above p 0.05."""
+    pairs = [
+        (a == "success", b == "success")
+        for name, cell in own.items()
+        for a, b in zip(base[name]["outcomes"], cell["outcomes"], strict=True)
+    ]
+    only_a, only_b, both = (pairs.count(pair) for pair in ((True, False), (False, True), (True, True)))
+    difference = RateDifference(what="a success", flights=len(pairs), only_a=only_a, only_b=only_b, both=both)
+    return f"{only_b - only_a:+d} ({only_b} won, {only_a} lost; p {difference.p:.2g})"
 
 
 def _share(cell: dict[str, Any]) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from math import sqrt
 from typing import Any
 
 import duckdb
 
-from goshawk_train.cluster.query import LEVEL, flights, interval, stats
+from goshawk_train.cluster.query import flights
 from goshawk_train.cluster.store import Store
 from goshawk_train.errors import TrainerError
+from goshawk_train.rates import LEVEL, RateDifference, stats
 
 RATES = {"success": "a success", "collision": "a collision"}
 METRICS = {
@@ -30,44 +30,6 @@ from a join b using (row, cell, trial) order by a.row, a.cell, trial
 
 class PairedError(TrainerError):
     """The two cannot be compared; the message says why and what to do."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RateDifference:
-    """How often something happens in B less than in A, in the same flights."""
-
-    what: str
-    flights: int
-    only_a: int
-    only_b: int
-    both: int
-
-    @property
-    def difference(self) -> float:
-        """B's rate less A's."""
-        return (self.only_b - self.only_a) / self.flights
-
-    @property
-    def p(self) -> float:
-        """McNemar's exact test, two-sided: of the flights that differ, either is as likely."""
-        differ = self.only_a + self.only_b
-        return float(stats.binomtest(self.only_b, differ).pvalue) if differ else 1.0
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Of the difference: Newcombe's for paired rates (1998, method 10), of Wilson's of each."""
-        n, a, b = self.flights, self.only_a + self.both, self.only_b + self.both
-        neither = n - self.both - self.only_a - self.only_b
-        (low_a, high_a), (low_b, high_b) = interval(a, n, "wilson"), interval(b, n, "wilson")
-        together = self.both * neither - self.only_a * self.only_b
-        spread = a * (n - a) * b * (n - b)
-        correlation = 0.0 if not spread else (max(together - n / 2, 0) if together > 0 else together) / sqrt(spread)
-
-        def reach(down: float, up: float) -> float:
-            return sqrt(max(0.0, down**2 - 2 * correlation * down * up + up**2))
-
-        low = self.difference - reach(b / n - low_b, high_a - a / n)
-        return low, self.difference + reach(high_b - b / n, a / n - low_a)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import duckdb
 import pyarrow
 import pyarrow.parquet
-import scipy.stats
 
 from goshawk_train.cluster.store import Store, StoreError
 from goshawk_train.errors import TrainerError
+from goshawk_train.rates import Rate
 
 pa: Any = pyarrow
 pq: Any = pyarrow.parquet  # neither comes with types
-stats: Any = scipy.stats
-LEVEL = 0.95
 RATES = """
 select row, pilot, speed_mps, world, spacing_m, count(*) as flights, count(*) filter (success) as successes,
        count(*) filter (outcome = 'collision') as collisions, sum(core_s) as core_s
@@ -28,29 +25,6 @@ order by row nulls last, cell
 
 class QueryError(TrainerError):
     """The question cannot be answered; the message is DuckDB's."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rate:
-    """How often something happened in some flights."""
-
-    count: int
-    flights: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The exact one (Clopper and Pearson's)."""
-        return interval(self.count, self.flights, "exact")
-
-    def __str__(self) -> str:
-        low, high = self.interval
-        return f"{self.count / self.flights:.2%} ({low:.2%} to {high:.2%})"
-
-
-def interval(count: int, flights: int, method: str) -> tuple[float, float]:
-    """Of a rate, at `LEVEL`; the method is "exact" or "wilson"."""
-    low, high = stats.binomtest(count, flights).proportion_ci(LEVEL, method=method)
-    return float(low), float(high)
 
 
 def flights(store: Store) -> Any:

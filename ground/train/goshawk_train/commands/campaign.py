@@ -102,12 +102,13 @@ def extensions(
         from goshawk_train.campaigns import extensions, flights
 
         listed = extensions.load(plan)
-        listed = replace(listed, trials=trials or listed.trials).only(only or [])
-        flown: list[tuple[Any, list[dict[str, Any]]]] = []
-        for variant in listed.variants:
+        listed = replace(listed, trials=trials or listed.trials)
+        for variant in listed.only(only or []).variants:
             print(f"{variant.name}:", flush=True)
-            flown.append((variant, extensions.carry_out(listed, variant, out, runs, simulator, models)))
-            flights.put(markdown, extensions.markdown(listed, flown), extensions.MARKS)
+            extensions.carry_out(listed, variant, out, runs, simulator, models)
+            found = {one.slug: extensions.kept(listed, one, out, simulator, models) for one in listed.variants}
+            known = {slug: cells for slug, cells in found.items() if cells is not None}
+            flights.put(markdown, extensions.markdown(listed, known), extensions.MARKS)
         print(markdown)
 
 
