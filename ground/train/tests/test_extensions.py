@@ -49,6 +49,10 @@ def test_a_lines_vehicle_has_its_switches_and_else_its_bases_tuning(
         tuning = tomllib.loads(vehicle.with_name("tuning.toml").read_text())
         shipped = tomllib.loads((ROOT / "air/vehicles/tuning.toml").read_text())
         assert {name: table for name, table in tuning.items() if name != "extensions"} == shipped
+        flown, based = (tomllib.loads(path.read_text()) for path in (vehicle, variant.base.vehicle))
+        changed = {name for name in flown["policy"] if flown["policy"][name] != based["policy"].get(name)}
+        assert changed == set(variant.base.runtime)
+        assert {**flown, "policy": 0, "tuning": 0} == {**based, "policy": 0, "tuning": 0}
 
 
 @pytest.mark.parametrize(("task", "options"), [("track", ["--speed", "5"]), ("navigate", ["--speed", "8"])])

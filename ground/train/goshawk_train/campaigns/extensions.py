@@ -34,6 +34,8 @@ class Base:
     navigate: str
     on: bool
     """All parts are; off: none."""
+    runtime: dict[str, Any] = field(default_factory=dict[str, Any])
+    """Keys of [policy] in place of the vehicle file's: where the policies run. A library is relative to here."""
 
     def policy(self, task: str) -> str:
         """The task's."""
@@ -85,6 +87,10 @@ class Variant:
         out = folder / self.slug
         out.mkdir(parents=True, exist_ok=True)
         (out / "tuning.toml").write_text("\n".join([bare, "[extensions]", *lines, ""]))
+        for key, value in self.base.runtime.items():
+            told = str(Path(value).resolve()) if key == "library" else value
+            rest = re.sub(rf"^{key} = .*\n", "", text, flags=re.MULTILINE)
+            text = rest.replace("[policy]\n", f"[policy]\n{key} = {json.dumps(told)}\n")
         (out / "vehicle.toml").write_text(text.replace(named[0], 'tuning = "tuning.toml"'))
         return out / "vehicle.toml"
 
@@ -117,6 +123,7 @@ def load(path: Path) -> Plan:
                 track=base["track"],
                 navigate=base["navigate"],
                 on=base["on"],
+                runtime=base.get("runtime", {}),
             )
             for base in table["base"]
         ]
@@ -151,6 +158,7 @@ def identity(plan: Plan, variant: Variant, simulator: Path, models: Path) -> dic
     hashes = {task: present(simulator, path, str(variant.base.vehicle)) for task, path in policies.items()}
     return {
         "switches": variant.switches,
+        **({"runtime": variant.base.runtime} if variant.base.runtime else {}),
         "policies": {task: found["policy_sha256"] for task, found in hashes.items()},
         **{name: hashes["track"][name] for name in ("vehicle_sha256", "flight_code_sha256")},
         "campaigns": [row.arguments(plan.trials, plan.seed) for row in _flown(plan, variant)],
@@ -181,7 +189,9 @@ def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator:
     for campaign in _flown(plan, variant):
         model = variant.base.policy(campaign.task)
         row = replace(campaign, model=model, options=[*campaign.options, "--vehicle-file", str(vehicle)])
-        also = {name: now[name] for name in ("switches", "vehicle_sha256", "flight_code_sha256")}
+        also = {
+            name: now[name] for name in ("switches", "runtime", "vehicle_sha256", "flight_code_sha256") if name in now
+        }
         report = fly(row, vehicle.parent, simulator, models, trials=plan.trials, seed=plan.seed, also=also)
         (cell,) = report["cells"]
         brief = {name: value for name, value in cell.items() if name not in ("flights", "target_plane")}
