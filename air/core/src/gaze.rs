@@ -58,13 +58,13 @@ const GLIMPSE_MARGIN: f64 = 1.0;
 /// Who is farther than this from where the target should be, m, is not the target as it is believed. Chosen by eye.
 const APART: f64 = 1.5;
 /// Who is seen for so long looks like the target for sure, s: three frames. Chosen by eye.
-const STRANGER_SHOWS: f64 = 0.06;
+const LOOKALIKE_SHOWS: f64 = 0.06;
 /// Not seen for so long it is forgotten, s. Chosen by eye.
-const STRANGER_LASTS: f64 = 0.3;
+const LOOKALIKE_LASTS: f64 = 0.3;
 /// It steps no farther from one look to the next, m. Chosen by eye.
-const STRANGER_STEP: f64 = 1.0;
+const LOOKALIKE_STEP: f64 = 1.0;
 /// It may be nearer by so much, m. Chosen by eye, as the target's after a few looks.
-const STRANGER_DOUBT: f64 = 0.3;
+const LOOKALIKE_DOUBT: f64 = 0.3;
 /// A hidden target that should be nearer than this, m, has left the image at its side. Chosen by eye.
 const SLIPPED_WITHIN: f64 = 4.0;
 /// One that is farther off is looked for so far to the sides, rad. Chosen by eye.
@@ -74,7 +74,7 @@ const GLANCE_PERIOD: f64 = 2.0;
 
 /// Somebody who looks like the target, and is not where that is believed to be.
 #[derive(Clone, Copy, Debug)]
-struct Stranger {
+struct Lookalike {
     /// Seen since then,
     since: Time,
     /// and until then,
@@ -92,7 +92,7 @@ pub struct Gaze {
     target: Option<TargetEstimate>,
     /// When and where something last looked like the target.
     glimpse: Option<(Time, Vec3)>,
-    stranger: Option<Stranger>,
+    lookalike: Option<Lookalike>,
     /// The side to which the target would leave the image; its sign counts, positive to the left.
     side: f64,
 }
@@ -101,12 +101,12 @@ impl Gaze {
     /// At rest at yaw 0, with nothing seen.
     #[must_use]
     pub fn new(config: GazeConfig, yaw: YawConfig, view: ViewConfig) -> Self {
-        Self { config, view, yaw: YawPlanner::new(yaw), target: None, glimpse: None, stranger: None, side: 1.0 }
+        Self { config, view, yaw: YawPlanner::new(yaw), target: None, glimpse: None, lookalike: None, side: 1.0 }
     }
 
     /// A flight begins: what was seen before it is of another one.
     pub fn forget(&mut self) {
-        (self.target, self.glimpse, self.stranger) = (None, None, None);
+        (self.target, self.glimpse, self.lookalike) = (None, None, None);
     }
 
     /// What a frame of `stamp` shows: the filter's estimate, and what its cells hold.
@@ -117,11 +117,11 @@ impl Gaze {
         if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
             self.glimpse = Some((stamp, pos_world));
         }
-        self.stranger = self.beside(stamp, candidates).or(self.stranger);
+        self.lookalike = self.beside(stamp, candidates).or(self.lookalike);
     }
 
     /// Who looks most like the target where that is not believed to be.
-    fn beside(&self, stamp: Time, candidates: &[Candidate]) -> Option<Stranger> {
+    fn beside(&self, stamp: Time, candidates: &[Candidate]) -> Option<Lookalike> {
         let believed = self.target_at(stamp)?.pos;
         let apart = |candidate: &&Candidate| {
             candidate.objectness >= self.config.objectness
@@ -129,11 +129,11 @@ impl Gaze {
         };
         let seen = candidates.iter().filter(apart).max_by(|a, b| a.objectness.total_cmp(&b.objectness))?;
         let pos_world = seen.target_world?;
-        let same = |last: &Stranger| {
-            stamp.since(last.stamp) < STRANGER_LASTS && (pos_world - last.pos_world).norm() < STRANGER_STEP
+        let same = |last: &Lookalike| {
+            stamp.since(last.stamp) < LOOKALIKE_LASTS && (pos_world - last.pos_world).norm() < LOOKALIKE_STEP
         };
-        let since = self.stranger.filter(same).map_or(stamp, |last| last.since);
-        Some(Stranger { since, stamp, pos_world })
+        let since = self.lookalike.filter(same).map_or(stamp, |last| last.since);
+        Some(Lookalike { since, stamp, pos_world })
     }
 
     /// Moves what is known along: the odometry's frame jumped, the vehicle and the target did not.
@@ -144,8 +144,8 @@ impl Gaze {
         if let Some((_, pos_world)) = &mut self.glimpse {
             *pos_world += jump.pos_world;
         }
-        if let Some(stranger) = &mut self.stranger {
-            stranger.pos_world += jump.pos_world;
+        if let Some(lookalike) = &mut self.lookalike {
+            lookalike.pos_world += jump.pos_world;
         }
         self.yaw.shift(jump.yaw);
     }
@@ -174,13 +174,13 @@ impl Gaze {
     /// Who surely looks like the target where that is not believed to be, at its worst: it may be the target, or somebody
     /// else, and neither is flown into.
     #[must_use]
-    pub fn stranger(&self, now: Time) -> Option<Threat> {
-        let stranger = self.stranger.filter(|s| s.stamp.since(s.since) >= STRANGER_SHOWS)?;
-        let hidden_for = now.since(stranger.stamp).max(0.0);
-        (hidden_for < STRANGER_LASTS).then_some(Threat {
-            pos_world: stranger.pos_world,
+    pub fn lookalike(&self, now: Time) -> Option<Threat> {
+        let lookalike = self.lookalike.filter(|s| s.stamp.since(s.since) >= LOOKALIKE_SHOWS)?;
+        let hidden_for = now.since(lookalike.stamp).max(0.0);
+        (hidden_for < LOOKALIKE_LASTS).then_some(Threat {
+            pos_world: lookalike.pos_world,
             vel_world: Vec3::zeros(),
-            pos_doubt: STRANGER_DOUBT,
+            pos_doubt: LOOKALIKE_DOUBT,
             vel_doubt: 0.0,
             hidden_for,
         })
@@ -354,19 +354,19 @@ mod tests {
     }
 
     /// Who is kept away from besides the target after so many frames, `apart` m from it, `later` s after the last.
-    fn stranger(objectness: f64, apart: f64, frames: u32, later: f64) -> Option<Threat> {
+    fn lookalike(objectness: f64, apart: f64, frames: u32, later: f64) -> Option<Threat> {
         let mut gaze = gaze();
         let mut stamp = Time::from_secs(1.0);
         for frame in 0..frames {
             stamp = Time::from_secs(1.0 + f64::from(frame) / 30.0);
             gaze.take(stamp, Some(target(5.0)), &[candidate(objectness, Vec3::new(5.0, apart, 1.0))]);
         }
-        gaze.stranger(stamp.plus(later))
+        gaze.lookalike(stamp.plus(later))
     }
 
     #[test]
     fn who_looks_like_the_target_for_some_frames_where_that_is_not_is_kept_away_from_too() {
-        let seen = stranger(0.95, 2.0, 4, 0.1).expect("somebody");
+        let seen = lookalike(0.95, 2.0, 4, 0.1).expect("somebody");
         assert_eq!(seen.pos_world, Vec3::new(5.0, 2.0, 1.0));
         for (objectness, apart, frames, later) in [
             (0.85, 2.0, 4, 0.1),
@@ -375,13 +375,13 @@ mod tests {
             (0.95, 2.0, 4, 0.4),
             (0.95, f64::NAN, 4, 0.1),
         ] {
-            assert_eq!(stranger(objectness, apart, frames, later), None, "{objectness} {apart} {frames} {later}");
+            assert_eq!(lookalike(objectness, apart, frames, later), None, "{objectness} {apart} {frames} {later}");
         }
         let mut gaze = gaze();
         for (frame, apart) in [2.0, -2.0, 2.0, -2.0].into_iter().enumerate() {
             let stamp = Time::from_secs(1.0 + frame as f64 / 30.0);
             gaze.take(stamp, Some(target(5.0)), &[candidate(0.95, Vec3::new(5.0, apart, 1.0))]);
-            assert_eq!(gaze.stranger(stamp), None, "nobody jumps");
+            assert_eq!(gaze.lookalike(stamp), None, "nobody jumps");
         }
     }
 

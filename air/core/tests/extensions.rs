@@ -105,6 +105,25 @@ fn a_hidden_target_is_pursued_or_is_not() {
 }
 
 #[test]
+fn a_chase_aims_aside_where_a_pole_would_hide_the_target_or_aims_straight_on() {
+    let aims = |pole: bool| {
+        let off = Extensions { line_of_sight: false, ..ALL };
+        chased(off, |planner| {
+            let mut nearest = [9000; COLUMNS * ROWS];
+            if pole {
+                (0..ROWS).for_each(|row| nearest[row * COLUMNS + COLUMNS / 2 - 1..][..2].fill(2500));
+            }
+            let frames = (6..10).map(|seq| FrameInput { nearest, ..common::frame(seq, odometry(seq)) });
+            frames.map(|frame| *planner.see(&frame).state()).last().unwrap()
+        })
+    };
+    let [open, straight_on] = aims(false);
+    assert_eq!(open, straight_on, "nothing hides it");
+    let [aside, into_it] = aims(true);
+    assert!(aside != into_it && into_it == open);
+}
+
+#[test]
 fn what_was_seen_is_remembered_or_is_not() {
     let chosen = |extensions: Extensions| {
         let mut planner = planner(Task::Navigate, extensions);

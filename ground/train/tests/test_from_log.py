@@ -41,9 +41,9 @@ TRACK, PAPER = ROOT / "air/models/track.onnx", ROOT / "air/models/paper.onnx"
 SCENE = "scene_0000"
 
 
-def fly(folder: Path, *options: str, task: str = "track") -> Path:
+def fly(folder: Path, *options: str, task: str = "track", seed: int = 414) -> Path:
     """One flight's log."""
-    command = [str(SIMULATOR), "fly", "--task", task, "--speed", "4", "--trials", "1", "--seed", "414"]
+    command = [str(SIMULATOR), "fly", "--task", task, "--speed", "4", "--trials", "1", "--seed", str(seed)]
     command += ["--threads", "1", "--log", str(folder), *options]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (log,) = folder.glob("*.mcap")
@@ -53,6 +53,12 @@ def fly(folder: Path, *options: str, task: str = "track") -> Path:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return fly(tmp_path_factory.mktemp("logs"))
+
+
+@pytest.fixture(scope="module")
+def lost(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a flight whose evader hides, and is found again."""
+    return fly(tmp_path_factory.mktemp("logs"), "--evader", "reactive", seed=418)
 
 
 @pytest.fixture(scope="module")
@@ -129,10 +135,11 @@ def test_labels_are_where_the_target_truly_was(log: Path, flown: Path) -> None:
     assert np.median(error) < 0.3 and np.percentile(error, 95) < 0.6
 
 
-def test_a_hidden_target_is_not_labelled_visible(log: Path, flown: Path) -> None:
-    labels = layout.read_labels(flown / SCENE / "labels.csv", 0)
-    told = Flight.open(log).columns("sim_truth", ["stamp_ns", "target_visible"])
-    place = np.searchsorted(told["stamp_ns"], kept_stamps(log, labels))
+def test_a_hidden_target_is_not_labelled_visible(lost: Path, tmp_path: Path) -> None:
+    from_logs([lost], tmp_path, Choice(rate_hz=4, mine=("lost",)))
+    labels = layout.read_labels(tmp_path / SCENE / "labels.csv", 0)
+    told = Flight.open(lost).columns("sim_truth", ["stamp_ns", "target_visible"])
+    place = np.searchsorted(told["stamp_ns"], kept_stamps(lost, labels))
     visible = told["target_visible"].astype(bool)[np.minimum(place, len(told) - 1)]
     assert (~visible).sum() >= 5, "the flight of this seed loses its target"
     assert (labels.visible_F[~visible] >= 0.5).mean() < 0.1
@@ -203,9 +210,9 @@ def test_a_policy_agrees_with_itself_and_not_with_a_worse_one(log: Path, tmp_pat
     assert Other(worse).differs(recording, frames).mean() > 0.5
 
 
-def test_mined_images_are_kept_all_and_counted_by_reason(log: Path, tmp_path: Path) -> None:
-    outcome = from_logs([log], tmp_path / "out", Choice(rate_hz=0, mine=("lost",)))
-    recording = read(log)
+def test_mined_images_are_kept_all_and_counted_by_reason(lost: Path, tmp_path: Path) -> None:
+    outcome = from_logs([lost], tmp_path / "out", Choice(rate_hz=0, mine=("lost",)))
+    recording = read(lost)
     (phase,) = (phase for phase in recording.flight.phases if phase.name == "lost")
     around = (recording.time_F >= phase.start_s - 2) & (recording.time_F <= phase.end_s + 0.2)
     assert outcome.found["lost"] == outcome.kept == around.sum() > 30

@@ -212,8 +212,8 @@ impl Controller {
     fn keep_apart(&mut self, now: Time, dt: f64, odometry: &Odometry, acc_world: Vec3) -> Vec3 {
         let state = [odometry.pos_world, odometry.vel_world];
         let config = &self.config.separation;
-        let acc_world = match self.gaze.stranger(now).filter(|_| self.keeps_apart()) {
-            Some(stranger) => self.separations[1].keep(config, dt, acc_world, state, &stranger, self.plans.room()),
+        let acc_world = match self.gaze.lookalike(now).filter(|_| self.keeps_apart()) {
+            Some(lookalike) => self.separations[1].keep(config, dt, acc_world, state, &lookalike, self.plans.room()),
             None => acc_world,
         };
         let Some(threat) = self.threat(now) else { return acc_world };

@@ -10,7 +10,7 @@ use crate::values::types::{AttitudeThrust, FlatState, Imu, Newtons, Odometry, Ta
 pub struct Profile {
     /// Chase or fly to a goal.
     pub task: Task,
-    /// Desired largest speed, m/s.
+    /// The speed that is asked for, m/s.
     pub speed: f64,
     /// Take-off height above the start, m.
     pub height: f64,

@@ -3,10 +3,13 @@
 
 use crate::gaze::expected::Expected;
 use crate::gaze::hidden;
+use crate::planning::obstacles::{Ignored, Obstacles};
 use crate::values::quintic::Quintic;
-use crate::values::types::{Time, Vec3};
+use crate::values::types::{FlatState, Time, Vec3};
 use schemars::JsonSchema;
 use serde::Deserialize;
+
+mod aside;
 
 /// How a target is chased.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -21,6 +24,9 @@ pub struct ChaseConfig {
     /// Height above the target's centre, m.
     #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down", "x-source" = "0 was tried and gives the same, notebook: What does not help the chase"))]
     pub above_target_m: f64,
+    /// So far beside its aim the chase flies at most, m, for the target not to be hidden. 0: not at all.
+    #[schemars(range(min = 0.0, max = 6.0), extend("x-why" = "farther aside than it is behind it cuts nothing off", "x-source" = "tried, notebook: Aside, to see past a trunk"))]
+    pub aside_m: f64,
     /// A target hidden for longer than this is not pursued any more, s.
     #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere", "x-source" = "tried, notebook: The way that it took"))]
     pub pursue_until_s: f64,
@@ -91,13 +97,14 @@ pub struct Chase {
     config: ChaseConfig,
     /// When the target was last seen whose last place has been reached.
     passed: Option<Time>,
+    aside: aside::Aside,
 }
 
 impl Chase {
     /// A chase that has not begun.
     #[must_use]
     pub fn new(config: ChaseConfig) -> Self {
-        Self { config, passed: None }
+        Self { config, passed: None, aside: aside::Aside::default() }
     }
 
     /// The same chase, from here on by other rules.
@@ -127,6 +134,19 @@ impl Chase {
         let flat = line.xy().norm();
         let kept = (flat - room * (1.0 - target.hidden_for / hidden::ROOM).max(0.0)).max(0.0) / flat.max(1e-6);
         Vec3::new(line.x * kept, line.y * kept, line.z) + up
+    }
+
+    /// As [`Chase::aim`], aside of it where what is remembered would hide the target, whose place is `ignored`.
+    pub fn aim_in_sight(
+        &mut self,
+        start: &FlatState,
+        target: &Expected,
+        duration: f64,
+        obstacles: &Obstacles,
+        ignored: &Ignored,
+    ) -> Vec3 {
+        let aim = self.aim(start.pos, target, duration);
+        self.aside.of((aim, self.config.aside_m), start, duration, target, (obstacles, ignored))
     }
 }
 

@@ -10,7 +10,7 @@ use crate::values::types::{NetworkOutput, Odometry, Task, Vec3, unsigned_zeros};
 pub struct PlanningDemand {
     /// Chase or fly to a goal.
     pub task: Task,
-    /// Desired largest speed, m/s.
+    /// The speed that is asked for, m/s.
     pub speed: f64,
     /// Navigation's goal, or where it flies on the way there.
     pub goal_world: Option<Vec3>,

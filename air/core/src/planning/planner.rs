@@ -124,6 +124,9 @@ impl PlanningConfig {
             how.target.lateral_variance_m2 = how.target.range_variance_m2;
             (how.target.doubt, how.target.variance_distance_m) = (0.0, f64::INFINITY);
         }
+        if !extensions.line_of_sight {
+            how.chase.aside_m = 0.0;
+        }
         if !extensions.pursuit {
             how.chase.pursue_until_s = hidden::BEHIND;
         }
@@ -246,15 +249,17 @@ impl Planner {
     /// The network's `state` input, as far as the policy has it. The aim is the goal, or where the target will be; without
     /// either it is zero.
     fn network_state(&mut self, frame: &FrameInput, pose: &FramePose) -> NetworkState {
-        let (p, how, odometry) = (&self.config.policy, &self.config.planning, &frame.odometry);
-        let alpha = self.alpha(frame.speed);
-        let cam_from_world = pose.world_from_cam.inverse();
-        let aim_world = match p.task {
+        let (alpha, odometry) = (self.alpha(frame.speed), &frame.odometry);
+        let aim_world = match self.config.policy.task {
             Task::Navigate => frame.goal_world.map(|goal| goal - odometry.pos_world),
-            Task::Track => self
-                .target(odometry.stamp)
-                .map(|target| self.chase.aim(odometry.pos_world, &target, self.decoder.duration(alpha))),
+            Task::Track => self.target(odometry.stamp).map(|target| {
+                let start = FlatState { pos: odometry.pos_world, vel: odometry.vel_world, acc: frame.acc_world };
+                let (duration, ignored) = (self.decoder.duration(alpha), self.about(&target));
+                self.chase.aim_in_sight(&start, &target, duration, &self.obstacles, &ignored)
+            }),
         };
+        let (p, how) = (&self.config.policy, &self.config.planning);
+        let cam_from_world = pose.world_from_cam.inverse();
         p.state.state(&StateParts {
             velocity: cam_from_world * odometry.vel_world / (alpha * p.v_max),
             acceleration: cam_from_world * frame.acc_world / (alpha * alpha * p.a_max),

@@ -30,6 +30,8 @@ pub struct Extensions {
     pub outliers: bool,
     /// A hidden target is pursued, by the way that it took.
     pub pursuit: bool,
+    /// The chase flies aside where what is remembered would come between it and the target.
+    pub line_of_sight: bool,
     /// The camera looks to the sides for a hidden target, and at what looks like it.
     pub glances: bool,
     /// The acceleration toward the target is limited to what keeps it in the image.
@@ -64,6 +66,7 @@ impl Extensions {
         rivals: true,
         outliers: true,
         pursuit: true,
+        line_of_sight: true,
         glances: true,
         view_limit: true,
         no_climbing: true,
