@@ -1,8 +1,8 @@
 """What each part beyond the paper is worth: the paper's method, with each part alone, all, and all but each.
 
 `configs/extensions.toml` lists the parts and the campaigns. All fly the same seeds, so that lines compare. A line that
-was flown with the same switches, policy and flight code is not flown again. A part of one task alone leaves the other's
-flights as they are: those are its base's.
+was flown with the same switches, policy and flight code is not flown again; one of other flight code stays in the table
+and says so. A part of one task alone leaves the other's flights as they are: those are its base's.
 """
 
 from __future__ import annotations
@@ -20,7 +20,14 @@ from goshawk_train.rates import RateDifference
 Cells = dict[str, dict[str, Any]]
 """What came of a line, by the campaigns' names."""
 TASKS = ["track", "navigate"]
-MARKS = ("<!-- extensions: begin -->", "<!-- extensions: end -->")
+CHANGES = {
+    "policies": "policy",
+    "vehicle_sha256": "vehicle file",
+    "flight_code_sha256": "flight code",
+    "runtime": "runtime",
+    "switches": "switches",
+}
+"""What decides a line's flights besides its campaigns, as its JSON calls it, and as people do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,13 +103,31 @@ class Variant:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Line:
+    """A variant that was flown."""
+
+    cells: Cells
+    stale: str = ""
+    """What is another now than when it was flown; empty: nothing."""
+    code: str = ""
+    """The flight code's SHA-256."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """What is flown."""
 
+    table: str
+    """The plan's file's name: so its table is called, and the folder of its JSON."""
     trials: int
     seed: int
     campaigns: list[Row]
     variants: list[Variant]
+
+    @property
+    def marks(self) -> tuple[str, str]:
+        """Between which the table stands."""
+        return f"<!-- {self.table}: begin -->", f"<!-- {self.table}: end -->"
 
     def only(self, slugs: list[str]) -> Plan:
         """With the named lines alone; raises `FlightsError` for one that there is not."""
@@ -129,6 +154,7 @@ def load(path: Path) -> Plan:
         ]
         parts = [Part(**part) for part in table["part"]]
         return Plan(
+            table=path.stem,
             trials=int(table["trials"]),
             seed=int(table["seed"]),
             campaigns=[Row(**row) for row in table["campaign"]],
@@ -169,20 +195,24 @@ def _flown(plan: Plan, variant: Variant) -> list[Row]:
     return [row for row in plan.campaigns if row.task in variant.tasks]
 
 
-def kept(plan: Plan, variant: Variant, folder: Path, simulator: Path, models: Path) -> Cells | None:
-    """The line as this very flight code flew it before, if it did."""
+def kept(plan: Plan, variant: Variant, folder: Path, simulator: Path, models: Path) -> Line | None:
+    """The line as it was flown last, and whether that still holds; None: never, or in other campaigns."""
     path = folder / f"{variant.slug}.json"
     if not path.exists():
         return None
-    known = json.loads(path.read_text())
-    if known["identity"] != identity(plan, variant, simulator, models):
+    known, now = json.loads(path.read_text()), identity(plan, variant, simulator, models)
+    flown = known["identity"]
+    if flown["campaigns"] != now["campaigns"]:
         return None
-    return {row.name: cell for row, cell in zip(_flown(plan, variant), known["cells"], strict=True)}
+    changed = [word for name, word in CHANGES.items() if flown.get(name) != now.get(name)]
+    cells = {row.name: cell for row, cell in zip(_flown(plan, variant), known["cells"], strict=True)}
+    return Line(cells=cells, stale=", ".join(changed), code=flown["flight_code_sha256"])
 
 
 def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator: Path, models: Path) -> None:
     """Flies each campaign that the line changes, unless `folder` has it; keeps the full reports in `runs`."""
-    if kept(plan, variant, folder, simulator, models) is not None:
+    known = kept(plan, variant, folder, simulator, models)
+    if known is not None and not known.stale:
         return
     now, vehicle = identity(plan, variant, simulator, models), variant.write(runs)
     cells: list[dict[str, Any]] = []
@@ -200,25 +230,27 @@ def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator:
     (folder / f"{variant.slug}.json").write_text(json.dumps({"identity": now, "cells": cells}, indent=1) + "\n")
 
 
-def markdown(plan: Plan, known: dict[str, Cells]) -> str:
+def markdown(plan: Plan, known: dict[str, Line]) -> str:
     """The table of all lines that are known, by their slugs: successes in each campaign with their 95 % interval, their
-    sum, and how many more they are than the base's in the same flights."""
+    sum, and how many more they are than the base's in the same flights. Flights of different code do not compare."""
     if not known:
         return "None is flown yet."
     names = [campaign.name for campaign in plan.campaigns]
     head = ["what flies", *names, "all", "collisions", "against its base"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for variant in plan.variants:
-        if (own := known.get(variant.slug)) is None:
+        if (line := known.get(variant.slug)) is None:
             continue
-        base = known.get(replace(variant, part=None).slug, {})
+        own, base = line.cells, known.get(replace(variant, part=None).slug)
         told = [_share(own[name]) if name in own else "the same" for name in names]
-        whole, sums = base | own, ["", ""]
-        if len(whole) == len(names):
-            trials, successes = (sum(cell[key] for cell in whole.values()) for key in ("trials", "successes"))
-            sums = [f"{successes} of {trials}", str(sum(cell["failures"]["collision"] for cell in whole.values()))]
-        against = _against(base, own) if variant.part and len(base) == len(names) else ""
-        lines.append(f"| {' | '.join([variant.name, *told, *sums, against])} |")
+        sums, against = ["", ""], ""
+        if base is not None and base.code == line.code:
+            whole = (base.cells | own).values()
+            trials, successes = (sum(cell[key] for cell in whole) for key in ("trials", "successes"))
+            sums = [f"{successes} of {trials}", str(sum(cell["failures"]["collision"] for cell in whole))]
+            against = _against(base.cells, own) if variant.part else ""
+        name = f"{variant.name} (stale: another {line.stale})" if line.stale else variant.name
+        lines.append(f"| {' | '.join([name, *told, *sums, against])} |")
     return "\n".join(lines)
 
 

@@ -91,8 +91,14 @@ def extensions(
     models: Models = MODELS,
     simulator: Simulator = SIMULATOR,
     trials: Trials = None,
-    runs: Annotated[Path, typer.Option(help="Folder of vehicle files and reports.")] = Path("runs/extensions"),
-    out: Annotated[Path, typer.Option(help="Folder of the JSON.")] = Path("ground/train/results/extensions"),
+    runs: Annotated[
+        Path | None,
+        typer.Option(help="Folder of vehicle files and reports.", show_default="runs/, and the plan's name"),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the JSON.", show_default="ground/train/results/, and the plan's name"),
+    ] = None,
     markdown: Markdown = RESULTS,
 ) -> None:
     """Fly the paper's method, with each part beyond it alone, all, and all but each; goes on where it stopped."""
@@ -103,12 +109,13 @@ def extensions(
 
         listed = extensions.load(plan)
         listed = replace(listed, trials=trials or listed.trials)
+        runs, out = runs or Path("runs") / listed.table, out or Path("ground/train/results") / listed.table
         for variant in listed.only(only or []).variants:
             print(f"{variant.name}:", flush=True)
             extensions.carry_out(listed, variant, out, runs, simulator, models)
             found = {one.slug: extensions.kept(listed, one, out, simulator, models) for one in listed.variants}
-            known = {slug: cells for slug, cells in found.items() if cells is not None}
-            flights.put(markdown, extensions.markdown(listed, known), extensions.MARKS)
+            known = {slug: line for slug, line in found.items() if line is not None}
+            flights.put(markdown, extensions.markdown(listed, known), listed.marks)
         print(markdown)
 
 
