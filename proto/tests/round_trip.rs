@@ -38,7 +38,6 @@ fn candidate() -> Candidate {
         added_obstacle: 8.5,
         added_mover: 9.5,
         added_target: 10.5,
-        added_climbing: 11.5,
     }
 }
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ADDED = ("obstacle", "mover", "target", "climbing")
+ADDED = ("obstacle", "mover", "target")
 """The parts that the planner adds to a candidate's cost: it meets what stands and was seen, or what moves; it comes too
 near to the target; it ends above the goal."""
 

@@ -176,8 +176,6 @@ pub struct Added {
     pub mover: f64,
     /// For coming too near to the target.
     pub target: f64,
-    /// For ending above the goal.
-    pub climbing: f64,
     /// All of it.
     pub total: f64,
 }
