@@ -28,10 +28,10 @@ def rows(html: str) -> dict[int, list[str]]:
 
 def test_each_part_that_is_added_comes_off_the_wire_by_its_name() -> None:
     plan = pb.Plan(duration_s=1.5, world_from_cam=pb.Quat(w=1.0))
-    plan.candidates.add(added_obstacle=0.25, added_mover=0.5, added_target=0.75)
+    plan.candidates.add(added_obstacle=0.25, added_mover=0.5, added_target=0.75, added_climbing=1.0)
     plan.candidates.add()
     seen = decode.plan(plan)
-    assert added_words(seen, 0) == "+0.25 obstacle +0.50 mover +0.75 target"
+    assert added_words(seen, 0) == "+0.25 obstacle +0.50 mover +0.75 target +1.00 climbing"
     assert added_words(seen, 1) == ""
     plan.candidates[1].added_mover = float("nan")
     with pytest.raises(decode.MalformedError, match="added to a cost is not finite"):

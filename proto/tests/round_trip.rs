@@ -38,6 +38,7 @@ fn candidate() -> Candidate {
         added_obstacle: 8.5,
         added_mover: 9.5,
         added_target: 10.5,
+        added_climbing: 11.5,
     }
 }
 

@@ -55,6 +55,15 @@ fn the_cheapest_of_all_is_flown_or_of_those_that_show_the_target() {
 }
 
 #[test]
+fn a_weak_detection_keeps_the_target_or_does_not() {
+    let faint = network(&[(7, -0.8, 1.0)]);
+    let since = |plan: Plan| plan.target.map_or(9.0, |target| plan.stamp.since(target.last_seen));
+    let off = Extensions { weak_detections: false, ..ALL };
+    let [kept, let_go] = chased(off, |planner| since(plan(planner, 6, 12, &faint)));
+    assert!(kept == 0.0 && let_go > 0.15, "{kept} {let_go}");
+}
+
+#[test]
 fn a_doubtful_detection_moves_the_target_less_or_as_much_as_any() {
     let shift = |extensions: Extensions| {
         let mut planner = planner(Task::Track, extensions);
@@ -130,6 +139,18 @@ fn what_was_seen_is_remembered_or_is_not() {
 }
 
 #[test]
+fn a_way_over_the_goal_costs_more_or_does_not() {
+    let level = odometry(0).pos_world + Vec3::new(40.0, 0.0, 0.0);
+    let chosen = |extensions: Extensions| {
+        let frame = FrameInput { goal_world: Some(level), ..common::frame(0, odometry(0)) };
+        let output = network(&[(2, 0.0, 0.2), (12, 0.0, 2.0)]);
+        planner(Task::Navigate, extensions).see(&frame).answer(&output).chosen
+    };
+    assert_eq!(chosen(ALL), Some(12));
+    assert_eq!(chosen(Extensions { no_climbing: false, ..ALL }), Some(2));
+}
+
+#[test]
 fn the_network_is_told_of_less_acceleration_or_of_all() {
     let agility = |extensions: Extensions| {
         let config = common::planner_config(Task::Track);
@@ -159,7 +180,7 @@ fn a_navigation_is_asked_for_more_than_the_asked_speed_or_for_that() {
 fn flown<T>(off: Extensions, fly: impl Fn(&mut Loop) -> T) -> [T; 2] {
     [ALL, off].map(|extensions| {
         let mut config = common::config();
-        config.extensions = extensions;
+        (config.extensions, config.gaze.glances) = (extensions, extensions.glances);
         if !extensions.attitude_lead {
             config.lead.limit_mps2 = 0.0;
         }
@@ -250,6 +271,21 @@ fn a_way_aside_is_flown_only_if_the_planner_may_step_aside() {
     assert!(moving(ALL) > 0);
     assert_eq!(moving(Extensions { stepping_aside: false, ..ALL }), 0);
     assert_eq!(moving(Extensions { least_distance: false, ..ALL }), 0, "nothing is kept from the target");
+}
+
+#[test]
+fn the_camera_glances_aside_for_a_hidden_target_or_looks_where_it_should_be() {
+    let [wide, narrow] = flown(Extensions { glances: false, ..ALL }, |sim| {
+        chase(sim, 30.0);
+        sim.frames = Frames::Blank;
+        let mut yaws = (f64::INFINITY, f64::NEG_INFINITY);
+        for _ in 0..400 {
+            sim.tick(None);
+            yaws = (yaws.0.min(sim.out().yaw_des), yaws.1.max(sim.out().yaw_des));
+        }
+        yaws.1 - yaws.0
+    });
+    assert!(wide > narrow + 0.3, "{wide} {narrow}");
 }
 
 #[test]

@@ -92,6 +92,7 @@ fn candidate(c: &core::Candidate) -> v1::Candidate {
         added_obstacle: c.added.obstacle as f32,
         added_mover: c.added.mover as f32,
         added_target: c.added.target as f32,
+        added_climbing: c.added.climbing as f32,
     }
 }
 

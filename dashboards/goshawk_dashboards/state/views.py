@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ADDED = ("obstacle", "mover", "target")
+ADDED = ("obstacle", "mover", "target", "climbing")
 """The parts that the planner adds to a candidate's cost: it meets what stands and was seen, or what moves; it comes too
 near to the target; it ends above the goal."""
 

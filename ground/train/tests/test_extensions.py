@@ -102,7 +102,7 @@ def test_what_differs_from_the_base_is_told_with_its_luck(monkeypatch: pytest.Mo
     won = cell("success", "collision", *["success"] * 5)
     base = {campaign.name: won for campaign in plan.campaigns}
     part = {name: cell("collision", "success", *["lost"] * 5) for name in list(base)[:2]}
-    known = {"all": extensions.Line(cells=base), "all-without-weighted-detections": extensions.Line(cells=part)}
+    known = {"all": extensions.Line(cells=base), "all-without-weak-detections": extensions.Line(cells=part)}
     _, _, above, below = extensions.markdown(plan, known).splitlines()
     assert above.endswith("| 24 of 28 | 4 |  |")
     assert below.endswith("| the same | the same | 14 of 28 | 4 | -10 (2 won, 12 lost; p 0.013) |")
@@ -122,26 +122,26 @@ def test_lines_are_flown_once_and_told_against_their_base(monkeypatch: pytest.Mo
         *("campaign", "extensions", "--plan", str(tmp_path / "plan.toml"), "--trials", "2"),
         *("--runs", str(tmp_path / "runs"), "--out", str(tmp_path / "out"), "--markdown", str(table)),
     ]
-    lines = ["--only", "all", "--only", "all-without-detours"]
+    lines = ["--only", "all", "--only", "all-without-no-climbing"]
     first = goshawk(*fly, *lines)
     assert first.exit_code == 0, first.stderr
     flown_ns = [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("**/*.json"))]
-    kept = json.loads((tmp_path / "out/all-without-detours.json").read_text())
-    assert kept["identity"]["switches"]["detours"] is False and len(kept["cells"]) == 1
+    kept = json.loads((tmp_path / "out/all-without-no-climbing.json").read_text())
+    assert kept["identity"]["switches"]["no_climbing"] is False and len(kept["cells"]) == 1
     written = table.read_text()
     base, line = written.splitlines()[3:5]
     assert base.startswith("| All | ") and base.endswith(" |  |")
-    assert line.startswith("| All, without detours | ") and " won, " in line and "; p " in line
-    again = goshawk(*fly, "--only", "all-without-detours")
+    assert line.startswith("| All, without no climbing | ") and " won, " in line and "; p " in line
+    again = goshawk(*fly, "--only", "all-without-no-climbing")
     assert again.exit_code == 0 and table.read_text() == written, "what is known is told, named or not"
     assert [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("**/*.json"))] == flown_ns, "flown once"
     assert len(flown_ns) == 4
     kept["identity"]["flight_code_sha256"] = "of another day"
     (tmp_path / "out/all.json").write_text(json.dumps({**kept, "cells": kept["cells"]}))
-    assert goshawk(*fly, "--only", "all-without-detours").exit_code == 0
+    assert goshawk(*fly, "--only", "all-without-no-climbing").exit_code == 0
     old, line = table.read_text().splitlines()[3:5]
     assert old.startswith("| All (stale: another flight code, switches) | "), old
-    assert line.startswith("| All, without detours | ") and line.endswith(" |  |  |  |"), "they do not compare"
+    assert line.startswith("| All, without no climbing | ") and line.endswith(" |  |  |  |"), "they do not compare"
 
 
 def test_an_unknown_line_and_a_bad_plan_are_refused_by_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

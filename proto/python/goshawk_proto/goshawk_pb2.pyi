@@ -158,7 +158,7 @@ class CommandReply(_message.Message):
     def __init__(self, command_id: _Optional[str] = ..., accepted: _Optional[bool] = ..., reason: _Optional[str] = ..., mode: _Optional[_Union[Mode, str]] = ...) -> None: ...
 
 class Candidate(_message.Message):
-    __slots__ = ("end_pos_world", "end_vel_world", "end_acc_world", "cost", "objectness", "target_pos_world", "rejection", "added_obstacle", "added_mover", "added_target")
+    __slots__ = ("end_pos_world", "end_vel_world", "end_acc_world", "cost", "objectness", "target_pos_world", "rejection", "added_obstacle", "added_mover", "added_target", "added_climbing")
     END_POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     END_VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
     END_ACC_WORLD_FIELD_NUMBER: _ClassVar[int]
@@ -169,6 +169,7 @@ class Candidate(_message.Message):
     ADDED_OBSTACLE_FIELD_NUMBER: _ClassVar[int]
     ADDED_MOVER_FIELD_NUMBER: _ClassVar[int]
     ADDED_TARGET_FIELD_NUMBER: _ClassVar[int]
+    ADDED_CLIMBING_FIELD_NUMBER: _ClassVar[int]
     end_pos_world: Vec3f
     end_vel_world: Vec3f
     end_acc_world: Vec3f
@@ -179,7 +180,8 @@ class Candidate(_message.Message):
     added_obstacle: float
     added_mover: float
     added_target: float
-    def __init__(self, end_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_vel_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_acc_world: _Optional[_Union[Vec3f, _Mapping]] = ..., cost: _Optional[float] = ..., objectness: _Optional[float] = ..., target_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., rejection: _Optional[_Union[Rejection, str]] = ..., added_obstacle: _Optional[float] = ..., added_mover: _Optional[float] = ..., added_target: _Optional[float] = ...) -> None: ...
+    added_climbing: float
+    def __init__(self, end_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_vel_world: _Optional[_Union[Vec3f, _Mapping]] = ..., end_acc_world: _Optional[_Union[Vec3f, _Mapping]] = ..., cost: _Optional[float] = ..., objectness: _Optional[float] = ..., target_pos_world: _Optional[_Union[Vec3f, _Mapping]] = ..., rejection: _Optional[_Union[Rejection, str]] = ..., added_obstacle: _Optional[float] = ..., added_mover: _Optional[float] = ..., added_target: _Optional[float] = ..., added_climbing: _Optional[float] = ...) -> None: ...
 
 class Plan(_message.Message):
     __slots__ = ("seq", "frame_ns", "ready_ns", "start_pos_world", "start_vel_world", "start_acc_world", "world_from_cam", "duration_s", "alpha", "candidates", "chosen")

@@ -75,6 +75,16 @@ pub fn crowding(keep_off: f64, trajectory: &Quintic, target: &Expected) -> f64 {
     (1.0 - nearest / (keep_off + target.pos_doubt)).max(0.0)
 }
 
+/// Navigation: over the goal by more than this, m, a trajectory should not end. Tried: the notebook, "Not climbing".
+const RISE: f64 = 0.6;
+
+/// How far too high a navigation ends at `end`, m: who flies over a roof finds no way down to the goal under it, which
+/// the camera does not show.
+#[must_use]
+pub fn climbing(end: Vec3, goal: Vec3) -> f64 {
+    (end.z - goal.z - RISE).max(0.0)
+}
+
 /// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where
 /// it would otherwise get there more slowly than the target ran. Tried: the notebook, "The way that it took".
 const BEYOND: f64 = 2.0;

@@ -4,7 +4,7 @@
 use crate::gaze::expected::Expected;
 use crate::gaze::hidden;
 use crate::gaze::threat::Threat;
-use crate::planning::aim::{Chase, ChaseConfig, NavigationConfig, crowding, within_reach};
+use crate::planning::aim::{Chase, ChaseConfig, NavigationConfig, climbing, crowding, within_reach};
 use crate::planning::evade::{Evading, Evasion, EvasionConfig, Scene};
 use crate::planning::frame::FrameInput;
 use crate::planning::movers::{Movers, MoversConfig, meeting};
@@ -83,6 +83,9 @@ pub struct CostConfig {
     /// Flying through the target's centre; nothing at limits.min_target_distance_m.
     #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub target: f64,
+    /// Each metre that a navigation ends over its goal, beyond 0.6 m.
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts", "x-source" = "tried, notebook: Not climbing"))]
+    pub climbing_per_m: f64,
 }
 
 impl PlanningConfig {
@@ -92,6 +95,7 @@ impl PlanningConfig {
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.target.validate()?;
+        self.detection.validate()?;
         self.movers.validate()
     }
 
@@ -104,11 +108,17 @@ impl PlanningConfig {
         if !extensions.least_distance {
             how.costs.target = 0.0;
         }
+        if !extensions.no_climbing {
+            how.costs.climbing_per_m = 0.0;
+        }
         if !extensions.pace {
             how.navigation.pace = 1.0;
         }
         if !extensions.agility_limit {
             (how.max_agility, how.max_acc_mps2) = (1.0, f64::INFINITY);
+        }
+        if !extensions.weak_detections {
+            how.detection.keep_objectness = how.detection.min_objectness;
         }
         if !extensions.weighted_detections {
             how.target.lateral_variance_m2 = how.target.range_variance_m2;
@@ -275,14 +285,16 @@ impl Planner {
             |way: &Quintic| costs.mover * meeting(movers, clearance, stamp, &|time| way.at(time).pos, way.duration());
         if self.config.policy.task == Task::Navigate {
             let avoided = |c: &Candidate| {
+                let climbing = frame.goal_world.map_or(0.0, |goal| climbing(c.end.pos, goal));
                 let trajectory = Quintic::new(start, &c.end, duration);
                 let standing = costs.obstacle * self.obstacles.meeting(&trajectory, None);
-                let moving = moving(&trajectory);
+                let (climbing, moving) = (costs.climbing_per_m * climbing, moving(&trajectory));
                 Added {
                     obstacle: scale * standing,
                     mover: scale * moving,
                     target: 0.0,
-                    total: scale * (standing + moving),
+                    climbing: scale * climbing,
+                    total: scale * (climbing + standing + moving),
                 }
             };
             return select(Some(avoided), &[None; ANCHORS], candidates);
@@ -304,6 +316,7 @@ impl Planner {
                     obstacle: scale * standing,
                     mover: scale * moving,
                     target: scale * crowding,
+                    climbing: 0.0,
                     total: scale * (crowding + standing + moving),
                 }
             }

@@ -176,6 +176,8 @@ pub struct Added {
     pub mover: f64,
     /// For coming too near to the target.
     pub target: f64,
+    /// For ending above the goal.
+    pub climbing: f64,
     /// All of it.
     pub total: f64,
 }
