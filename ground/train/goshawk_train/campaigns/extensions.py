@@ -232,22 +232,24 @@ def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator:
 
 def markdown(plan: Plan, known: dict[str, Line]) -> str:
     """The table of all lines that are known, by their slugs: successes in each campaign with their 95 % interval, their
-    sum, and how many more they are than the base's in the same flights. Flights of different code do not compare."""
+    sum, flights that reached their end by the lax rule, collisions, and how many more successes there are than the
+    base's in the same flights. Flights of different code do not compare."""
     if not known:
         return "None is flown yet."
     names = [campaign.name for campaign in plan.campaigns]
-    head = ["what flies", *names, "all", "collisions", "against its base"]
+    head = ["what flies", *names, "all", "reached", "collisions", "against its base"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for variant in plan.variants:
         if (line := known.get(variant.slug)) is None:
             continue
         own, base = line.cells, known.get(replace(variant, part=None).slug)
         told = [_share(own[name]) if name in own else "the same" for name in names]
-        sums, against = ["", ""], ""
+        sums, against = ["", "", ""], ""
         if base is not None and base.code == line.code:
             whole = (base.cells | own).values()
-            trials, successes = (sum(cell[key] for cell in whole) for key in ("trials", "successes"))
-            sums = [f"{successes} of {trials}", str(sum(cell["failures"]["collision"] for cell in whole))]
+            trials, won, reached = (sum(cell[key] for cell in whole) for key in ("trials", "successes", "reached"))
+            collisions = sum(cell["failures"]["collision"] for cell in whole)
+            sums = [f"{won} of {trials}", str(reached), str(collisions)]
             against = _against(base.cells, own) if variant.part else ""
         name = f"{variant.name} (stale: another {line.stale})" if line.stale else variant.name
         lines.append(f"| {' | '.join([name, *told, *sums, against])} |")
