@@ -156,6 +156,19 @@ def test_each_kind_of_name_is_found_on_some_page() -> None:
     assert min(all_of(paths), all_of(commands), *kinds.values()) > 0, kinds
 
 
+def test_each_section_of_the_notebook_that_the_code_names_is_there() -> None:
+    page = text(ROOT / "ground/train/NOTEBOOK.md")
+    there = {
+        head.rstrip(".:") for heads in re.findall(r"^#+ (.+)$|\*\*(.+?)\*\*", page, re.MULTILINE) for head in heads
+    }
+    named = {
+        section
+        for path in [*(ROOT / "air").rglob("*.rs"), *(ROOT / "ground/sim").rglob("*.rs")]
+        for section in re.findall(r'notebook(?:: |, ")([^"]+)"', re.sub(r"\n\s*/// ?", " ", text(path)))
+    }
+    assert named and not [section for section in named if not any(head.startswith(section) for head in there)]
+
+
 def test_the_index_reaches_every_page() -> None:
     seen, waiting = set[Path](), [ROOT / "README.md"]
     while waiting:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import platform
 import subprocess
 from pathlib import Path
@@ -68,16 +70,39 @@ def test_an_accelerator_that_is_not_there_leaves_the_processor_and_says_why(rig:
         assert len(found["provider"]["text"]) > 60
 
 
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="there is no OpenVINO for this processor here")
-def test_openvino_answers_the_golden_images_in_32_and_in_16_bits(rig: Rig, tmp_path: Path) -> None:
+def on_openvino(folder: Path, *, half: bool) -> Path:
+    """The shipped vehicle file, with the network on OpenVINO."""
     library = ROOT / ".venv/openvino/onnxruntime/capi"
-    config = tmp_path / "vehicle.toml"
-    for half, told in (("false", "the network runs on openvino"), ("true", "the network runs on openvino, in 16 bits")):
-        asked = f'provider = "openvino"\nlibrary = "{library}"\nhalf_precision = {half}'
-        config.write_text(copied().replace('provider = "cpu"', asked))
-        _, found, _ = check(rig, "--config", config, wait_s=0.1)
+    asked = f'provider = "openvino"\nlibrary = "{library}"\nhalf_precision = {str(half).lower()}'
+    config = folder / "vehicle.toml"
+    config.write_text(copied().replace('provider = "cpu"', asked))
+    return config
+
+
+has_openvino = pytest.mark.skipif(platform.machine() != "x86_64", reason="there is no OpenVINO for this processor here")
+
+
+@has_openvino
+def test_openvino_answers_the_golden_images_in_32_and_in_16_bits(rig: Rig, tmp_path: Path) -> None:
+    for half, told in ((False, "the network runs on openvino"), (True, "the network runs on openvino, in 16 bits")):
+        _, found, _ = check(rig, "--config", on_openvino(tmp_path, half=half), wait_s=0.1)
         assert found["policy"]["level"] == found["inference"]["level"] == "ok", found
         assert (found["provider"]["level"], found["provider"]["text"]) == ("ok", told)
+
+
+@has_openvino
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="with one processor there is no other to run on")
+def test_openvino_leaves_its_threads_on_whatever_processor_the_system_gives(tmp_path: Path) -> None:
+    command = [BIN / "goshawk-sim", "fly", "--task", "track", "--speed", "3", "--trials", "1", "--seed", "3",
+               "--vehicle-file", on_openvino(tmp_path, half=True)]  # fmt: skip
+    seen: set[frozenset[int]] = set()
+    flight = subprocess.Popen([str(c) for c in command], stdout=subprocess.DEVNULL)
+    while flight.poll() is None:
+        for thread in Path(f"/proc/{flight.pid}/task").iterdir():
+            with contextlib.suppress(ProcessLookupError):
+                seen.add(frozenset(os.sched_getaffinity(int(thread.name))))
+    assert flight.returncode == 0
+    assert seen == {frozenset(os.sched_getaffinity(0))}
 
 
 def test_a_broken_vehicle_file_is_all_that_is_said(rig: Rig, tmp_path: Path) -> None:

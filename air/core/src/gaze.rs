@@ -16,20 +16,14 @@ use crate::gaze::hidden::hidden_for;
 use crate::gaze::threat::Threat;
 use crate::gaze::view::ViewConfig;
 use crate::gaze::yaw::{YawConfig, YawGoal, YawPlanner, along, toward};
-use crate::values::geometry::wrap;
 use crate::values::jump::Jump;
 use crate::values::types::{Candidate, FlatState, Odometry, TargetEstimate, Time, Vec3};
-use std::f64::consts::TAU;
 
-/// What is looked at while the target is hidden. Both values are the target filter's, which checks them.
+/// What may be the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GazeConfig {
-    /// Least objectness of what may be the target, 0..=1: `planner.target.confirm_objectness`.
+    /// Its least objectness, 0..=1: `planner.target.confirm_objectness`, which the target filter checks.
     pub objectness: f64,
-    /// Largest speed of the target, m/s: `planner.target.max_speed_mps`.
-    pub target_speed: f64,
-    /// Look to the sides for a hidden target, and at what looks like it: `extensions.glances`.
-    pub glances: bool,
 }
 
 /// What the camera is to look for.
@@ -50,11 +44,6 @@ pub enum Look {
     Way(Vec3),
 }
 
-/// What looked like the target so long ago is looked at no more, s. Chosen by eye.
-const GLIMPSE_LASTS: f64 = 0.2;
-/// A glimpse may be this much farther from where the target was than it can have run, m. Chosen by eye, as the shipped
-/// `planner.target.reacquire_margin_m`.
-const GLIMPSE_MARGIN: f64 = 1.0;
 /// Who is farther than this from where the target should be, m, is not the target as it is believed. Chosen by eye.
 const APART: f64 = 1.5;
 /// Who is seen for so long looks like the target for sure, s: three frames. Chosen by eye.
@@ -65,12 +54,6 @@ const LOOKALIKE_LASTS: f64 = 0.3;
 const LOOKALIKE_STEP: f64 = 1.0;
 /// It may be nearer by so much, m. Chosen by eye, as the target's after a few looks.
 const LOOKALIKE_DOUBT: f64 = 0.3;
-/// A hidden target that should be nearer than this, m, has left the image at its side. Chosen by eye.
-const SLIPPED_WITHIN: f64 = 4.0;
-/// One that is farther off is looked for so far to the sides, rad. Chosen by eye.
-const GLANCE_ANGLE: f64 = 1.0;
-/// To and fro in this, s. Chosen by eye.
-const GLANCE_PERIOD: f64 = 2.0;
 
 /// Somebody who looks like the target, and is not where that is believed to be.
 #[derive(Clone, Copy, Debug)]
@@ -90,8 +73,6 @@ pub struct Gaze {
     view: ViewConfig,
     yaw: YawPlanner,
     target: Option<TargetEstimate>,
-    /// When and where something last looked like the target.
-    glimpse: Option<(Time, Vec3)>,
     lookalike: Option<Lookalike>,
     /// The side to which the target would leave the image; its sign counts, positive to the left.
     side: f64,
@@ -101,22 +82,17 @@ impl Gaze {
     /// At rest at yaw 0, with nothing seen.
     #[must_use]
     pub fn new(config: GazeConfig, yaw: YawConfig, view: ViewConfig) -> Self {
-        Self { config, view, yaw: YawPlanner::new(yaw), target: None, glimpse: None, lookalike: None, side: 1.0 }
+        Self { config, view, yaw: YawPlanner::new(yaw), target: None, lookalike: None, side: 1.0 }
     }
 
     /// A flight begins: what was seen before it is of another one.
     pub fn forget(&mut self) {
-        (self.target, self.glimpse, self.lookalike) = (None, None, None);
+        (self.target, self.lookalike) = (None, None);
     }
 
     /// What a frame of `stamp` shows: the filter's estimate, and what its cells hold.
     pub fn take(&mut self, stamp: Time, target: Option<TargetEstimate>, candidates: &[Candidate]) {
         self.target = target.filter(|t| finite(&t.pos_world) && finite(&t.vel_world));
-        let likely = |candidate: &&Candidate| self.config.glances && candidate.objectness >= self.config.objectness;
-        let seen = candidates.iter().filter(likely).max_by(|a, b| a.objectness.total_cmp(&b.objectness));
-        if let Some(pos_world) = seen.and_then(|candidate| candidate.target_world).filter(finite) {
-            self.glimpse = Some((stamp, pos_world));
-        }
         self.lookalike = self.beside(stamp, candidates).or(self.lookalike);
     }
 
@@ -140,9 +116,6 @@ impl Gaze {
     pub fn shift(&mut self, jump: &Jump) {
         if let Some(target) = &mut self.target {
             target.pos_world += jump.pos_world;
-        }
-        if let Some((_, pos_world)) = &mut self.glimpse {
-            *pos_world += jump.pos_world;
         }
         if let Some(lookalike) = &mut self.lookalike {
             lookalike.pos_world += jump.pos_world;
@@ -226,47 +199,14 @@ impl Gaze {
 
     fn goal(&self, now: Time, look: Look, odometry: &Odometry) -> YawGoal {
         let (pos, vel) = (odometry.pos_world, odometry.vel_world);
-        let at_target =
-            || self.target_at(now).map_or(YawGoal::Keep, |target| toward(target.pos - pos, target.vel - vel));
-        let glimpse = || self.glimpse(now).map(|at| toward(at - pos, Vec3::zeros()));
         match look {
             Look::Keep => YawGoal::Keep,
             Look::Way(place) => along(self.yaw.config(), place - pos, vel),
-            Look::Chase => glimpse().unwrap_or_else(|| {
-                if self.slipped(now, pos) { YawGoal::Sweep(self.side) } else { self.glancing(now, at_target()) }
-            }),
-            Look::Hold if self.slipped(now, pos) => glimpse().unwrap_or(YawGoal::Sweep(self.side)),
-            Look::Search { around: true } => glimpse().unwrap_or(YawGoal::Sweep(self.side)),
-            Look::Hold | Look::Search { .. } => glimpse().unwrap_or_else(at_target),
-        }
-    }
-
-    /// Where something has just looked like the target, which itself is hidden: it may be the target.
-    fn glimpse(&self, now: Time) -> Option<Vec3> {
-        let ((stamp, pos_world), target) = self.glimpse.zip(self.target)?;
-        let hidden = self.hidden_for(now)?;
-        let reach = GLIMPSE_MARGIN + self.config.target_speed * hidden;
-        let fits = hidden > hidden::GLIMPSES && (pos_world - target.pos_world).norm() < reach;
-        (fits && now.since(stamp) < GLIMPSE_LASTS).then_some(pos_world)
-    }
-
-    /// Toward where a hidden target should be, with looks to both sides of it, first to the one it was heading for; at the
-    /// far end of a look the way ahead may leave the image for a moment.
-    fn glancing(&self, now: Time, goal: YawGoal) -> YawGoal {
-        let hidden = self.hidden_for(now).unwrap_or(0.0) - hidden::ASIDE;
-        match goal {
-            YawGoal::Toward { yaw, rate } if hidden > 0.0 && self.config.glances => {
-                let swing = GLANCE_ANGLE.copysign(self.side) * (TAU * hidden / GLANCE_PERIOD).sin();
-                YawGoal::Toward { yaw: wrap(yaw + swing), rate }
+            Look::Search { around: true } => YawGoal::Sweep(self.side),
+            Look::Chase | Look::Hold | Look::Search { .. } => {
+                self.target_at(now).map_or(YawGoal::Keep, |target| toward(target.pos - pos, target.vel - vel))
             }
-            goal => goal,
         }
-    }
-
-    /// The target vanished near by: it is beside us rather than behind something ahead.
-    fn slipped(&self, now: Time, pos_world: Vec3) -> bool {
-        let (Some(hidden), Some(target)) = (self.hidden_for(now), self.target_at(now)) else { return false };
-        self.config.glances && hidden > hidden::ASIDE && (target.pos - pos_world).xy().norm() < SLIPPED_WITHIN
     }
 }
 
@@ -308,7 +248,7 @@ mod tests {
     }
 
     fn gaze() -> Gaze {
-        Gaze::new(GazeConfig { objectness: 0.9, target_speed: 10.0, glances: true }, YAW, ViewConfig { top: 0.63 })
+        Gaze::new(GazeConfig { objectness: 0.9 }, YAW, ViewConfig { top: 0.63 })
     }
 
     fn odometry() -> Odometry {
@@ -331,26 +271,6 @@ mod tests {
             target_world: Some(target_world),
             rejection: Some(Rejection::Cost),
         }
-    }
-
-    /// What is glimpsed `lateral` m beside a target that has been hidden for so long, `later` s after the frame.
-    fn glimpsed(objectness: f64, lateral: f64, hidden: f64, later: f64) -> Option<Vec3> {
-        let stamp = Time::from_secs(1.0 + hidden);
-        let candidate = candidate(objectness, Vec3::new(5.0, lateral, 1.0));
-        let mut gaze = gaze();
-        gaze.take(stamp, Some(target(5.0)), &[Candidate { objectness: 0.0, ..candidate }, candidate]);
-        gaze.glimpse(stamp.plus(later))
-    }
-
-    #[test]
-    fn what_looks_like_the_target_is_glimpsed_while_that_is_hidden_and_where_it_can_be() {
-        assert_eq!(glimpsed(0.95, 2.0, 0.2, 0.0), Some(Vec3::new(5.0, 2.0, 1.0)));
-        assert_eq!(glimpsed(0.85, 2.0, 0.2, 0.0), None, "unlikely");
-        assert_eq!(glimpsed(0.95, 2.0, 0.0, 0.0), None, "the target itself is seen");
-        assert_eq!(glimpsed(0.95, 4.0, 0.2, 0.0), None, "too far");
-        assert_eq!(glimpsed(0.95, 2.0, 0.2, 0.3), None, "too old");
-        assert_eq!(glimpsed(0.95, f64::NAN, 0.2, 0.0), None);
-        assert_eq!(glimpsed(f64::NAN, 2.0, 0.2, 0.0), None);
     }
 
     /// Who is kept away from besides the target after so many frames, `apart` m from it, `later` s after the last.
@@ -386,22 +306,17 @@ mod tests {
     }
 
     #[test]
-    fn a_hidden_target_is_looked_for_to_the_side_for_which_it_was_heading() {
+    fn a_hidden_target_is_looked_for_where_it_should_be_and_then_from_the_side_for_which_it_was_heading() {
         let crossing = TargetEstimate { vel_world: Vec3::new(0.0, -3.0, 0.0), ..target(9.0) };
         let mut gaze = gaze();
         gaze.take(crossing.stamp, Some(crossing), &[]);
         gaze.look(crossing.stamp, 0.005, Look::Chase, &odometry());
         assert!(gaze.side < 0.0, "it runs to the right");
-        let heading = |gaze: &Gaze, hidden: f64| gaze.goal(Time::from_secs(1.0 + hidden), Look::Chase, &odometry());
+        let heading = |hidden: f64, look: Look| gaze.goal(Time::from_secs(1.0 + hidden), look, &odometry());
         let bearing = |hidden: f64| toward(Vec3::new(9.0, -3.0 * hidden, 0.0), crossing.vel_world);
-        assert_eq!(heading(&gaze, 0.2), bearing(0.2));
-        let (YawGoal::Toward { yaw: glance, .. }, YawGoal::Toward { yaw, .. }) = (heading(&gaze, 0.8), bearing(0.8))
-        else {
-            panic!("expected bearings");
-        };
-        assert!((glance - (yaw - GLANCE_ANGLE)).abs() < 1e-9, "a quarter of the period later: {glance} {yaw}");
-        gaze.take(crossing.stamp, Some(TargetEstimate { pos_world: Vec3::x(), ..crossing }), &[]);
-        assert_eq!(heading(&gaze, 0.4), YawGoal::Sweep(gaze.side), "near by it slipped out of the image");
+        assert_eq!(heading(0.8, Look::Chase), bearing(0.8));
+        assert_eq!(heading(0.8, Look::Search { around: false }), bearing(0.8));
+        assert_eq!(heading(3.0, Look::Search { around: true }), YawGoal::Sweep(gaze.side));
     }
 
     #[test]

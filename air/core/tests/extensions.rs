@@ -55,15 +55,6 @@ fn the_cheapest_of_all_is_flown_or_of_those_that_show_the_target() {
 }
 
 #[test]
-fn a_weak_detection_keeps_the_target_or_does_not() {
-    let faint = network(&[(7, -0.8, 1.0)]);
-    let since = |plan: Plan| plan.target.map_or(9.0, |target| plan.stamp.since(target.last_seen));
-    let off = Extensions { weak_detections: false, ..ALL };
-    let [kept, let_go] = chased(off, |planner| since(plan(planner, 6, 12, &faint)));
-    assert!(kept == 0.0 && let_go > 0.15, "{kept} {let_go}");
-}
-
-#[test]
 fn a_doubtful_detection_moves_the_target_less_or_as_much_as_any() {
     let shift = |extensions: Extensions| {
         let mut planner = planner(Task::Track, extensions);
@@ -180,7 +171,7 @@ fn a_navigation_is_asked_for_more_than_the_asked_speed_or_for_that() {
 fn flown<T>(off: Extensions, fly: impl Fn(&mut Loop) -> T) -> [T; 2] {
     [ALL, off].map(|extensions| {
         let mut config = common::config();
-        (config.extensions, config.gaze.glances) = (extensions, extensions.glances);
+        config.extensions = extensions;
         if !extensions.attitude_lead {
             config.lead.limit_mps2 = 0.0;
         }
@@ -271,21 +262,6 @@ fn a_way_aside_is_flown_only_if_the_planner_may_step_aside() {
     assert!(moving(ALL) > 0);
     assert_eq!(moving(Extensions { stepping_aside: false, ..ALL }), 0);
     assert_eq!(moving(Extensions { least_distance: false, ..ALL }), 0, "nothing is kept from the target");
-}
-
-#[test]
-fn the_camera_glances_aside_for_a_hidden_target_or_looks_where_it_should_be() {
-    let [wide, narrow] = flown(Extensions { glances: false, ..ALL }, |sim| {
-        chase(sim, 30.0);
-        sim.frames = Frames::Blank;
-        let mut yaws = (f64::INFINITY, f64::NEG_INFINITY);
-        for _ in 0..400 {
-            sim.tick(None);
-            yaws = (yaws.0.min(sim.out().yaw_des), yaws.1.max(sim.out().yaw_des));
-        }
-        yaws.1 - yaws.0
-    });
-    assert!(wide > narrow + 0.3, "{wide} {narrow}");
 }
 
 #[test]

@@ -4,12 +4,13 @@ use ort::ep::{self, ArbitrarilyConfigurableExecutionProvider, ExecutionProviderD
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// In how many bits OpenVINO calculates: in its own form, for each kind of device.
-const OPENVINO_FULL: &str =
-    r#"{"CPU": {"INFERENCE_PRECISION_HINT": "f32"}, "GPU": {"INFERENCE_PRECISION_HINT": "f32"}}"#;
-/// The same, in half as many.
-const OPENVINO_HALF: &str =
-    r#"{"CPU": {"INFERENCE_PRECISION_HINT": "bf16"}, "GPU": {"INFERENCE_PRECISION_HINT": "f16"}}"#;
+/// How OpenVINO calculates, in its own form, for each kind of device: in how many bits; and on whatever processor the
+/// system gives. Left alone it moves each thread that asks to the first processor, where all of them wait for each other.
+const OPENVINO_FULL: &str = r#"{"CPU": {"INFERENCE_PRECISION_HINT": "f32", "ENABLE_CPU_PINNING": "NO"},
+    "GPU": {"INFERENCE_PRECISION_HINT": "f32"}}"#;
+/// The same, in half as many bits.
+const OPENVINO_HALF: &str = r#"{"CPU": {"INFERENCE_PRECISION_HINT": "bf16", "ENABLE_CPU_PINNING": "NO"},
+    "GPU": {"INFERENCE_PRECISION_HINT": "f16"}}"#;
 
 /// One of ONNX Runtime's execution providers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]

@@ -103,7 +103,7 @@ def test_what_differs_from_the_base_is_told_with_its_luck(monkeypatch: pytest.Mo
     won = cell("success", "collision", *["success"] * 5)
     base = {campaign.name: won for campaign in plan.campaigns}
     part = {name: cell("collision", "success", "out-of-view", *["lost"] * 4) for name in list(base)[:2]}
-    known = {"all": extensions.Line(cells=base), "all-without-weak-detections": extensions.Line(cells=part)}
+    known = {"all": extensions.Line(cells=base), "all-without-weighted-detections": extensions.Line(cells=part)}
     _, _, above, below = extensions.markdown(plan, known).splitlines()
     assert above.endswith("| 24 of 28 | 24 | 4 |  |")
     assert below.endswith("| the same | the same | 14 of 28 | 16 | 4 | -10 (2 won, 12 lost; p 0.013) |")

@@ -13,15 +13,10 @@ pub fn hidden_for(last_seen: Time, now: Time) -> f64 {
     now.since(last_seen).max(0.0)
 }
 
-/// What looks like the target is looked at, s: three frames without the target itself.
-pub const GLIMPSES: f64 = 0.1;
 /// The side to which it leaves is known no more, s: a few frames and the planner's time.
 pub const SIDE: f64 = 0.15;
 /// It went behind something, s: the chase follows the way that it took. Chosen by eye.
 pub const BEHIND: f64 = 0.2;
-/// It is looked for to the sides, s: near by it slipped out of the image there, farther off it may come out on either.
-/// Chosen by eye.
-pub const ASIDE: f64 = 0.3;
 /// The chase keeps no room from it any more, s. Tried: the notebook, "The way that it took".
 pub const ROOM: f64 = 1.0;
 /// It is not carried on any farther at its last velocity, s. Tried: chases in buildings hardly change with 0.8

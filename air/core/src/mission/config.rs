@@ -164,11 +164,7 @@ impl ControllerConfig {
             },
             yaw: tuning.yaw,
             view,
-            gaze: GazeConfig {
-                objectness: tuning.planner.target.confirm_objectness,
-                target_speed: tuning.planner.target.max_speed_mps,
-                glances: tuning.extensions.glances,
-            },
+            gaze: GazeConfig { objectness: tuning.planner.target.confirm_objectness },
             hold: tuning.hold,
             ladder: tuning.ladder,
             mission: tuning.mission,
@@ -224,8 +220,7 @@ mod tests {
     fn two_keys_that_contradict_each_other_are_refused_by_name() {
         type Spoil = fn(&mut Tuning, &mut ControllerConfig);
         assert_eq!((shipped::tuning().validate(), shipped::controller().validate()), (Ok(()), Ok(())));
-        let spoiled: [(&str, Spoil); 16] = [
-            ("planner.detection.keep_objectness", |t, _| t.planner.detection.keep_objectness = 0.6),
+        let spoiled: [(&str, Spoil); 15] = [
             ("planner.target.confirm_hits", |t, _| t.planner.target.confirm_hits = 7),
             ("planner.target.sure_objectness", |t, _| t.planner.target.sure_objectness = 0.8),
             ("planner.movers.radius_m", |t, _| t.planner.movers.radius_m[0] = 0.8),

@@ -19,7 +19,7 @@ pub struct ChaseConfig {
     #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "chosen by eye: 1 m over the shipped limits.min_target_distance_m"))]
     pub standoff_m: f64,
     /// What is kept beyond that for each m/s of the target's speed, s: it may turn.
-    #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "tried, notebook: What the chase is lost by"))]
+    #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "tried, notebook: Nearer, for it brakes harder"))]
     pub headway_s: f64,
     /// Height above the target's centre, m.
     #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down", "x-source" = "0 was tried and gives the same, notebook: What does not help the chase"))]

@@ -2,12 +2,13 @@
 //!
 //! The network's trajectories lead to the aim and last a second or more: a slow vehicle's hardly differ before a mover
 //! is there. If the best of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
-//! So it is in a chase when the best meets at once what stands: the target leads beside a trunk that came into view late,
-//! and all of them lead into it. So it is when a target comes that braking alone does not keep away from; then faster
-//! ways are tried as well, and ways over it: it runs as fast as the vehicle backs, but it does not fly.
+//! A way that ends beside the mover costs more than one that leaves it behind: it may turn round, unseen.
+//! So it is when the best meets at once what stands: it came into view late, or a way aside led before it, and all of
+//! them lead into it. So it is when a target comes that braking alone does not keep away from; then faster ways are tried
+//! as well, and ways over it: it runs as fast as the vehicle backs, but it does not fly.
 
 use crate::gaze::threat::{Pace, Threat};
-use crate::planning::movers::{Movers, meeting};
+use crate::planning::movers::{Mover, Movers, meeting};
 use crate::planning::obstacles::{Ignored, Obstacles};
 use crate::values::geometry::cap;
 use crate::values::quintic::Quintic;
@@ -76,8 +77,8 @@ const TURNS: [f64; 6] = [-0.9, -0.45, -0.2, 0.2, 0.45, 0.9];
 /// What the trajectory that would be flown costs at least for movers, so that another is looked for: a navigation takes
 /// its time, a chase that steps aside loses its target. Chosen by eye.
 const WORTH: (f64, f64) = (2.0, 14.0);
-/// And what it costs in a chase for what stands: as much as to meet it within 0.8 s, or within 1.4 s if a way aside is
-/// flown already. A navigation is not led beside it, and would wait before it (notebook: Beside a trunk).
+/// And what it costs for what stands: as much as to meet it within 0.8 s, or within 1.4 s if a way aside is flown
+/// already. Tried: the notebook, "Away from what moves".
 const AT_ONCE: (f64, f64) = (14.0, 6.0);
 /// A way aside costs less by so much, or is not flown. Chosen by eye.
 const BETTER: f64 = 1.0;
@@ -89,6 +90,10 @@ const ASIDE: f64 = 0.5;
 const RESTLESS: f64 = 0.5;
 /// Times of a way at which it is looked whether one knows the place, s. Chosen by eye.
 const KNOWN_AT: [f64; 4] = [0.4, 0.7, 1.0, 1.3];
+/// What it costs to end a way beside a mover. Tried: the notebook, "Away from what moves".
+const BESIDE: f64 = 6.0;
+/// It is left behind when its surface is so far from there, m. Chosen by eye.
+const LEFT: f64 = 3.0;
 /// What it costs to go up out of a target's way, for it leaves the image. Chosen by eye.
 const UPWARD: f64 = 1.0;
 /// What each m/s away from it costs: who backs before it only puts it off. Chosen by eye.
@@ -138,6 +143,12 @@ impl Scene<'_> {
         let standing = self.obstacles.meeting_on(way, horizon, self.ignored);
         MEETING * (standing + meeting(self.movers, self.clearance, self.stamp, way, horizon))
     }
+}
+
+/// How near to one of the movers a way ends at `end`: 0 to none, 1 in it.
+fn beside(movers: &Movers, end: &Vec3) -> f64 {
+    let near = |mover: &Mover| 1.0 - ((end - mover.pos_world).xy().norm() - mover.radius) / LEFT;
+    movers.iter().flatten().map(near).fold(0.0, f64::max).min(1.0)
 }
 
 /// The target, which may go on as it does, or turn on the vehicle.
@@ -219,10 +230,11 @@ impl Evading {
         let moving = MEETING * meeting(scene.movers, scene.clearance, scene.stamp, &otherwise, horizon);
         let at_once = if last.is_some() { AT_ONCE.1 } else { AT_ONCE.0 };
         let standing = || MEETING * scene.obstacles.meeting_on(&otherwise, horizon, scene.ignored);
-        if met == 0.0 && moving < worth && !(scene.chases && standing() >= at_once) {
+        if met == 0.0 && moving < worth && standing() < at_once {
             return None;
         }
-        let least = scene.danger(&otherwise, horizon) + met;
+        let least =
+            scene.danger(&otherwise, horizon) + met + BESIDE * beside(scene.movers, &otherwise(HORIZON.min(horizon)));
         let soon = otherwise(SOON.min(horizon));
         let level = Vec3::new(start.vel.x, start.vel.y, 0.0);
         let around = (0..HEADINGS).flat_map(|k| config.speeds_mps.map(|speed| heading(k) * speed));
@@ -233,6 +245,7 @@ impl Evading {
             let way = |time: f64| aside(&config, start, evasion, time);
             approach.as_ref().map_or(0.0, |target| target.meets(&way) + target.backs(&vel))
                 + ASIDE * (way(SOON) - soon).norm()
+                + BESIDE * beside(scene.movers, &way(HORIZON))
                 + evasion.height.map_or(0.0, |_| UPWARD)
                 + last.map_or(0.0, |last| RESTLESS * (vel - last.vel_world).norm())
         };
@@ -293,7 +306,7 @@ fn aside(config: &EvasionConfig, start: &FlatState, evasion: &Evasion, time: f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planning::movers::{MOST, Mover};
+    use crate::planning::movers::MOST;
     use crate::planning::nearest::{COLUMNS, ROWS};
     use crate::shipped;
 
@@ -374,12 +387,26 @@ mod tests {
     #[test]
     fn what_stands_so_near_that_all_trajectories_meet_it_is_evaded_and_what_stands_farther_is_left_to_them() {
         let start = FlatState { vel: Vec3::x() * 2.0, ..FlatState::default() };
-        let before = |mm: u16, chases: bool| step_among(&before_wall(mm), chases, &start, &[None; MOST], None);
-        let evasion = before(1600, true).expect("it would be met");
-        let nearest = (1..=20).map(|k| aside(&config(), &start, &evasion, f64::from(k) * 0.06).x);
-        assert!(nearest.fold(0.0, f64::max) < 1.4, "{evasion:?}");
-        assert_eq!(before(4000, true), None);
-        assert_eq!(before(1600, false), None, "a navigation waits before nothing that stands");
+        for chases in [false, true] {
+            let before = |mm: u16| step_among(&before_wall(mm), chases, &start, &[None; MOST], None);
+            let evasion = before(1600).expect("it would be met");
+            let nearest = (1..=20).map(|k| aside(&config(), &start, &evasion, f64::from(k) * 0.06).x);
+            assert!(nearest.fold(0.0, f64::max) < 1.4, "{evasion:?}");
+            assert_eq!(before(4000), None);
+        }
+    }
+
+    #[test]
+    fn who_steps_out_of_a_movers_way_leaves_it_behind() {
+        let start = FlatState { vel: Vec3::x() * 2.0, ..FlatState::default() };
+        for side in [-1.0, 1.0] {
+            let crossing = mover(Vec3::new(2.0, 1.2 * side, 0.0), Vec3::y() * (-1.2 * side));
+            let evasion = step(&start, &crossing).expect("they would meet");
+            let end = aside(&config(), &start, &evasion, HORIZON);
+            let stop = aside(&config(), &start, &Evasion { vel_world: Vec3::zeros(), ..evasion }, HORIZON);
+            let beside = |end: &Vec3| beside(&crossing, end);
+            assert!(beside(&end) < 0.8 * beside(&stop), "{} {} {evasion:?}", beside(&end), beside(&stop));
+        }
     }
 
     fn target(pos_world: Vec3, vel_world: Vec3) -> Option<Threat> {

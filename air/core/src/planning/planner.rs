@@ -95,7 +95,6 @@ impl PlanningConfig {
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.target.validate()?;
-        self.detection.validate()?;
         self.movers.validate()
     }
 
@@ -116,9 +115,6 @@ impl PlanningConfig {
         }
         if !extensions.agility_limit {
             (how.max_agility, how.max_acc_mps2) = (1.0, f64::INFINITY);
-        }
-        if !extensions.weak_detections {
-            how.detection.keep_objectness = how.detection.min_objectness;
         }
         if !extensions.weighted_detections {
             how.target.lateral_variance_m2 = how.target.range_variance_m2;

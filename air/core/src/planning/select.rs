@@ -2,7 +2,6 @@
 //! of lowest predicted cost, in whatever cell, since every trajectory is trained to lead to the aim (beyond the paper).
 
 use crate::planning::target::{Detection, TargetFilter};
-use crate::values::error::{ConfigError, within};
 use crate::values::types::{ANCHORS, Added, Candidate, Rejection, Time, Vec3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -14,21 +13,6 @@ pub struct SelectConfig {
     /// Least objectness of a cell that holds the target, 0..1.
     #[schemars(range(min = 0.01, max = 0.99), extend("x-why" = "at 0 all is a target, at 1 nothing", "x-source" = "chosen by eye"))]
     pub min_objectness: f64,
-    /// Least objectness where a confirmed target is expected, at most min_objectness. Far or half hidden targets are weak; there
-    /// a weak detection that passes the gate is more likely the target than not.
-    #[schemars(range(min = 0.01, max = 0.99), extend("x-why" = "what keeps a target is no stronger than what finds one", "x-source" = "0.5 was tried and gives the same, notebook: Belief"))]
-    pub keep_objectness: f64,
-}
-
-impl SelectConfig {
-    /// Checks what no key says alone.
-    ///
-    /// # Errors
-    /// The first value out of range.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        let weak = "what keeps a target is no stronger than what finds one";
-        within("planner.detection.keep_objectness", self.keep_objectness, 0.01..=self.min_objectness, weak)
-    }
 }
 
 /// Updates the target filter with the candidates' detections at `stamp` and gives, for each candidate, why its detection
@@ -40,11 +24,7 @@ pub fn detect(
     filter: &mut TargetFilter,
     candidates: &[Candidate; ANCHORS],
 ) -> [Option<Rejection>; ANCHORS] {
-    let strong = |candidate: &Candidate| candidate.objectness >= config.min_objectness;
-    // Beside a strong one elsewhere a weak one is worth nothing: it would keep a track alive that has gone astray.
-    let weak_counts = filter.is_confirmed() && !candidates.iter().any(strong);
-    let least = if weak_counts { config.keep_objectness } else { config.min_objectness };
-    let detections = std::array::from_fn(|index| detection(least, cam_world, &candidates[index]));
+    let detections = std::array::from_fn(|index| detection(config.min_objectness, cam_world, &candidates[index]));
     let mut consistent = [false; ANCHORS];
     filter.step(stamp, &detections, &mut consistent);
     std::array::from_fn(|index| match (detections[index].is_some(), consistent[index]) {

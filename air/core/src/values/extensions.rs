@@ -22,8 +22,6 @@ pub struct Extensions {
     /// A detection is weighed by its objectness, distance and line of sight, and the surest one counts; off: all weigh the
     /// same, and the one that fits best counts (eq. 10).
     pub weighted_detections: bool,
-    /// A detection that is too weak to begin a track keeps a confirmed one.
-    pub weak_detections: bool,
     /// What is seen beside the track may take its place.
     pub rivals: bool,
     /// A detection far from its expectation weighs less.
@@ -32,8 +30,6 @@ pub struct Extensions {
     pub pursuit: bool,
     /// The chase flies aside where what is remembered would come between it and the target.
     pub line_of_sight: bool,
-    /// The camera looks to the sides for a hidden target, and at what looks like it.
-    pub glances: bool,
     /// The acceleration toward the target is limited to what keeps it in the image.
     pub view_limit: bool,
     /// Navigation: trajectories that end well above the goal cost more.
@@ -62,12 +58,10 @@ impl Extensions {
         least_distance: true,
         choice_among_all: true,
         weighted_detections: true,
-        weak_detections: true,
         rivals: true,
         outliers: true,
         pursuit: true,
         line_of_sight: true,
-        glances: true,
         view_limit: true,
         no_climbing: true,
         detours: true,

@@ -86,8 +86,6 @@ pub enum Frames {
     Blank,
     /// A target here.
     Target(Vec3),
-    /// Something here that looks like a target and is not believed to be it.
-    Glimpse(Vec3),
     /// A target that is believed to be here, while it is seen there.
     Astray(Vec3, Vec3),
     /// A straight plan to the demand's goal.
@@ -329,7 +327,7 @@ impl Loop {
         let pos = self.pos + self.odometry_offset;
         let (aim, target) = match self.frames {
             Frames::None => return None,
-            Frames::Blank | Frames::Glimpse(_) => (None, None),
+            Frames::Blank => (None, None),
             Frames::Target(at) | Frames::Astray(at, _) => (Some(at), Some(at)),
             Frames::Goal => (demand.goal_world, None),
         };
@@ -340,18 +338,12 @@ impl Loop {
             let direction = line.try_normalize(1e-6).unwrap_or_default();
             FlatState { pos: pos + direction * reach, vel: direction * (2.0 * self.haste), acc: Vec3::zeros() }
         });
-        let glimpsed = match self.frames {
-            Frames::Glimpse(at) | Frames::Astray(_, at) => Some(at),
+        let seen = match self.frames {
+            Frames::Astray(_, at) => Some(at),
             _ => target,
         };
-        let candidate = Candidate {
-            end,
-            cost: 1.0,
-            added: Added::default(),
-            objectness: 1.0,
-            target_world: glimpsed,
-            rejection: None,
-        };
+        let candidate =
+            Candidate { end, cost: 1.0, added: Added::default(), objectness: 1.0, target_world: seen, rejection: None };
         let estimate = target.map(|at| TargetEstimate {
             stamp: self.now,
             pos_world: at,
