@@ -1,7 +1,7 @@
 //! Puts the SHA-256 of the flight code's sources into the binary: campaigns say by it what they were flown with.
 
 use std::path::{Path, PathBuf};
-use std::{fs, io};
+use std::{env, fs, io};
 
 use sha2::{Digest, Sha256};
 
@@ -21,7 +21,9 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
 }
 
 fn main() -> io::Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    // As Cargo says now: a target folder may have been filled from another checkout.
+    let package = env::var_os("CARGO_MANIFEST_DIR").ok_or(io::ErrorKind::NotFound)?;
+    let root = Path::new(&package).join("../..");
     let mut found = Vec::new();
     for folder in FLIGHT_CODE {
         println!("cargo:rerun-if-changed={}", root.join(folder).display());
