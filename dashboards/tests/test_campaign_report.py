@@ -24,7 +24,7 @@ from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 SIMULATOR = ROOT / "target/release/goshawk-sim"
-CHASE = ["--task", "track", "--speed", "2,17", "--spacing", "4", "--trials", "2", "--seed", "2", "--moving", "1"]
+CHASE = ["--task", "track", "--speed", "2,17", "--length", "100", "--trials", "2", "--seed", "2", "--moving", "1"]
 NAVIGATION = ["--task", "navigate", "--pilot", "classical", "--speed", "6", "--world", "buildings", "--trials", "1"]
 
 
