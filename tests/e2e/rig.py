@@ -58,12 +58,16 @@ class Rig:
         self.processes[name] = process
         return process
 
-    def air(self, *arguments: str | Path, vehicle: Path = VEHICLE) -> subprocess.Popen[bytes]:
+    def air_command(self, *arguments: str | Path, vehicle: Path = VEHICLE) -> list[str]:
         guarded = () if self.identity is None else ("--listen", self.socket, "--identity", self.identity)
-        return self.spawn(
-            "air", BIN / "goshawk-air", "run", "--config", vehicle, "--listen", self.endpoint, *guarded,
+        command = (
+            BIN / "goshawk-air", "run", "--config", vehicle, "--listen", self.endpoint, *guarded,
             "--mavlink-bind", f"127.0.0.1:{self.mavlink_port}", "--log-dir", self.logs, *arguments,
         )  # fmt: skip
+        return [str(part) for part in command]
+
+    def air(self, *arguments: str | Path, vehicle: Path = VEHICLE) -> subprocess.Popen[bytes]:
+        return self.spawn("air", *self.air_command(*arguments, vehicle=vehicle))
 
     def sim(self, *arguments: str) -> subprocess.Popen[bytes]:
         return self.spawn(

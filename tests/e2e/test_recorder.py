@@ -20,7 +20,7 @@ from goshawk_proto import goshawk_pb2
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
-from rig import BIN, VEHICLE, Rig
+from rig import BIN, Rig
 
 FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
 #: What the file system lets the vehicle write into one file.
@@ -37,11 +37,9 @@ def fly(rig: Rig, *, disk_bytes: int | None = None) -> None:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # the write fails instead, as on a full disk
             resource.setrlimit(resource.RLIMIT_FSIZE, (disk_bytes, resource.RLIM_INFINITY))
 
-    command = [BIN / "goshawk-air", "run", "--config", VEHICLE, "--listen", rig.endpoint, "--mavlink-bind",
-               f"127.0.0.1:{rig.mavlink_port}", "--log-dir", rig.logs]  # fmt: skip
     with (rig.folder / "air.out").open("wb") as out:
         rig.processes["air"] = subprocess.Popen(
-            [str(c) for c in command], stdout=out, stderr=out, start_new_session=True, preexec_fn=small_disk
+            rig.air_command(), stdout=out, stderr=out, start_new_session=True, preexec_fn=small_disk
         )
     rig.sim("--seed", "5", "--spacing", "6", "--speed", "2")
     with rig.link() as link:

@@ -1,5 +1,6 @@
 //! What is known of the autopilot, from what it sends.
 
+pub(crate) mod batteries;
 pub mod clock;
 pub(crate) mod contradiction;
 pub(crate) mod estimate;

@@ -173,6 +173,24 @@ fn a_signed_link_keeps_its_newest_stamp_beside_the_key() {
     assert!(stamp_of(&frame[..length]) > ahead);
 }
 
+#[test]
+fn a_disk_that_hangs_as_a_stamp_is_saved_does_not_silence_the_link() {
+    let folder = tempfile::tempdir().unwrap();
+    let stamps = folder.path().join("key.stamp");
+    // Whoever opens a pipe to write waits for somebody who reads.
+    let pipe = folder.path().join("key.stamp.new");
+    assert!(std::process::Command::new("mkfifo").arg(pipe).status().unwrap().success());
+    let listener = UdpSocket::bind(anywhere()).unwrap();
+    listener.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    let signing = Some(SigningConfig { key: SigningKey::new([7; 32]), stamps: Some(stamps) });
+    let (config, begun) = (LinkConfig { signing, ..towards(listener.local_addr().unwrap()) }, Instant::now());
+    let link = AutopilotLink::open(config, move || Time::from_secs(5.0 + begun.elapsed().as_secs_f64())).unwrap();
+    for _ in 0..30 {
+        listener.recv(&mut [0; 300]).unwrap();
+    }
+    drop(link);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
     #[test]

@@ -11,6 +11,7 @@ use goshawk_air::network::visitors::Visitors;
 use goshawk_air::run::{Overrides, run};
 use goshawk_vehicle::config::{Vehicle, reference};
 use goshawk_vehicle::errors::one_line;
+use tracing_appender::non_blocking::NonBlockingBuilder;
 use tracing_subscriber::Layer as _;
 use tracing_subscriber::filter::filter_fn;
 use tracing_subscriber::layer::SubscriberExt as _;
@@ -20,7 +21,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 #[derive(Parser)]
 #[command(name = "goshawk-air", version, arg_required_else_help = true)]
 #[command(after_help = "Examples:\n  goshawk-air run --config air/vehicles/sim.toml\n  \
-    goshawk-air run --config air/vehicles/sim.toml --listen tcp/0.0.0.0:7448 --mavlink-bind 127.0.0.1:14541\n  \
+    goshawk-air run --config air/vehicles/sim.toml --listen tcp/127.0.0.1:7448 --mavlink-bind 127.0.0.1:14541\n  \
     goshawk-air check --config air/vehicles/sim.toml\n  \
     goshawk-air check --frames --config vehicle.toml\n  \
     goshawk-air replay logs/flight.mcap\n  \
@@ -134,14 +135,21 @@ enum SchemaOf {
     Tuning,
 }
 
+/// Lines that may wait to be printed. Chosen by eye.
+const LINES: usize = 4096;
+
 fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info,zenoh=error"));
     let visitors = Visitors::default();
-    let printed = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
+    // Who reads may stop reading, as a terminal does on Ctrl-S: no thread of ours waits for that, lines are left out.
+    let (printer, printing) = NonBlockingBuilder::default().buffered_lines_limit(LINES).finish(std::io::stderr());
+    let printed = tracing_subscriber::fmt::layer().with_writer(printer).with_filter(filter);
     let listening = visitors.clone().with_filter(filter_fn(Visitors::concerns));
     tracing_subscriber::registry().with(printed).with(listening).init();
-    match start(visitors) {
+    let ended = start(visitors);
+    drop(printing); // what is left is printed, if somebody reads
+    match ended {
         Ok(code) => code,
         Err(error) => {
             eprintln!("goshawk-air: {}", one_line(error.as_ref()));

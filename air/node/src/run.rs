@@ -22,7 +22,7 @@ use crate::flight::camera::CameraInput;
 use crate::flight::control::Control;
 use crate::flight::planning::Planning;
 use crate::flight::realtime::{self, Schedule};
-use crate::flight::shared::Shared;
+use crate::flight::shared::{REPORT_QUEUE, Shared};
 use crate::flight::vision;
 use crate::network::access::{Access, Guard};
 use crate::network::commands;
@@ -67,10 +67,7 @@ impl Overrides {
     }
 }
 
-/// Reports that may wait for the telemetry thread. Chosen by eye.
-const REPORT_QUEUE: usize = 2048;
-
-/// Runs the onboard process until SIGINT or SIGTERM.
+/// Runs the onboard process until SIGINT or SIGTERM; SIGHUP waits for the end of a flight.
 ///
 /// # Errors
 /// Anything that keeps it from starting: one line that says what to do.
@@ -180,11 +177,20 @@ fn wait(shared: &Shared, threads: Vec<JoinHandle<()>>) -> Result<()> {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&asked_to_stop)).wrap_err("cannot handle signals")?;
     }
+    let hung_up = Arc::new(AtomicBool::new(false));
+    if !ignores_hang_up() {
+        let signal = signal_hook::consts::SIGHUP;
+        signal_hook::flag::register(signal, Arc::clone(&hung_up)).wrap_err("cannot handle signals")?;
+    }
     // A thread that ended by itself is a defect. In flight the others go on: the controller's ladder brings the vehicle
     // down without a planner, and the autopilot's own failsafe does without a controller.
     let mut told = false;
     while !asked_to_stop.load(Ordering::Relaxed) {
         thread::sleep(Duration::from_millis(50));
+        // The terminal is gone, as when the link over which it was opened broke: no reason to leave a flight.
+        if hung_up.load(Ordering::Relaxed) && !shared.flies() {
+            break;
+        }
         if !told && let Some(ended) = threads.iter().find(|thread| thread.is_finished()) {
             tracing::error!("the {} thread ended unexpectedly", ended.thread().name().unwrap_or("unnamed"));
             told = true;
@@ -200,6 +206,14 @@ fn wait(shared: &Shared, threads: Vec<JoinHandle<()>>) -> Result<()> {
         })
         .collect();
     if failed.is_empty() { Ok(()) } else { bail!("these threads failed: {}", failed.join(", ")) }
+}
+
+/// Whoever started the process wants it to outlive the terminal, as `nohup` does.
+fn ignores_hang_up() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal_hook::consts::SIGHUP - 1) & 1 == 1
 }
 
 /// What is planned for before the first start; refuses a policy of another task than the profiles.

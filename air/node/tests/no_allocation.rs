@@ -156,7 +156,6 @@ fn the_controllers_thread_allocates_nothing_after_its_start() {
     let mut around = Surroundings { socket, encoder: Encoder::new(1, 1), height: 0.0, frames: 0 };
     let (sender, reports) = sync_channel(2048);
     let shared = Arc::new(Shared::new(sender));
-    shared.ready.store(true, Ordering::Relaxed);
     let control = Control {
         controller: FlightController::new(vehicle.controller_config()).unwrap(),
         link,
@@ -175,13 +174,14 @@ fn the_controllers_thread_allocates_nothing_after_its_start() {
     let (mut seen, mut mode, mut steps, mut begun) = (BTreeSet::new(), Mode::Idle, 0, None);
     let mut verdict = None;
     for tick in 0..4000 {
+        shared.ready.judge(true, clock::now());
         around.step(&shared, tick, mode);
         steps += modes(&reports, &mut seen, &mut mode);
         if begun.is_none() && mode == Mode::Ready && steps > 20 {
             begun = Some(ALLOCATIONS.load(Ordering::Relaxed));
             let (answer, answered) = sync_channel(1);
             let command = Command::Start(vehicle.profile(None).unwrap());
-            *lock(&shared.command) = Some(PendingCommand { command, profile: "chase".into(), answer });
+            *lock(&shared.command) = Some(PendingCommand { number: 0, command, profile: "chase".into(), answer });
             verdict = Some(answered);
         }
         if seen.contains("Track") && steps > 1200 {

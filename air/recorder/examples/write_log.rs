@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let path = arguments.first().ok_or("usage: write_log FILE [RECORDS]")?;
     let records: Option<u64> = arguments.get(1).map(|text| text.parse()).transpose()?;
-    let mut recorder = Recorder::create(Path::new(path))?;
+    let mut recorder = Recorder::begin(Path::new(path), || ())?;
     let control = Channel::of(Key::Control).ok_or("the control key has no message")?;
     let header = v1::LogHeader { vehicle: "kite".to_owned(), version: "0.1.0".to_owned(), ..Default::default() };
     recorder.record(Channel::HEADER, 0, Box::new(move || Some(header.encode_to_vec())));

@@ -1,13 +1,13 @@
 //! The flight recorder: one file a flight, written by its own thread behind a bounded queue.
 //!
-//! The caller never waits: a full queue drops the record and counts it. A disk error ends the recording and is kept
-//! for [`Recorder::failure`]; the process lives on. Each second the chunk is ended and synced, so a power cut costs at
-//! most one second.
+//! The caller never waits, neither for a record nor for the file: a full queue drops the record and counts it, and the
+//! thread makes the file itself. A disk error ends the recording and is kept for [`Recorder::failure`]; the process lives
+//! on. Each second the chunk is ended and synced, so a power cut costs at most one second.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -36,35 +36,28 @@ struct Record {
 /// Blocks until all that the sink was given is on the disk.
 pub type Sync = Box<dyn FnMut() -> std::io::Result<()> + Send>;
 
-/// An open flight log.
+/// A flight log that is being written.
 pub struct Recorder {
     path: PathBuf,
     sender: Option<SyncSender<Record>>,
     thread: Option<JoinHandle<()>>,
+    opened: Arc<AtomicBool>,
     failure: Arc<Mutex<Option<String>>>,
     dropped: Arc<AtomicU64>,
 }
 
 impl Recorder {
-    /// Creates the file, and its folder where needed. Never overwrites.
+    /// Has the thread do `first`, and make the file, and its folder where needed. Never overwrites. What is recorded
+    /// meanwhile waits; a file that cannot be made is a [`Self::failure`].
     ///
     /// # Errors
-    /// The file exists or cannot be made.
-    pub fn create(path: &Path) -> Result<Self, RecorderError> {
-        let error = |source| RecorderError::Create { path: path.to_owned(), source };
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder).map_err(error)?;
-        let file = OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
-            if source.kind() == ErrorKind::AlreadyExists {
-                RecorderError::Exists(path.to_owned())
-            } else {
-                error(source)
-            }
-        })?;
-        // The file's name must survive a power cut as well; a folder that cannot be synced is no reason not to record.
-        let _ = File::open(folder).and_then(|folder| folder.sync_all());
-        let disk = file.try_clone().map_err(error)?;
-        Self::over(BufWriter::new(file), Box::new(move || disk.sync_data()), path)
+    /// The thread could not be started.
+    pub fn begin(path: &Path, first: impl FnOnce() + Send + 'static) -> Result<Self, RecorderError> {
+        let file = path.to_owned();
+        Self::on_thread(path, move || {
+            first();
+            create(&file)
+        })
     }
 
     /// A recorder over any sink; `path` is only its name.
@@ -75,21 +68,34 @@ impl Recorder {
     where
         W: Write + Send + 'static,
     {
+        Self::on_thread(path, move || Ok((sink, sync)))
+    }
+
+    fn on_thread<W, F>(path: &Path, open: F) -> Result<Self, RecorderError>
+    where
+        W: Write,
+        F: FnOnce() -> Result<(W, Sync), RecorderError> + Send + 'static,
+    {
         let (sender, receiver) = sync_channel(QUEUE);
         let failure = Arc::new(Mutex::new(None));
         let dropped = Arc::new(AtomicU64::new(0));
-        let (told, unmade) = (Arc::clone(&failure), Arc::clone(&dropped));
+        let opened = Arc::new(AtomicBool::new(false));
+        let (told, unmade, open_now) = (Arc::clone(&failure), Arc::clone(&dropped), Arc::clone(&opened));
+        let work = move || {
+            let (sink, sync) = open().map_err(|e| e.to_string())?;
+            open_now.store(true, Ordering::Relaxed);
+            write_all(sink, sync, &receiver, &unmade).map_err(|e| chain(&e))
+        };
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
-                if let Err(e) = write_all(sink, sync, &receiver, &unmade) {
-                    let why = chain(&e);
+                if let Err(why) = work() {
                     tracing::error!("recording stopped: {why}");
                     *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
                 }
             })
             .map_err(RecorderError::Thread)?;
-        Ok(Recorder { path: path.to_owned(), sender: Some(sender), thread: Some(thread), failure, dropped })
+        Ok(Recorder { path: path.to_owned(), sender: Some(sender), thread: Some(thread), opened, failure, dropped })
     }
 
     /// Queues a record; `payload` runs on the recorder's thread. Never blocks: with the queue full or the recording
@@ -109,6 +115,12 @@ impl Recorder {
         &self.path
     }
 
+    /// The file is there: before, and if it could not be made, it is not.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.opened.load(Ordering::Relaxed)
+    }
+
     /// Records dropped so far.
     #[must_use]
     pub fn dropped(&self) -> u64 {
@@ -123,14 +135,41 @@ impl Recorder {
         told.or_else(|| ended.then(|| PANICKED.to_owned()))
     }
 
+    /// Has the thread write what is queued and the summary, and waits for neither; see [`Self::is_finished`].
+    pub fn finish(&mut self) {
+        self.sender = None;
+    }
+
+    /// Nothing is left to be written.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
     /// Writes what is queued and the summary, and waits for it. Also done on drop.
     pub fn close(&mut self) {
-        self.sender = None;
+        self.finish();
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
             *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(PANICKED.to_owned());
         }
+    }
+
+    /// As [`Self::close`], but waits no longer than this: a thread that the disk does not let go of is left to itself.
+    /// False: it was.
+    pub fn close_within(&mut self, time: Duration) -> bool {
+        self.finish();
+        let begun = Instant::now();
+        while !self.is_finished() && begun.elapsed() < time {
+            thread::sleep(Duration::from_millis(5));
+        }
+        let finished = self.is_finished();
+        if finished {
+            self.close();
+        }
+        self.thread = None;
+        finished
     }
 }
 
@@ -138,6 +177,20 @@ impl Drop for Recorder {
     fn drop(&mut self) {
         self.close();
     }
+}
+
+/// Makes the file, and its folder where needed; and what brings it to the disk.
+fn create(path: &Path) -> Result<(BufWriter<File>, Sync), RecorderError> {
+    let error = |source| RecorderError::Create { path: path.to_owned(), source };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(error)?;
+    let file = OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
+        if source.kind() == ErrorKind::AlreadyExists { RecorderError::Exists(path.to_owned()) } else { error(source) }
+    })?;
+    // The file's name must survive a power cut as well; a folder that cannot be synced is no reason not to record.
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    let disk = file.try_clone().map_err(error)?;
+    Ok((BufWriter::new(file), Box::new(move || disk.sync_data())))
 }
 
 fn write_all<W: Write>(

@@ -30,7 +30,7 @@ fn record(recorder: &Recorder, k: u64) {
 fn what_was_recorded_is_read_back_in_order() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new/folder/flight.mcap");
-    let mut recorder = Recorder::create(&path).unwrap();
+    let mut recorder = Recorder::begin(&path, || ()).unwrap();
     for k in 0..100 {
         record(&recorder, k);
     }
@@ -49,13 +49,18 @@ fn an_existing_log_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.mcap");
     std::fs::write(&path, "precious").unwrap();
-    assert!(matches!(Recorder::create(&path), Err(RecorderError::Exists(_))));
+    let mut recorder = Recorder::begin(&path, || ()).unwrap();
+    recorder.close();
+    assert_eq!(recorder.failure(), Some(RecorderError::Exists(path.clone()).to_string()));
+    assert!(!recorder.is_open());
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
 }
 
 #[test]
 fn a_folder_that_cannot_be_made_is_an_error_that_names_it() {
-    let error = Recorder::create(Path::new("/dev/null/flight.mcap")).err().unwrap().to_string();
+    let mut recorder = Recorder::begin(Path::new("/dev/null/flight.mcap"), || ()).unwrap();
+    recorder.close();
+    let error = recorder.failure().unwrap();
     assert!(error.contains("/dev/null/flight.mcap"), "{error}");
 }
 
@@ -158,7 +163,7 @@ fn a_panic_on_the_recorders_thread_is_a_failure_and_no_more() {
 fn a_full_queue_drops_and_counts_and_does_not_block() {
     let folder = tempfile::tempdir().unwrap();
     let (open, gate) = std::sync::mpsc::channel::<()>();
-    let mut recorder = Recorder::create(&folder.path().join("flight.mcap")).unwrap();
+    let mut recorder = Recorder::begin(&folder.path().join("flight.mcap"), || ()).unwrap();
     recorder.record(events(), 0, Box::new(move || gate.recv().ok().map(|()| event(0).encode_to_vec())));
     for k in 1..5000 {
         record(&recorder, k);
@@ -169,6 +174,29 @@ fn a_full_queue_drops_and_counts_and_does_not_block() {
     recorder.close();
     let kept = LogReader::open(recorder.path()).unwrap().entries().count() as u64;
     assert_eq!(kept + dropped, 5000);
+}
+
+#[test]
+fn a_disk_that_hangs_holds_up_neither_the_beginning_nor_the_end_of_a_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.mcap");
+    let (answer, disk) = std::sync::mpsc::channel::<()>();
+    let mut recorder = Recorder::begin(&path, move || disk.recv().unwrap_or_default()).unwrap();
+    record(&recorder, 7);
+    recorder.finish();
+    assert!(!recorder.is_open() && !recorder.is_finished());
+    answer.send(()).unwrap();
+    while !recorder.is_finished() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!((recorder.failure(), LogReader::open(&path).unwrap().entries().count()), (None, 1));
+
+    let (answer, disk) = std::sync::mpsc::channel::<()>();
+    let mut stuck =
+        Recorder::begin(&folder.path().join("stuck.mcap"), move || disk.recv().unwrap_or_default()).unwrap();
+    assert!(!stuck.close_within(Duration::from_millis(20)));
+    drop(stuck); // waits for nothing
+    drop(answer);
 }
 
 fn in_chunks() -> (Vec<u8>, Vec<usize>) {

@@ -1,6 +1,7 @@
 //! The vehicle file: what is measured on a vehicle, and the tuning file that it names. Read, checked, and turned into
 //! what the core is configured with.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use goshawk_autopilot::{AutopilotError, HeartbeatKind, LinkConfig, SigningConfig, SigningKey, StreamRates};
@@ -223,9 +224,8 @@ impl Vehicle {
         let a = &self.autopilot;
         let signing = a.signing_key_file.as_ref().map(|file| {
             let path = self.resolve(file);
-            let mut stamps = path.clone().into_os_string();
-            stamps.push(".stamp");
-            SigningKey::load(&path).map(|key| SigningConfig { key, stamps: Some(stamps.into()) })
+            let stamps = Some(stamps_of(&path, std::env::var_os("STATE_DIRECTORY")));
+            SigningKey::load(&path).map(|key| SigningConfig { key, stamps })
         });
         Ok(LinkConfig {
             address: a.link.clone(),
@@ -338,6 +338,13 @@ impl Vehicle {
 
 /// The pilot's radio is asked for so often, Hz, where a switch of it counts. Chosen by eye.
 const RADIO_HZ: f64 = 20.0;
+
+/// Where the newest stamp that was signed with a key is kept: in the service's own folder, or beside the key.
+fn stamps_of(key: &Path, state_folder: Option<OsString>) -> PathBuf {
+    let mut name = key.file_name().unwrap_or_default().to_owned();
+    name.push(".stamp");
+    state_folder.map_or_else(|| key.with_file_name(&name), |folder| Path::new(&folder).join(&name))
+}
 
 fn read(what: &'static str, path: &Path) -> Result<String, VehicleError> {
     std::fs::read_to_string(path).map_err(|cause| VehicleError::Read { what, path: path.to_owned(), cause })

@@ -34,7 +34,6 @@ pub(crate) struct Sent {
     pub(crate) parameters: Option<Time>,
     pub(crate) streams: Option<Time>,
     pub(crate) checks: Option<Time>,
-    pub(crate) stamp_saved: Option<Time>,
 }
 
 /// One link. Every method may be called from any thread.

@@ -13,11 +13,12 @@ use crate::state::status::{Status, StatusText};
 use crate::wire::address::Peer;
 use crate::wire::error::AutopilotError;
 use crate::wire::peers::PeerEvent;
-use crate::wire::signing::Stream;
+use crate::wire::signing::{self, Stream};
 use goshawk_core::{AttitudeThrust, Imu, Odometry, Request, Time};
 use mavlink::MAVLinkV2MessageRaw;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 
 /// What a control step wants of the link, from one look.
@@ -38,6 +39,8 @@ pub struct Glance {
 pub struct AutopilotLink {
     endpoint: Arc<Endpoint>,
     receiver: Option<JoinHandle<()>>,
+    /// Its end is the end of who keeps the stamps.
+    stamps: Option<Sender<()>>,
 }
 
 impl AutopilotLink {
@@ -54,7 +57,20 @@ impl AutopilotLink {
             .name("autopilot".to_owned())
             .spawn(move || for_thread.receive())
             .map_err(AutopilotError::Receiver)?;
-        Ok(Self { endpoint, receiver: Some(receiver) })
+        // From here on, dropping the link ends the receiver.
+        let mut link = Self { endpoint, receiver: Some(receiver), stamps: None };
+        link.stamps = link.keep_stamps()?;
+        Ok(link)
+    }
+
+    /// Saves the newest stamp again and again, where it is kept, on a thread that nobody waits for: the disk may hang.
+    fn keep_stamps(&self) -> Result<Option<Sender<()>>, AutopilotError> {
+        let path = self.endpoint.config.signing.as_ref().and_then(|signing| signing.stamps.clone());
+        let (Some(signer), Some(path)) = (self.endpoint.signer.clone(), path) else { return Ok(None) };
+        let (link, ended) = channel();
+        let thread = std::thread::Builder::new().name("stamps".to_owned());
+        thread.spawn(move || signing::keep_stamps(&path, &signer, &ended)).map_err(AutopilotError::Receiver)?;
+        Ok(Some(link))
     }
 
     /// The address that we listen at, with the port that the system chose if the config said 0.
@@ -234,6 +250,7 @@ pub fn setpoint_message(setpoint: &AttitudeThrust, now: Time, target: (u8, u8)) 
 impl Drop for AutopilotLink {
     fn drop(&mut self) {
         self.endpoint.stop();
+        drop(self.stamps.take());
         if let Some(receiver) = self.receiver.take() {
             // A panicked receiver has already said so on stderr.
             let _ = receiver.join();

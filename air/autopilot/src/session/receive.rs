@@ -11,7 +11,7 @@ use crate::wire::address::Peer;
 use crate::wire::line::{Line, LineReader, Step};
 use crate::wire::packet::{self, Packet, Rejected, for_each_frame};
 use crate::wire::peers::Circumstances;
-use crate::wire::signing::{self, Verdict};
+use crate::wire::signing::Verdict;
 use crate::wire::transport::Transport;
 use goshawk_core::Time;
 use std::io::ErrorKind;
@@ -268,7 +268,6 @@ impl Endpoint {
             self.send_counted(message);
         }
         self.send_due_commands();
-        self.save_stamp(now);
     }
 
     /// The parameters to ask for: those not told yet, and ArduPilot's options as long as they are wrong.
@@ -284,19 +283,6 @@ impl Endpoint {
         let (system, component) = (self.config.target_system, self.config.target_component);
         let names = self.config.firmware.parameters().into_iter().filter(wanted);
         names.map(|name| parameters::request(name, system, component)).collect()
-    }
-
-    fn save_stamp(&self, now: Time) {
-        let (Some(signer), Some(path)) = (&self.signer, self.config.signing.as_ref().and_then(|s| s.stamps.as_ref()))
-        else {
-            return;
-        };
-        if due(&mut self.lock().sent.stamp_saved, now, signing::SAVE_EVERY_S)
-            && let Err(error) = signing::save_stamp(path, signer.newest())
-        {
-            // Signing goes on; after a restart with a wrong wall clock the autopilot would refuse us for a while.
-            tracing::warn!(path = %path.display(), %error, "the signing time stamp cannot be saved");
-        }
     }
 
     fn heartbeat(&self) -> MavMessage {

@@ -10,6 +10,7 @@ use crate::messages::{
     CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage, MavModeFlag, MavState,
     PARAM_VALUE_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
+use crate::state::batteries::Batteries;
 use crate::state::clock::ClockMap;
 use crate::state::estimate::Estimate;
 use crate::state::pose::Unusable;
@@ -55,7 +56,7 @@ pub struct View {
     landed: Option<bool>,
     mode: Option<FlightMode>,
     intended_mode: Option<FlightMode>,
-    battery_fraction: Option<f64>,
+    batteries: Batteries,
     estimate: Estimate,
     validity: Validity,
     arming: Arming,
@@ -91,7 +92,7 @@ impl View {
             landed: None,
             mode: None,
             intended_mode: None,
-            battery_fraction: None,
+            batteries: Batteries::default(),
             estimate: Estimate::default(),
             validity: Validity::default(),
             arming: Arming::default(),
@@ -148,10 +149,10 @@ impl View {
             MavMessage::CURRENT_MODE(mode) => self.current_mode(mode),
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = landed(state),
             MavMessage::SYS_STATUS(status) => {
-                self.battery_fraction = percent(status.battery_remaining);
+                self.batteries.take_any(status.battery_remaining);
                 self.arming.sys_status(self.firmware, status);
             }
-            MavMessage::BATTERY_STATUS(battery) => self.battery_fraction = percent(battery.battery_remaining),
+            MavMessage::BATTERY_STATUS(battery) => self.batteries.take(battery),
             MavMessage::EVENT(event) => {
                 self.arming.event(event);
                 self.event(now, AutopilotEvent::of(event));
@@ -205,7 +206,7 @@ impl View {
             landed: self.landed,
             mode: self.mode,
             intended_mode: self.intended_mode,
-            battery_fraction: self.battery_fraction,
+            battery_fraction: self.batteries.fraction(),
             position: position_fault.map_or_else(|| self.validity.position(now), |_| Some(false)),
             position_fault,
             would_arm: if self.armed { None } else { self.arming.would_arm(self.mode) },
@@ -347,10 +348,6 @@ fn landed(state: &EXTENDED_SYS_STATE_DATA) -> Option<bool> {
 }
 
 /// Percent on the wire, -1 for unknown.
-fn percent(remaining: i8) -> Option<f64> {
-    (0..=100).contains(&remaining).then(|| f64::from(remaining) / 100.0)
-}
-
 #[cfg(test)]
 mod copter_tests;
 #[cfg(test)]

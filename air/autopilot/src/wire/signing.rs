@@ -13,7 +13,8 @@ use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// 2015-01-01 in seconds since 1970.
 const EPOCH_S: u64 = 1_420_070_400;
@@ -22,7 +23,9 @@ const PER_SECOND: u64 = 100_000;
 /// How far behind a new stream's first stamp may be: a minute, as MAVLink's signing says.
 const NEW_STREAM: u64 = 60 * PER_SECOND;
 /// How often the newest stamp is written down, s. Chosen by eye.
-pub(crate) const SAVE_EVERY_S: f64 = 10.0;
+const SAVE_EVERY_S: f64 = 10.0;
+/// Whoever writes it down looks so often whether it is time. Chosen by eye.
+const LOOK: Duration = Duration::from_millis(50);
 /// Streams remembered; each has shown a right signature.
 const STREAMS: usize = 64;
 /// The largest stamp: it has 48 bits.
@@ -208,6 +211,25 @@ pub(crate) fn saved_stamp(path: &Path) -> Option<u64> {
         tracing::warn!(path = %path.display(), "the saved signing time stamp is no number: the wall clock counts");
     }
     stamp
+}
+
+/// Saves the newest stamp as soon as one was used, and then every [`SAVE_EVERY_S`], until `ended`.
+pub(crate) fn keep_stamps(path: &Path, signer: &Signer, ended: &Receiver<()>) {
+    let (unused, mut failed, mut saved) = (signer.newest(), false, None::<Instant>);
+    while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+        if signer.newest() == unused || saved.is_some_and(|at| at.elapsed().as_secs_f64() < SAVE_EVERY_S) {
+            continue;
+        }
+        saved = Some(Instant::now());
+        match save_stamp(path, signer.newest()) {
+            Ok(()) => failed = false,
+            // Signing goes on; after a restart with a wrong wall clock the autopilot would refuse us for a while.
+            Err(error) if !std::mem::replace(&mut failed, true) => {
+                tracing::warn!(path = %path.display(), %error, "the signing time stamp cannot be saved");
+            }
+            Err(_) => {}
+        }
+    }
 }
 
 /// Replaces the saved stamp, whole or not at all.

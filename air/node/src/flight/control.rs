@@ -104,7 +104,7 @@ impl Control {
             plan_seq: held.plan.as_ref().map(|plan| plan.seq),
             autopilot: held.glance.map_or_else(Default::default, |glance| self.source.concerning(&glance.status)),
             command: pending.as_ref().map(|pending| pending.command),
-            ready: shared.ready.load(Ordering::Relaxed),
+            ready: shared.ready.holds(now),
         };
         let output = self.controller.step(now, &input, held.plan.as_ref());
         self.act(held, &output);

@@ -12,6 +12,29 @@ use goshawk_proto::v1;
 use goshawk_vehicle::sensors::Frame;
 use goshawk_vehicle::slot::{Latest, Slot};
 
+/// Reports that may wait for the telemetry thread. Chosen by eye.
+pub const REPORT_QUEUE: usize = 2048;
+/// That the vehicle is ready holds for so long, s: ten judgements, so that a thread that judges no more holds nothing.
+const READY_FOR_S: f64 = 1.0;
+
+/// All readiness checks held, as long as somebody still looks at them.
+#[derive(Default)]
+pub struct Ready(AtomicU64);
+
+impl Ready {
+    /// They were judged `now`.
+    pub fn judge(&self, good: bool, now: Time) {
+        self.0.store(if good { now.0 } else { 0 }, Ordering::Relaxed);
+    }
+
+    /// They held a moment ago.
+    #[must_use]
+    pub fn holds(&self, now: Time) -> bool {
+        let judged = self.0.load(Ordering::Relaxed);
+        judged != 0 && now.since(Time(judged)) <= READY_FOR_S
+    }
+}
+
 /// Counts what was refused.
 #[derive(Clone, Default)]
 pub struct Refused(Arc<AtomicU64>);
@@ -31,6 +54,8 @@ impl Refused {
 
 /// A command on its way to the controller, with where its answer goes.
 pub struct PendingCommand {
+    /// Tells it from one that came in its place.
+    pub number: u64,
     /// What to do.
     pub command: Command,
     /// The start profile's name; empty for a stop.
@@ -115,8 +140,10 @@ pub struct Shared {
     pub history: Mutex<History>,
     /// A command that the controller has not taken yet.
     pub command: Mutex<Option<PendingCommand>>,
-    /// All readiness checks hold.
-    pub ready: AtomicBool,
+    /// Counts commands.
+    pub commands: AtomicU64,
+    /// Whether it may start.
+    pub ready: Ready,
     /// The pilot's switch stands at stop, or it is not known where: nobody else starts.
     pub barred: AtomicBool,
     /// The mission's mode, as [`v1::Mode`].
@@ -147,7 +174,8 @@ impl Shared {
             flight: AtomicU64::new(0),
             history: Mutex::new(History::new()),
             command: Mutex::new(None),
-            ready: AtomicBool::new(false),
+            commands: AtomicU64::new(0),
+            ready: Ready::default(),
             barred: AtomicBool::new(false),
             mode: AtomicI32::new(v1::Mode::Idle.into()),
             stop: AtomicBool::new(false),
@@ -166,6 +194,14 @@ impl Shared {
         }
     }
 
+    /// A flight is under way.
+    #[must_use]
+    pub fn flies(&self) -> bool {
+        use v1::Mode::{Hold, Navigate, Search, Stopping, Takeoff, Track};
+        let mode = v1::Mode::try_from(self.mode.load(Ordering::Relaxed)).unwrap_or_default();
+        matches!(mode, Takeoff | Track | Navigate | Search | Hold | Stopping)
+    }
+
     /// Whether to wind up.
     #[must_use]
     pub fn stopping(&self) -> bool {
@@ -176,4 +212,20 @@ impl Shared {
 /// Locks; a panic elsewhere does not make the value unusable here.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn readiness_that_nobody_judges_any_more_does_not_hold() {
+        let ready = Ready::default();
+        assert!(!ready.holds(Time::from_secs(0.5)));
+        ready.judge(true, Time::from_secs(5.0));
+        assert!(ready.holds(Time::from_secs(5.9)));
+        assert!(!ready.holds(Time::from_secs(6.1)));
+        ready.judge(false, Time::from_secs(6.2));
+        assert!(!ready.holds(Time::from_secs(6.2)));
+    }
 }

@@ -2,11 +2,11 @@
 //! first answer again and does nothing.
 
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, TrySendError, sync_channel};
 use std::time::Duration;
 
 use goshawk_bus::{Bus, BusError};
-use goshawk_core::Command;
+use goshawk_core::{Command, Refusal};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_vehicle::clock;
@@ -17,6 +17,8 @@ use zenoh::Wait;
 use zenoh::query::Query;
 
 use crate::flight::shared::{PendingCommand, Report, Shared, lock};
+
+type Verdict = Result<(), Refusal>;
 
 /// A query that waits for its answer.
 pub struct Asked {
@@ -88,25 +90,53 @@ pub fn send(answers: &Receiver<Answer>, shared: &Shared) {
 /// Decides on queries until the process stops, and leaves the answers to `answers`.
 pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared, vehicle: &Vehicle) {
     let mut desk = Desk::default();
+    let mut standing = None;
     while !shared.stopping() {
         let Ok(Asked { key, query }) = asked.recv_timeout(Duration::from_millis(100)) else { continue };
         let payload = query.payload().map(|p| p.to_bytes().into_owned()).unwrap_or_default();
         let reply = match desk.take(key, &payload, vehicle) {
-            Taken::Answered(reply) => reply,
+            Taken::Answered(reply) => Some(reply),
             Taken::New(parsed) => {
                 let barred = key == Key::CmdStart && shared.barred.load(Ordering::Relaxed);
-                let decided =
-                    if barred { Decided { reply: parsed.barred(), settled: true } } else { ask(&parsed, shared) };
+                let decided = if barred {
+                    Decided { reply: parsed.barred(), settled: true }
+                } else {
+                    ask_or_go_on(&parsed, shared, &mut standing)
+                };
                 let Decided { reply, settled } = record(&parsed, decided, shared);
-                if !settled {
-                    continue; // the ground repeats an unanswered stop; the repeat gets the answer
-                }
-                desk.remember(&reply);
-                reply
+                settled.then(|| {
+                    desk.remember(&reply);
+                    reply
+                })
             }
         };
-        let _ = answers.send(Answer { query, payload: Some(reply.encode_to_vec()) });
+        // The ground repeats an unanswered stop; the repeat gets the answer.
+        let _ = answers.send(Answer { query, payload: reply.map(|reply| reply.encode_to_vec()) });
     }
+}
+
+/// A stop that the controller had not answered in time, and where its answer comes.
+struct Standing {
+    id: String,
+    verdict: Receiver<Verdict>,
+}
+
+/// Puts a command to the controller, but one that stands: of that it waits for the answer, so that it acts once.
+fn ask_or_go_on(parsed: &Parsed, shared: &Shared, standing: &mut Option<Standing>) -> Decided {
+    let verdict = match standing.take().filter(|stop| stop.id == parsed.id) {
+        Some(stop) => stop.verdict,
+        None => match put(parsed, shared) {
+            Ok((_, verdict)) if parsed.command == Command::Stop => verdict,
+            Ok((number, verdict)) => return wait_or_take_back(parsed, shared, number, &verdict),
+            Err(busy) => return busy,
+        },
+    };
+    let told = verdict.recv_timeout(WAIT);
+    // One that another stop replaced will hear nothing; asked again, it is one more.
+    if told == Err(RecvTimeoutError::Timeout) {
+        *standing = Some(Standing { id: parsed.id.clone(), verdict });
+    }
+    parsed.decided(told.ok())
 }
 
 /// Notes what was decided, for the log and whoever watches.
@@ -123,21 +153,39 @@ pub fn record(parsed: &Parsed, mut decided: Decided, shared: &Shared) -> Decided
 
 /// Puts a command to the controller, and waits a little for its verdict.
 pub fn ask(parsed: &Parsed, shared: &Shared) -> Decided {
-    let (answer, verdict) = sync_channel(1);
-    {
-        let mut slot = lock(&shared.command);
-        // A stop is never held up: it replaces a start that the controller has not taken yet.
-        if slot.is_some() && parsed.command != Command::Stop {
-            return Decided { reply: parsed.busy(), settled: true };
-        }
-        *slot = Some(PendingCommand { command: parsed.command, profile: parsed.profile.as_str().into(), answer });
+    match put(parsed, shared) {
+        Ok((number, verdict)) => wait_or_take_back(parsed, shared, number, &verdict),
+        Err(busy) => busy,
     }
-    let verdict = verdict.recv_timeout(WAIT).ok().or_else(|| {
-        // What the controller has taken meanwhile it answers within the step.
-        let untaken = parsed.lapses() && lock(&shared.command).take().is_some();
-        if parsed.lapses() && !untaken { verdict.recv_timeout(WAIT).ok() } else { None }
+}
+
+/// Leaves a command for the controller: its number, and where the verdict comes.
+///
+/// # Errors
+/// Another one waits.
+fn put(parsed: &Parsed, shared: &Shared) -> Result<(u64, Receiver<Verdict>), Decided> {
+    let (answer, verdict) = sync_channel(1);
+    let mut slot = lock(&shared.command);
+    // A stop is never held up: it replaces what the controller has not taken yet, whose asker is told that it lapsed.
+    if slot.is_some() && parsed.command != Command::Stop {
+        return Err(Decided { reply: parsed.busy(), settled: true });
+    }
+    let number = shared.commands.fetch_add(1, Ordering::Relaxed);
+    let profile = parsed.profile.as_str().into();
+    *slot = Some(PendingCommand { number, command: parsed.command, profile, answer });
+    Ok((number, verdict))
+}
+
+fn wait_or_take_back(parsed: &Parsed, shared: &Shared, number: u64, verdict: &Receiver<Verdict>) -> Decided {
+    let told = verdict.recv_timeout(WAIT).ok().or_else(|| {
+        if !parsed.lapses() {
+            return None;
+        }
+        // What stands in the slot by now may be another's. What the controller has taken it answers within the step.
+        let untaken = lock(&shared.command).take_if(|pending| pending.number == number).is_some();
+        if untaken { None } else { verdict.recv_timeout(WAIT).ok() }
     });
-    parsed.decided(verdict)
+    parsed.decided(told)
 }
 
 #[cfg(test)]
@@ -153,13 +201,43 @@ mod tests {
         Command::Start(Profile { task: Task::Track, speed: 3.0, height: 1.5, goal: None })
     }
 
+    fn pending(shared: &Shared) -> Option<Command> {
+        lock(&shared.command).as_ref().map(|pending| pending.command)
+    }
+
     #[test]
     fn a_start_that_the_controller_does_not_take_in_time_is_refused_and_taken_back_and_a_stop_stands() {
         let shared = Shared::new(sync_channel(1).0);
         let refused = ask(&parsed(start()), &shared);
         assert!(!refused.reply.accepted && refused.settled);
-        assert!(lock(&shared.command).is_none());
+        assert_eq!(pending(&shared), None);
         assert!(!ask(&parsed(Command::Stop), &shared).settled);
-        assert!(lock(&shared.command).as_ref().is_some_and(|pending| pending.command == Command::Stop));
+        assert_eq!(pending(&shared), Some(Command::Stop));
+    }
+
+    #[test]
+    fn whoever_asked_for_what_a_stop_replaced_does_not_take_the_stop_back() {
+        let shared = Shared::new(sync_channel(1).0);
+        std::thread::scope(|scope| {
+            let held = scope.spawn(|| ask(&parsed(Command::Hold), &shared));
+            while pending(&shared).is_none() {
+                std::thread::yield_now();
+            }
+            let (_, _verdict) = put(&parsed(Command::Stop), &shared).unwrap();
+            assert!(!held.join().unwrap().reply.accepted);
+            assert_eq!(pending(&shared), Some(Command::Stop));
+        });
+    }
+
+    #[test]
+    fn a_stop_that_is_repeated_before_it_was_answered_acts_once() {
+        let (shared, mut standing) = (Shared::new(sync_channel(1).0), None);
+        let stop = parsed(Command::Stop);
+        assert!(!ask_or_go_on(&stop, &shared, &mut standing).settled);
+        let taken = lock(&shared.command).take().unwrap();
+        taken.answer.send(Ok(())).unwrap();
+        let again = ask_or_go_on(&stop, &shared, &mut standing);
+        assert!(again.settled && again.reply.accepted);
+        assert_eq!(pending(&shared), None, "the controller was not asked again");
     }
 }

@@ -39,8 +39,7 @@ pub fn serve(switch: &Switch, link: &Arc<AutopilotLink>, shared: &Shared, vehicl
         }
         if let Some(position) = moved {
             moves += 1;
-            let mode = v1::Mode::try_from(shared.mode.load(Ordering::Relaxed)).unwrap_or_default();
-            wanted = desk::by_switch(format!("switch-{moves}"), position, flies(mode), vehicle);
+            wanted = desk::by_switch(format!("switch-{moves}"), position, shared.flies(), vehicle);
         }
         if let Some(parsed) = wanted.take() {
             wanted = carry_out(parsed, shared);
@@ -60,10 +59,4 @@ fn carry_out(parsed: Parsed, shared: &Shared) -> Option<Parsed> {
     let text = format!("the pilot's switch asked to {}: {}", parsed.verb(), reply.reason);
     shared.report(Report::Event(severity, "switch", text));
     None
-}
-
-/// A flight is under way.
-fn flies(mode: v1::Mode) -> bool {
-    use v1::Mode::{Hold, Navigate, Search, Stopping, Takeoff, Track};
-    matches!(mode, Takeoff | Track | Navigate | Search | Hold | Stopping)
 }

@@ -1,8 +1,10 @@
-//! The log of the current flight: opened at an accepted start, finished shortly after the landing.
+//! The log of the current flight: opened at an accepted start, finished shortly after the landing. Whatever waits for the
+//! disk does so on a thread of its own: a disk that hangs must not silence the vehicle.
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, SystemTime};
 
 use goshawk_core::Time;
 use goshawk_policy::{Contract, Policy, Preprocessor};
@@ -16,6 +18,20 @@ use prost::Message;
 
 /// How long to go on recording after the landing, s. Chosen by eye.
 const TAIL_S: f64 = 1.0;
+/// A log that is not finished after this waits for a disk that hangs, s. Chosen by eye.
+const HANGS_S: f64 = 2.0;
+/// And when the process ends, after this: what is left must fit into what a service manager waits (10 s).
+const LAST_WAIT: Duration = Duration::from_secs(6);
+
+/// A log of a flight that is over, being finished.
+struct Finishing {
+    recorder: Recorder,
+    since: Time,
+    /// That it failed was told.
+    failed: bool,
+    /// That it hangs was told.
+    hangs: bool,
+}
 
 /// Opens, fills and finishes one file a flight.
 pub struct FlightLog {
@@ -23,7 +39,12 @@ pub struct FlightLog {
     header: v1::LogHeader,
     contract: Arc<Contract>,
     keep_bytes: u64,
+    /// A flight is under way, recorded or not.
+    under_way: bool,
     recorder: Option<Recorder>,
+    finishing: Vec<Finishing>,
+    /// Tries whether the disk takes a log again.
+    room: Option<JoinHandle<Result<(), String>>>,
     finish_at: Option<Time>,
     failed: bool,
     dropped_before: u64,
@@ -50,29 +71,35 @@ impl FlightLog {
             header,
             contract,
             keep_bytes: (vehicle.recorder.keep_mb * 1e6) as u64,
+            under_way: false,
             recorder: None,
+            finishing: Vec::new(),
+            room: None,
             finish_at: None,
             failed: false,
             dropped_before: 0,
         }
     }
 
-    /// Begins a new file, finishing the one before.
+    /// Begins a new file, finishing the one before. What keeps it from being written, [`Self::poll`] tells.
     ///
     /// # Errors
-    /// Why it cannot be written; the flight goes on without.
+    /// Why it cannot even be begun; the flight goes on without.
     pub fn open(&mut self, profile: &str) -> Result<(), String> {
-        self.close();
-        self.failed = false;
-        for gone in goshawk_recorder::rotate(&self.directory, &format!("{}-", self.header.vehicle), self.keep_bytes) {
-            tracing::info!("removed {} to make room", gone.display());
-        }
+        let stamp = clock::now();
+        self.finish(stamp);
+        (self.under_way, self.failed) = (true, false);
         let wall_time = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
         let name = format!("{}-{}.mcap", self.header.vehicle, wall_time.replace([':', '.'], ""));
-        let recorder = Recorder::create(&self.directory.join(name)).map_err(|e| e.to_string())?;
-        tracing::info!("recording to {}", recorder.path().display());
-        self.recorder = Some(recorder);
-        let stamp = clock::now();
+        let path = self.directory.join(name);
+        tracing::info!("recording to {}", path.display());
+        let (folder, prefix, keep) = (self.directory.clone(), format!("{}-", self.header.vehicle), self.keep_bytes);
+        let make_room = move || {
+            for gone in goshawk_recorder::rotate(&folder, &prefix, keep) {
+                tracing::info!("removed {} to make room", gone.display());
+            }
+        };
+        self.recorder = Some(Recorder::begin(&path, make_room).map_err(|e| e.to_string())?);
         let header = v1::LogHeader { wall_time, stamp_ns: stamp.0, profile: profile.to_owned(), ..self.header.clone() };
         self.record_on(Channel::HEADER, stamp, header);
         Ok(())
@@ -105,49 +132,88 @@ impl FlightLog {
         self.finish_at = Some(now.plus(TAIL_S));
     }
 
-    /// Finishes a due file; returns why the recording failed, once.
+    /// Has a due file finished; returns why the recording failed, once.
     pub fn poll(&mut self, now: Time) -> Option<String> {
         if self.finish_at.is_some_and(|at| now >= at) {
-            self.close();
+            self.finish(now);
         }
-        let failure = self.recorder.as_ref().and_then(Recorder::failure)?;
-        (!std::mem::replace(&mut self.failed, true)).then_some(failure)
-    }
-
-    /// Finishes the file, if one is open.
-    pub fn close(&mut self) {
-        self.finish_at = None;
-        if let Some(mut recorder) = self.recorder.take() {
+        let mut failure = self.recorder.as_ref().and_then(Recorder::failure);
+        if failure.is_some() && std::mem::replace(&mut self.failed, true) {
+            failure = None;
+        }
+        for Finishing { recorder, failed, .. } in self.finishing.extract_if(.., |log| log.recorder.is_finished()) {
             self.dropped_before += recorder.dropped();
-            recorder.close();
-            tracing::info!("log finished: {}", recorder.path().display());
+            match recorder.failure() {
+                None => tracing::info!("log finished: {}", recorder.path().display()),
+                why if !failed => failure = why,
+                Some(_) => {}
+            }
+        }
+        failure
+    }
+
+    /// The disk does not let a log be finished: why no other one should be begun, once for each.
+    pub fn hangs(&mut self, now: Time) -> Option<String> {
+        let log = self.finishing.iter_mut().find(|log| !log.hangs && now.since(log.since) > HANGS_S)?;
+        log.hangs = true;
+        Some(format!("the disk hangs: {} is not finished", log.recorder.path().display()))
+    }
+
+    /// The flight is over: its file is finished, which nobody waits for.
+    fn finish(&mut self, now: Time) {
+        self.finish_at = None;
+        self.under_way = false;
+        if let Some(mut recorder) = self.recorder.take() {
+            recorder.finish();
+            self.finishing.push(Finishing { recorder, since: now, failed: self.failed, hangs: false });
         }
     }
 
-    /// Between flights: whether the next one can be recorded. Waits for the disk.
-    ///
-    /// # Errors
-    /// Why it cannot.
-    pub fn has_room(&self) -> Result<(), String> {
-        goshawk_recorder::has_room(&self.directory)
+    /// The process ends: waits a little until all files are finished.
+    pub fn close(&mut self) {
+        self.finish(clock::now());
+        for Finishing { mut recorder, .. } in self.finishing.drain(..) {
+            let path = recorder.path().display().to_string();
+            if recorder.close_within(LAST_WAIT) {
+                tracing::info!("log finished: {path}");
+            } else {
+                tracing::error!("the disk hangs: {path} is not finished");
+            }
+        }
     }
 
-    /// A file is open.
+    /// Between flights: tries whether the next one can be recorded. None: it is being tried, or a log is not finished yet.
+    pub fn has_room(&mut self) -> Option<Result<(), String>> {
+        if self.room.as_ref().is_some_and(JoinHandle::is_finished) {
+            let panicked = |_| Err("the disk could not be tried".to_owned());
+            return self.room.take().map(|trial| trial.join().unwrap_or_else(panicked));
+        }
+        if self.room.is_none() && self.finishing.is_empty() {
+            let folder = self.directory.clone();
+            let trial = thread::Builder::new().name("room".to_owned());
+            self.room = trial.spawn(move || goshawk_recorder::has_room(&folder)).ok();
+        }
+        None
+    }
+
+    /// A flight is under way, recorded or not.
     #[must_use]
-    pub fn is_open(&self) -> bool {
-        self.recorder.is_some()
+    pub fn under_way(&self) -> bool {
+        self.under_way
     }
 
-    /// The file being written; empty between flights.
+    /// The file being written; empty where there is none.
     #[must_use]
     pub fn path(&self) -> String {
-        self.recorder.as_ref().map_or(String::new(), |recorder| recorder.path().display().to_string())
+        let open = self.recorder.as_ref().filter(|recorder| recorder.is_open());
+        open.map_or(String::new(), |recorder| recorder.path().display().to_string())
     }
 
     /// Records dropped since the process began.
     #[must_use]
     pub fn dropped(&self) -> u64 {
-        self.dropped_before + self.recorder.as_ref().map_or(0, Recorder::dropped)
+        let finishing = self.finishing.iter().map(|log| log.recorder.dropped()).sum::<u64>();
+        self.dropped_before + finishing + self.recorder.as_ref().map_or(0, Recorder::dropped)
     }
 }
 

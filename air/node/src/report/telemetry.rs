@@ -16,7 +16,7 @@ use goshawk_vehicle::config::{OdometrySource, Switch};
 use goshawk_vehicle::sensors::Frame;
 use goshawk_vehicle::{clock, convert, inputs, switch};
 
-use crate::flight::shared::{Planned, Report, Shared, Started, lock};
+use crate::flight::shared::{Planned, REPORT_QUEUE, Report, Shared, Started, lock};
 use crate::network::access::INSECURE;
 use crate::network::memory::Memory;
 use crate::network::visitors::Visitors;
@@ -166,7 +166,8 @@ impl Telemetry {
         self.tell_warnings();
         loop {
             let stopping = shared.stopping();
-            while let Ok(report) = reports.try_recv() {
+            // No more than may wait: who cannot keep up must still say how the vehicle is.
+            for report in reports.try_iter().take(REPORT_QUEUE) {
                 self.take(report);
             }
             if stopping {
@@ -376,6 +377,10 @@ impl Telemetry {
             self.event(v1::Severity::Error, "recorder", format!("recording stopped: {why}; the flight goes on"));
             self.facts.recorder_failed = Some(why);
         }
+        if let Some(why) = self.log.hangs(now) {
+            self.event(v1::Severity::Error, "recorder", why.clone());
+            self.facts.recorder_failed = Some(why);
+        }
         self.try_the_disk_again(now);
         for ack in self.link.take_acks() {
             let good = ack.outcome == Outcome::Accepted;
@@ -430,18 +435,20 @@ impl Telemetry {
             }
         }
         self.position_lost = position.is_some();
-        shared.ready.store(checks.iter().all(|check| check.ok), Ordering::Relaxed);
+        shared.ready.judge(checks.iter().all(|check| check.ok), clock::now());
         self.checks = checks;
     }
 
-    /// A failed recording keeps the vehicle from starting only as long as the disk is full.
+    /// A failed recording keeps the vehicle from starting only as long as the disk takes nothing.
     fn try_the_disk_again(&mut self, now: Time) {
         let due = now.since(self.last_room) >= ROOM_PERIOD_S;
-        if self.facts.recorder_failed.is_none() || self.log.is_open() || !due {
+        if self.facts.recorder_failed.is_none() || self.log.under_way() || !due {
             return;
         }
-        self.last_room = now;
-        self.facts.recorder_failed = self.log.has_room().err();
+        if let Some(told) = self.log.has_room() {
+            self.last_room = now;
+            self.facts.recorder_failed = told.err();
+        }
     }
 
     fn publish_health(&mut self, shared: &Shared, now: Time) {

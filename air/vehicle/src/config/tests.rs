@@ -14,6 +14,13 @@ fn edited(from: &str, to: &str) -> Result<Vehicle, VehicleError> {
 }
 
 #[test]
+fn the_newest_stamp_lies_beside_its_key_or_in_the_services_folder() {
+    let key = Path::new("/etc/goshawk/mavlink.key");
+    assert_eq!(stamps_of(key, None), Path::new("/etc/goshawk/mavlink.key.stamp"));
+    assert_eq!(stamps_of(key, Some("/var/lib/goshawk".into())), Path::new("/var/lib/goshawk/mavlink.key.stamp"));
+}
+
+#[test]
 fn every_shipped_vehicle_file_loads() {
     let text = std::fs::read_to_string(shipped()).unwrap();
     let vehicle = Vehicle::load(&shipped()).unwrap();
