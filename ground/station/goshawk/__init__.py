@@ -1,7 +1,7 @@
 """A vehicle from a program of your own: watch it, start it, stop it, record it. See docs/how-to/client.md.
 
 ```python
-async with Vehicle.connect("goshawk", at="tcp/192.168.1.7:7447") as vehicle:
+async with Vehicle.connect("hawk", at="tls/192.168.1.7:7447") as vehicle:
     await vehicle.ready()
     await vehicle.start()
 ```

@@ -77,5 +77,5 @@ def register(app: typer.Typer) -> None:
     """Adds the command to the `goshawk` command."""
     app.command(
         epilog="Examples: goshawk doctor --offline | goshawk doctor --role vehicle | "
-        "goshawk doctor --connect tcp/192.168.1.7:7447 | goshawk doctor --json | jq .ok"
+        "goshawk doctor --vehicle hawk --connect tls/192.168.1.7:7447 | goshawk doctor --json | jq .ok"
     )(doctor)

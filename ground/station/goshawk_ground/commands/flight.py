@@ -18,6 +18,9 @@ from goshawk_ground.commands.options import NO_REPLY, REFUSED, Connect, Identity
 from goshawk_ground.commands.stopping import stop_until_confirmed
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 
+ELSEWHERE = "--vehicle hawk --connect tls/192.168.1.7:7447"
+"""In examples: a vehicle that is not on this computer."""
+
 
 def open_link(vehicle: str, connect: str, identity: Path | None) -> GroundLink:
     """The link, or one line about what is wrong with the arguments."""
@@ -126,6 +129,6 @@ def _literal(text: str) -> str:
 
 def register(app: typer.Typer) -> None:
     """Adds the commands to the `goshawk` command."""
-    app.command(epilog="Examples: goshawk start | goshawk start --profile fast --connect tcp/192.168.1.7:7447")(start)
-    app.command(epilog="Examples: goshawk stop | goshawk stop --connect tcp/192.168.1.7:7447 --timeout 10")(stop)
+    app.command(epilog=f"Examples: goshawk start | goshawk start {ELSEWHERE} --profile chase")(start)
+    app.command(epilog=f"Examples: goshawk stop | goshawk stop {ELSEWHERE} --timeout 10")(stop)
     app.command(epilog="Examples: goshawk status | goshawk status --json | jq .ready")(status)

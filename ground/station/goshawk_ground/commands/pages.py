@@ -243,9 +243,9 @@ def review(
 def register(app: typer.Typer) -> None:
     """Adds the commands to the `goshawk` command."""
     app.command(
-        epilog="Examples: goshawk ground | goshawk ground --connect tcp/192.168.1.7:7447 "
+        epilog="Examples: goshawk ground | goshawk ground --vehicle hawk@tls/192.168.1.7:7447 "
         "--autopilot udpin:0.0.0.0:14550 | "
-        "goshawk ground --vehicle alpha@tcp/192.168.1.7:7447 --vehicle bravo@tcp/192.168.1.8:7447 | "
+        "goshawk ground --vehicle alpha@tls/192.168.1.7:7447 --vehicle bravo@tls/192.168.1.8:7447 | "
         "goshawk ground --host 0.0.0.0 --operator-password-file operator.txt --observer-password-file observer.txt"
     )(ground)
     app.command(
