@@ -28,6 +28,9 @@ in navigation the direction of the goal."""
 TASK_STATES = ("aim", "direction", "agility")
 """Of these, what tells the task. The rest says how the camera moves and hangs."""
 
+GOALS = ("aim", "direction")
+"""Of these, what tells where to fly. A state has one; in tracking it may have none."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
@@ -218,6 +221,11 @@ class Config:
         return {name: STATE_SIZES[name] for name in self.network.state}
 
     @property
+    def has_goal(self) -> bool:
+        """The state tells where to fly, which navigation needs."""
+        return any(name in GOALS for name in self.network.state)
+
+    @property
     def reach_m(self) -> float:
         """No trajectory ends farther away; the length of an aim of 1."""
         return 2 * self.lattice.radius_m
@@ -262,7 +270,7 @@ class Config:
         state = self.network.state
         if state != tuple(name for name in STATE_SIZES if name in state) or state[:2] != ("velocity", "acceleration"):
             raise ConfigError(f"network.state must be velocity, acceleration and some of {list(STATE_SIZES)[2:]}, so")
-        goals = sum(name in state for name in ("aim", "direction"))
+        goals = sum(name in state for name in GOALS)
         if goals != 1 and not (goals == 0 and self.task == "track"):
             raise ConfigError("network.state must hold an aim or a direction; only tracking may have neither")
         if "aim" not in state and self.costs.goal_rule == "aim":

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from command import goshawk
 from goshawk_train.campaigns import ablations, flights, robustness
+from goshawk_train.commands import campaign
 from goshawk_train.config import load_config
 from goshawk_train.model.card import FLIGHT_MARKS
 from PIL import Image
@@ -68,9 +69,16 @@ class Table:
         return self.markdown.read_text()
 
 
-def test_the_table_is_flown_once_and_written_between_the_marks(tmp_path: Path) -> None:
+@pytest.fixture
+def the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Table:
+    """Its Markdown is the results' own."""
     table = Table(tmp_path)
-    text = table.fly()
+    monkeypatch.setattr(campaign, "RESULTS", table.markdown)
+    return table
+
+
+def test_the_table_is_flown_once_and_written_between_the_marks(the_table: Table) -> None:
+    table, text = the_table, the_table.fly()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     flown = table.kept.read_text()
     report = json.loads(flown)
@@ -120,12 +128,36 @@ def test_a_row_from_before_the_strict_rule_says_only_what_was_reached(tmp_path: 
     assert "(stale: another policy, vehicle file, flight code, options, rule)" in text
 
 
-def test_several_pilots_fly_the_same_seeds_and_the_card_has_the_policys(tmp_path: Path) -> None:
+def test_several_pilots_fly_the_same_seeds_and_the_card_has_the_policys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     table = Table(tmp_path, '"--pilot", "policy,classical"')
+    monkeypatch.setattr(campaign, "RESULTS", table.markdown)
     text = table.fly()
     assert [cell["pilot"] for cell in json.loads(table.kept.read_text())["cells"]] == ["policy", "classical"]
     assert "6 m/s | policy |" in text and "6 m/s | classical |" in text
     assert "classical" not in (table.models / "navigate.md").read_text().split(FLIGHT_MARKS[0])[1]
+
+
+def test_a_table_that_is_written_elsewhere_leaves_the_cards(tmp_path: Path) -> None:
+    table = Table(tmp_path)
+    assert "old" not in table.fly()
+    assert all((table.models / card.name).read_text() == card.read_text() for card in MODELS.glob("*.md"))
+
+
+def test_only_the_tasks_own_policy_on_the_default_vehicle_comes_on_its_card(tmp_path: Path) -> None:
+    report = json.loads((ROOT / "ground/train/results/tracking.json").read_text())
+    card = Path(shutil.copy(MODELS / "track.md", tmp_path))
+
+    def put(name: str, model: str | None, *options: str) -> bool:
+        row = flights.Row(name=name, task="track", speeds=[5], model=model, options=list(options))
+        flights.put_on_card(tmp_path, "track", [flights.Kept(row=row, report=report)])
+        return f"| {name} |" in card.read_text()
+
+    assert not put("The paper's", "paper.onnx")
+    assert not put("Another vehicle", None, "--vehicle-file", "air/vehicles/paper.toml")
+    assert card.read_text() == (MODELS / "track.md").read_text()
+    assert put("In gusts", "track.onnx", "--vehicle-file", flights.VEHICLE, "--wind", "5") and put("Tracking", None)
 
 
 def test_a_table_with_a_seed_of_its_own_is_refused(tmp_path: Path) -> None:

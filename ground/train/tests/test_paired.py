@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from command import goshawk
-from goshawk_train.cluster.paired import MedianDifference, compare
+from goshawk_train.cluster.paired import MedianDifference, PairedError, compare, facts, words
 from goshawk_train.cluster.store import Store
+from goshawk_train.cluster.table import FLIGHTS, pa, parquet
 from goshawk_train.rates import Rate, RateDifference
 from hypothesis import given
 from hypothesis import strategies as st
@@ -74,13 +76,65 @@ def test_one_extension_is_compared_with_its_absence_flight_by_flight(
     assert words.exit_code == 0, words.output
     assert "in 10 flights only A" in words.stdout and "(McNemar, exact)" in words.stdout
     facts = json.loads(goshawk("campaign", "compare", tmp_path / "a", tmp_path / "b", "--json").stdout)
-    assert [cell["cell"] for cell in facts["cells"]] == ["Dense, 8 m/s, 2 m, policy"]
+    assert [cell["cell"] for cell in facts["cells"]] == ["Dense, navigate, 8 m/s over 30 m, 2 m, policy"]
     # It matters among trees this dense: not all flights are the same.
     (clearance,) = [m for m in facts["cells"][0]["medians"] if m["what"].startswith("least clearance")]
     assert clearance["greater"] + clearance["less"] > 0
     (same,) = compare(Store(str(tmp_path / "a")), Store(str(tmp_path / "a")))
     assert all(rate.difference == 0 and rate.p == 1 for rate in same.rates)
     assert all(isinstance(m, MedianDifference) and m.median == 0 and m.p == 1 for m in same.medians)
+
+
+CELL: dict[str, Any] = {
+    "row": "Dense", "pilot": "policy", "task": "track", "speed_mps": 5.0, "spacing_m": 4.0, "world": "forest",
+    "evader": "planned", "course": "goal", "length_m": 40.0, "wind_mps": 0.0, "moving": 0,
+}  # fmt: skip
+
+
+def kept(folder: Path, *cells: dict[str, Any]) -> Store:
+    """A campaign of three flights of each of these cells, which are `CELL` but for what they name."""
+    flown = [
+        {**CELL, **cell, "cell": place, "trial": trial, "seed": trial, "outcome": "success"}
+        for place, cell in enumerate(cells)
+        for trial in range(3)
+    ]
+    store = Store(str(folder))
+    store.write("flights.parquet", parquet(pa.Table.from_pylist(flown, schema=FLIGHTS)))
+    return store
+
+
+def test_a_cell_is_paired_with_its_like_wherever_its_row_has_it_and_what_one_alone_flew_is_named(
+    tmp_path: Path,
+) -> None:
+    navigates: dict[str, Any] = {"task": "navigate", "evader": None, "course": None}
+    a = kept(tmp_path / "a", {"speed_mps": 5.0}, {"speed_mps": 7.0}, navigates)
+    b = kept(tmp_path / "b", navigates, {"speed_mps": 7.0}, {"speed_mps": 9.0, "course": "eight"})
+    made = compare(a, b)
+    flights = {cell.name: [rate.flights for rate in cell.rates] for cell in made}
+    assert flights == {
+        "Dense, navigate, 5 m/s over 40 m, 4 m, policy": [3, 3],
+        "Dense, track, 7 m/s over 40 m, 4 m, policy": [3, 3],
+        "all": [6, 6],
+        "Dense, track, 5 m/s over 40 m, 4 m, policy": [],
+        "Dense, track, 9 m/s over 40 m, 4 m, eight, policy": [],
+    }
+    text = words("a", "b", made)
+    assert "\nDense, track, 5 m/s over 40 m, 4 m, policy\n  left out: only A flew it" in text
+    assert "\nDense, track, 9 m/s over 40 m, 4 m, eight, policy\n  left out: only B flew it" in text
+    assert [fact["only"] for fact in facts(made)] == [None, None, None, "A", "B"]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"pilot": "classical"}, {"speed_mps": 7.0}, {"spacing_m": 3.0}, {"world": "buildings"},
+        {"evader": "reactive"}, {"course": "eight"}, {"length_m": 80.0}, {"wind_mps": 5.0}, {"moving": 8},
+    ],
+    ids=lambda other: next(iter(other)),
+)  # fmt: skip
+def test_cells_of_the_same_place_and_seeds_are_no_pair_if_they_differ_in(other: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(PairedError, match="share no flight"):
+        compare(kept(tmp_path / "a", {}), kept(tmp_path / "b", other))
 
 
 def test_campaigns_of_other_seeds_or_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

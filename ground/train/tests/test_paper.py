@@ -11,16 +11,18 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from command import goshawk
 from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
 from goshawk_train.costs.esdf import SceneMaps
 from goshawk_train.data import augment, batches
-from goshawk_train.model import export
+from goshawk_train.model import checkpoint, export
 from goshawk_train.model.card import CONTRACT_KEY
 from goshawk_train.model.network import Policy
-from goshawk_train.run import train
-from goshawk_train.run.beginning import of_policy
+from goshawk_train.run import score, train, validate
+from goshawk_train.run.beginning import of_policy, of_run
 
 CONFIGS = Path(__file__).parents[1] / "configs"
+SIMULATOR = Path(__file__).parents[3] / "target" / "release" / "goshawk-sim"
 BEYOND = ("clearance", "feasibility", "progress", "idle")
 """Terms of the cost that the paper does not have."""
 
@@ -166,3 +168,37 @@ def test_half_a_file_says_nearly_the_same_and_can_be_begun_from(
         torch.testing.assert_close(begun[name], weight, rtol=1e-3, atol=1e-4)
     with pytest.raises(export.ExportError, match="differs"):
         export.verify(Policy(paper).eval(), half, paper, agreement=export.AGREEMENT_HALF)
+
+
+def test_a_run_whose_state_tells_no_way_is_scored_in_the_chase_alone(
+    paper: Config, loaded: tuple[batches.Frames, SceneMaps], dataset: Path
+) -> None:
+    run = trainer(paper, loaded)
+    run.advance()
+    shares = score.score(run.snapshot(), SIMULATOR, validate.Validator(paper, dataset), trials=1, threads=1)
+    assert set(shares) == {"track_4", "track_7", "all"}
+
+
+def test_a_run_whose_state_tells_no_way_is_not_exported_for_navigation(
+    paper: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
+) -> None:
+    checkpoint.save(tmp_path / checkpoint.FILE, trainer(paper, loaded).snapshot())
+    out = tmp_path / "navigate.onnx"
+    done = goshawk("train", "export", "--run", tmp_path, "--data", tmp_path, "--task", "navigate", "--out", out)
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1) and "no aim and no direction" in done.stderr
+    assert not out.exists()
+
+
+def test_a_run_begins_with_each_input_of_the_state_by_its_name(
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
+) -> None:
+    """Ours has up, aim and agility after the paper's, whose navigation has a direction there."""
+    papers = made_small(load_config(CONFIGS / "paper-navigate.toml"), small)
+    for begun, other in ((small, papers), (papers, small)):
+        first, second = trainer(other, loaded), trainer(begun, loaded)
+        checkpoint.save(tmp_path / checkpoint.FILE, first.snapshot())
+        second.begin_from(of_run(tmp_path / checkpoint.FILE))
+        theirs, own = (run.network.state_dict()["head1.weight"] for run in (first, second))
+        shared = theirs.shape[1] - sum(other.state_sizes.values()) + 6
+        assert torch.equal(own[:, :shared], theirs[:, :shared])
+        assert own[:, shared:].abs().max() == 0

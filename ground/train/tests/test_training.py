@@ -25,6 +25,7 @@ from goshawk_train.model.network import TRAJECTORY_CHANNELS, Policy
 from goshawk_train.run import score, train, validate
 from goshawk_train.run.beginning import Beginning, normalise, of_policy, of_run
 from synthetic import write_config
+from typer.testing import Result
 
 SIMULATOR = Path(__file__).parents[3] / "target" / "release" / "goshawk-sim"
 GOLDEN_LOSSES = [218.376, 256.404, 202.591, 190.028]
@@ -163,7 +164,17 @@ def test_a_policys_file_is_gone_on_with_as_if_never_folded(
     torch.testing.assert_close(flies, trains, rtol=1e-2, atol=1e-2)
 
 
-@pytest.mark.parametrize("content", [None, b"", b"no model", onnx.ModelProto().SerializeToString()])
+def policy_of_another_state() -> bytes:
+    """A file whose contract is whole but for a state that nobody knows."""
+    model = onnx.ModelProto()
+    contract = {"state": ["velocity", "gravity"], "training": {"samples": 1, "data": "a"}}
+    model.metadata_props.add(key=CONTRACT_KEY, value=json.dumps(contract))
+    return model.SerializeToString()
+
+
+@pytest.mark.parametrize(
+    "content", [None, b"", b"no model", onnx.ModelProto().SerializeToString(), policy_of_another_state()]
+)
 def test_a_file_that_is_no_policy_of_ours_is_one_line(
     content: bytes | None, small: Config, dataset: Path, tmp_path: Path
 ) -> None:
@@ -184,6 +195,19 @@ def test_checkpoint_of_another_configuration_is_refused(
     other = trainer(dataclasses.replace(small, seed=2), loaded)
     with pytest.raises(train.TrainingError, match="another configuration"):
         other.restore(saved)
+
+
+def test_checkpoint_of_other_data_is_refused_whatever_it_was_begun_from(
+    small: Config, loaded: tuple[batches.Frames, SceneMaps]
+) -> None:
+    saved = dataclasses.replace(trainer(small, loaded).snapshot(), data="synthetic, begun from 8 samples of a")
+    same = trainer(small, loaded)
+    same.restore(saved)
+    assert same.snapshot().data == saved.data
+    for name in ("synthetic; b", "a", "synth"):
+        other = train.Trainer(small, *loaded, data_name=name)
+        with pytest.raises(train.TrainingError, match=f"made with synthetic, .*, not with {name}; use that data"):
+            other.restore(saved)
 
 
 def test_torn_checkpoint_is_named(tmp_path: Path) -> None:
@@ -320,6 +344,46 @@ def test_score_flies_campaigns_in_both_tasks(
     assert all(0 <= share <= 1 for share in shares.values())
     with pytest.raises(score.ScoreError, match="make build"):
         score.score(run.snapshot(), tmp_path / "nothing", held_out)
+
+
+def stub(folder: Path, *lines: str) -> Path:
+    """A simulator that does this instead of flying."""
+    path = folder / "goshawk-sim"
+    path.write_text("\n".join(["#!/bin/sh", *lines, ""]))
+    path.chmod(0o755)
+    return path
+
+
+def scored(small: Config, dataset: Path, folder: Path, simulator: Path) -> Result:
+    """A run of two steps that is scored after each."""
+    files = ["--config", write_config(small, folder), "--data", dataset, "--validation", dataset]
+    often = ["--samples", 16, "--simulator", simulator, "--score-minutes", 0]
+    return goshawk("train", "run", *files, "--out", folder / "run", *often)
+
+
+def test_a_score_that_fails_is_one_line_after_the_checkpoint_and_the_training_goes_on(
+    small: Config, dataset: Path, tmp_path: Path
+) -> None:
+    run, seen = tmp_path / "run" / checkpoint.FILE, tmp_path / "seen"
+    simulator = stub(tmp_path, f"test -f {run} && echo saved >> {seen}", "echo 'no forest' >&2", "exit 1")
+    done = scored(small, dataset, tmp_path, simulator)
+    assert done.exit_code == 0 and checkpoint.load(run).step == 2
+    told = [line for line in done.stderr.splitlines() if "torch" not in line]  # it tells of the export
+    words = f"{simulator} fly --task track failed: no forest"
+    assert told == [f"no score at step {step}: {words}" for step in (1, 2)]
+    assert seen.read_text() == "saved\n" * 2
+
+
+@pytest.mark.parametrize("ending", ["exec sleep 600", "exit 130"])
+def test_ctrl_c_while_a_score_is_flown_ends_it_saves_and_ends(
+    ending: str, small: Config, dataset: Path, tmp_path: Path
+) -> None:
+    """Whether it reaches the simulator too, as from a terminal, or not."""
+    done = scored(small, dataset, tmp_path, stub(tmp_path, "kill -INT $PPID", ending))
+    saved = tmp_path / "run" / checkpoint.FILE
+    assert done.exit_code == 130 and checkpoint.load(saved).step == 1
+    assert "no score" not in done.stderr
+    assert done.stderr.splitlines()[-1] == f"stopped at step 1; {saved} is written, go on with --resume"
 
 
 def test_the_cost_scale_grows_as_the_costs_and_equal_costs_are_not_exported(

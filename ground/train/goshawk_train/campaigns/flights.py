@@ -77,6 +77,11 @@ class Row:
         named = [value for option, value in pairwise(self.options) if option == "--vehicle-file"]
         return named[0] if named else VEHICLE
 
+    @property
+    def of_card(self) -> bool:
+        """It flies the task's own policy on the default vehicle, as the policy's card says."""
+        return self.model in (None, f"{self.task}.onnx") and self.vehicle == VEHICLE
+
     def policy(self, models: Path) -> Path:
         """The named one, or the task's."""
         return models / (self.model or f"{self.task}.onnx")
@@ -314,8 +319,9 @@ def failures(cells: list[dict[str, Any]]) -> str:
 
 
 def put_on_card(models: Path, task: str, table: list[Kept]) -> None:
-    """Writes what the task's policy flew into its model card, between the marks that `export` put there."""
-    own = [kept for kept in table if kept.row.task == task and kept.fresh]
+    """Writes what the task's policy flew into its model card, between the marks that `export` put there. Rows of other
+    policies and vehicles are left out."""
+    own = [kept for kept in table if kept.row.task == task and kept.row.of_card and kept.fresh]
     card = models / f"{task}.md"
     if own and card.exists() and FLIGHT_MARKS[0] in card.read_text():
         put(card, markdown(own, ("policy",)))

@@ -20,12 +20,19 @@ METRICS = {
     "flown_speed_mean_mps": "mean speed, m/s",
     "jerk_integral": "∫ jerk² dt, m²/s⁵",
 }
+CELL = (
+    *("row", "pilot", "task", "speed_mps", "spacing_m", "world"),
+    *("evader", "course", "length_m", "wind_mps", "moving"),
+)
+"""What makes a cell the same in both. Its number does not: that depends on what else its row lists."""
 PAIRS = """
-select a.row, a.cell, a.task, a.speed_mps, a.world, a.spacing_m, a.pilot, a.seed as seed_a, b.seed as seed_b,
+select {columns}, a.seed as seed_a, b.seed as seed_b,
        a.outcome = 'success' as success_a, b.outcome = 'success' as success_b,
        a.outcome = 'collision' as collision_a, b.outcome = 'collision' as collision_b, {metrics}
-from a join b using (row, cell, trial) order by a.row, a.cell, trial
+from a join b on a.trial = b.trial and {same} order by a.row, a.cell, a.trial
 """
+Cell = tuple[Any, ...]
+"""The values of `CELL`."""
 
 
 class PairedError(TrainerError):
@@ -58,26 +65,50 @@ class Compared:
     name: str
     rates: list[RateDifference]
     medians: list[MedianDifference]
+    only: str | None = None
+    """The one that flew it, A or B, where the other did not: then it is left out."""
 
 
 def compare(a: Store, b: Store) -> list[Compared]:
-    """Cell by cell, then all together; raises `PairedError`."""
+    """Cell by cell, then all together, then what one alone flew; raises `PairedError`."""
     connection = duckdb.connect()
     connection.register("a", flights(a))
     connection.register("b", flights(b))
     metrics = ", ".join(f"a.{name} as {name}_a, b.{name} as {name}_b" for name in METRICS)
-    found = connection.sql(PAIRS.format(metrics=metrics))
+    columns = ", ".join(f"a.{name}" for name in CELL)
+    same = " and ".join(f"a.{name} is not distinct from b.{name}" for name in CELL)
+    found = connection.sql(PAIRS.format(columns=columns, metrics=metrics, same=same))
     rows = [dict(zip(found.columns, values, strict=True)) for values in found.fetchall()]
     if not rows:
-        raise PairedError(f"{a.address} and {b.address} share no flight: fly both by rows of the same names")
+        raise PairedError(f"{a.address} and {b.address} share no flight: fly the same rows and cells")
     if any(row["seed_a"] != row["seed_b"] for row in rows):
         raise PairedError(f"{a.address} and {b.address} flew other seeds: give both plans one seed")
-    cells: dict[str, list[dict[str, Any]]] = {}
+    cells: dict[Cell, list[dict[str, Any]]] = {}
     for row in rows:
-        world = f"{row['spacing_m']:g} m" if row["world"] == "forest" else row["world"]
-        cells.setdefault(f"{row['row']}, {row['speed_mps']:g} m/s, {world}, {row['pilot']}", []).append(row)
-    made = [_compared(name, some) for name, some in cells.items()]
-    return [*made, _compared("all", rows)] if len(made) > 1 else made
+        cells.setdefault(tuple(row[name] for name in CELL), []).append(row)
+    made = [_compared(_name(cell), some) for cell, some in cells.items()]
+    if len(made) > 1:
+        made.append(_compared("all", rows))
+    for side in ("a", "b"):
+        flown = connection.sql(f"select {', '.join(CELL)} from {side} group by all order by row, min(cell)").fetchall()
+        alone = [_name(cell) for cell in flown if cell not in cells]
+        made += [Compared(name=name, rates=[], medians=[], only=side.upper()) for name in alone]
+    return made
+
+
+def _name(cell: Cell) -> str:
+    """For people: without what is as usual."""
+    of = dict(zip(CELL, cell, strict=True))
+    parts = [
+        *(of["row"], of["task"], f"{of['speed_mps']:g} m/s over {of['length_m']:g} m"),
+        f"{of['spacing_m']:g} m" if of["world"] == "forest" else of["world"],
+        "" if of["course"] == "goal" else of["course"],
+        "" if of["evader"] == "planned" else of["evader"],
+        f"wind {of['wind_mps']:g} m/s" if of["wind_mps"] else "",
+        f"{of['moving']} moving" if of["moving"] else "",
+        of["pilot"],
+    ]
+    return ", ".join(part for part in parts if part)
 
 
 def _compared(name: str, rows: list[dict[str, Any]]) -> Compared:
@@ -108,6 +139,8 @@ def words(a: str, b: str, made: list[Compared]) -> str:
     lines = [f"A: {a}", f"B: {b}", "The same flights in both, by seed; 95 % intervals; p of each line by itself."]
     for cell in made:
         lines.append(f"\n{cell.name}")
+        if cell.only:
+            lines.append(f"  left out: only {cell.only} flew it")
         for rate in cell.rates:
             low, high = rate.interval
             lines.append(
@@ -128,6 +161,7 @@ def facts(made: list[Compared]) -> list[dict[str, Any]]:
     return [
         {
             "cell": cell.name,
+            "only": cell.only,
             "rates": [
                 {**asdict(rate), "difference": rate.difference, "interval": rate.interval, "p": rate.p}
                 for rate in cell.rates

@@ -42,7 +42,8 @@ def flights(
             if not (flown[place].fresh or write_only):
                 flown[place] = flights.fly_row(row, out, simulator, models, trials=trials or each)
                 flights.put(markdown, flights.markdown(flown))
-            flights.put_on_card(models, row.task, flown)
+            if markdown.resolve() == RESULTS.resolve():  # the cards say what the results do
+                flights.put_on_card(models, row.task, flown)
         print(markdown)
 
 

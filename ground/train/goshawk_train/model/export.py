@@ -175,9 +175,15 @@ def verify(network: Policy, path: Path, config: Config, *, trials: int = 4, agre
 
 
 def for_navigation(saved: Checkpoint) -> Checkpoint:
-    """The trajectories of a tracking run as a navigation policy: the same network without its detection channels."""
+    """The trajectories of a tracking run as a navigation policy: the same network without its detection channels.
+
+    Raises `ExportError` if the run's state does not tell where to fly.
+    """
     if saved.config.task == "navigate":
         return saved
+    if not saved.config.has_goal:
+        state = ", ".join(saved.config.network.state)
+        raise ExportError(f"a state of {state} has no aim and no direction, so it cannot navigate; train one that has")
 
     def cut(state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
         return {k: v[:TRAJECTORY_CHANNELS] if k.startswith("out.") else v for k, v in state.items()}

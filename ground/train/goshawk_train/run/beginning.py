@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import onnx
@@ -16,6 +17,7 @@ import torch
 from google.protobuf.message import DecodeError
 from torch import Tensor, nn
 
+from goshawk_train.config import STATE_SIZES, Config
 from goshawk_train.model.card import CONTRACT_KEY
 from goshawk_train.model.checkpoint import CheckpointError, load
 from goshawk_train.model.network import Policy
@@ -32,8 +34,20 @@ class Beginning:
     """By their names in `Policy`."""
     origin: str
     """For the model card: samples and data."""
+    state_sizes: dict[str, int]
+    """What its state input holds, in order."""
     folded: bool = False
     """Whether the batch norms do nothing and want `normalise`."""
+
+    def head_for(self, config: Config) -> Tensor:
+        """The weights of the head's first layer, for another state: those of its inputs go by their names. Inputs that
+        it did not have get none, and those that it alone has are left out."""
+        whole, own = self.weights["head1.weight"], self.state_sizes
+        sizes = [whole.shape[1] - sum(own.values()), *own.values()]
+        image, *parts = cast("tuple[Tensor, ...]", whole.split(sizes, dim=1))
+        known = dict(zip(own, parts, strict=True))
+        new = [known.get(name, whole.new_zeros(len(whole), size, 1, 1)) for name, size in config.state_sizes.items()]
+        return torch.cat([image, *new], dim=1)
 
 
 def of_run(path: Path) -> Beginning:
@@ -41,7 +55,8 @@ def of_run(path: Path) -> Beginning:
     saved = load(path)
     samples = saved.step * saved.config.training.batch
     weights = {**saved.network, **saved.ema}
-    return Beginning(weights=weights, origin=f"{samples} samples of {saved.data}")
+    origin = f"{samples} samples of {saved.data}"
+    return Beginning(weights=weights, origin=origin, state_sizes=saved.config.state_sizes)
 
 
 def of_policy(path: Path) -> Beginning:
@@ -51,6 +66,7 @@ def of_policy(path: Path) -> Beginning:
         contract = json.loads({entry.key: entry.value for entry in model.metadata_props}[CONTRACT_KEY])
         training = contract["training"]
         origin = f"{training['samples']} samples of {training['data']}"
+        state_sizes = {name: STATE_SIZES[name] for name in contract["state"]}
     except OSError as error:
         raise CheckpointError(f"{path}: {error.strerror}") from error
     except (DecodeError, KeyError, TypeError, ValueError) as error:
@@ -74,7 +90,7 @@ def of_policy(path: Path) -> Beginning:
         norm = nn.BatchNorm2d(len(bias))
         unit = {"weight": torch.full_like(bias, (1 + norm.eps) ** 0.5), "bias": bias}
         weights |= {f"{block}.{NORM_OF[last]}.{key}": value for key, value in {**norm.state_dict(), **unit}.items()}
-    return Beginning(weights=weights, origin=origin, folded=True)
+    return Beginning(weights=weights, origin=origin, state_sizes=state_sizes, folded=True)
 
 
 def normalise(network: Policy, rgbd_B4HW: Tensor) -> None:

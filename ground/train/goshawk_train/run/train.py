@@ -19,7 +19,6 @@ from typing import Self, cast
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch.utils.tensorboard import SummaryWriter
 
 from goshawk_train.config import Config, replace_training
@@ -39,6 +38,8 @@ from goshawk_train.run.workers import Workers, join, leave
 
 NORMALISING_FRAMES = 512
 """That a policy's file without batch norms gets new ones of."""
+BEGUN_FROM = ", begun from "
+"""In a data set's name, before what its run began with."""
 ALONE = Workers(torch.device("cpu"))
 
 
@@ -110,6 +111,10 @@ class Trainer:
         training = self.config.training
         if replace_training(saved.config, samples=training.samples, threads=training.threads) != self.config:
             raise TrainingError("the checkpoint was made with another configuration; use that one or another --out")
+        if saved.data != self.data_name and not saved.data.startswith(f"{self.data_name}{BEGUN_FROM}"):
+            raise TrainingError(
+                f"the checkpoint was made with {saved.data}, not with {self.data_name}; use that data or another --out"
+            )
         self.network.load_state_dict(saved.network)
         self.ema.load(saved.ema)
         self.optimiser.load_state_dict(saved.optimiser)
@@ -117,15 +122,13 @@ class Trainer:
 
     def begin_from(self, other: Beginning) -> None:
         """Start at step 0 with these weights, another task's too: a navigation begins with a chase's trajectories, and
-        a chase with a navigation's. Inputs of the head that the other did not have begin without weight. Raises
+        a chase with a navigation's. Inputs of the state that the other did not have begin without weight. Raises
         `TrainingError` if the networks have other widths.
         """
         own = {name: value.cpu() for name, value in self.network.state_dict().items()}
         theirs = dict(other.weights)
         try:
-            missing = own["head1.weight"].shape[1] - theirs["head1.weight"].shape[1]
-            if missing > 0:
-                theirs["head1.weight"] = F.pad(theirs["head1.weight"], (0, 0, 0, 0, 0, missing))
+            theirs["head1.weight"] = other.head_for(self.config)
             for name in ("out.weight", "out.bias"):  # trajectories first, then what detects the target
                 theirs[name] = torch.cat([theirs[name], own[name][len(theirs[name]) :]])[: len(own[name])]
             self.network.load_state_dict(theirs)
@@ -137,7 +140,7 @@ class Trainer:
             batch = batches.make_batch(self.frames, index, rng, self.config, training=True, device=self.workers.device)
             normalise(self.network, batch.rgbd_I4HW)
         self.ema = Ema(self.network, self.config.training.ema)
-        self.data_name += f", begun from {other.origin}"
+        self.data_name += f"{BEGUN_FROM}{other.origin}"
 
     def indices(self, step: int) -> np.ndarray:
         """The frames of a step, of all processes together."""
@@ -307,7 +310,7 @@ def _beginning(path: Path) -> Beginning:
 
 def _steps(trainer: Trainer, out: Path, options: RunOptions) -> bool:
     with _StopFlag() as stop:
-        clerk = _Clerk(trainer, out, options) if trainer.workers.first else None
+        clerk = _Clerk(trainer, out, options, stop) if trainer.workers.first else None
         while trainer.step < trainer.total_steps and not trainer.workers.any(stop.raised):
             parts = trainer.advance()
             if clerk:
@@ -322,8 +325,8 @@ def _steps(trainer: Trainer, out: Path, options: RunOptions) -> bool:
 class _Clerk:
     """Prints, writes and measures, each in its time."""
 
-    def __init__(self, trainer: Trainer, out: Path, options: RunOptions) -> None:
-        self.trainer, self.options, self.path = trainer, options, out / checkpoint.FILE
+    def __init__(self, trainer: Trainer, out: Path, options: RunOptions, stop: _StopFlag) -> None:
+        self.trainer, self.options, self.stop, self.path = trainer, options, stop, out / checkpoint.FILE
         self.held_out = validate.Validator(trainer.config, options.validation) if options.validation else None
         out.mkdir(parents=True, exist_ok=True)
         self.log, self.report = SummaryWriter(str(out)), _Report(trainer)
@@ -341,17 +344,30 @@ class _Clerk:
         trainer, training, now = self.trainer, self.trainer.config.training, time.monotonic()
         self.report.add(parts, self.log)
         last = trainer.step == trainer.total_steps
-        if now - self.saved > training.checkpoint_minutes * 60:
+        check = self.held_out and (last or now - self.checked > training.validate_minutes * 60)
+        fly = self.options.simulator and (last or now - self.scored > self.options.score_minutes * 60)
+        if check or fly or now - self.saved > training.checkpoint_minutes * 60:
             checkpoint.save(self.path, trainer.snapshot())
             self.saved = now
-        if self.held_out and (last or now - self.checked > training.validate_minutes * 60):
+        if self.held_out and check:
             self._say("validation", self.held_out.evaluate_state(trainer.snapshot()))
             self.checked = time.monotonic()
-        due = last or now - self.scored > self.options.score_minutes * 60
-        if self.options.simulator and self.held_out and due:
-            flown = score.score(trainer.snapshot(), self.options.simulator, self.held_out, threads=training.threads)
-            self._say("score", flown)
+        if self.held_out and self.options.simulator and fly and not self.stop.raised:
+            self._score(self.options.simulator, self.held_out)
             self.scored = time.monotonic()
+
+    def _score(self, simulator: Path, held_out: validate.Validator) -> None:
+        """A score that fails is a line, for it says nothing of the training."""
+        trainer, threads = self.trainer, self.trainer.config.training.threads
+        try:
+            flown = score.score(
+                trainer.snapshot(), simulator, held_out, threads=threads, stopped=lambda: self.stop.raised
+            )
+        except (TrainerError, OSError) as error:
+            if not self.stop.raised:
+                print(f"no score at step {trainer.step}: {error}", file=sys.stderr)
+            return
+        self._say("score", flown)
 
     def _say(self, group: str, figures: dict[str, float]) -> None:
         for name, value in figures.items():
