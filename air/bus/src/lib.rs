@@ -19,7 +19,7 @@ pub enum BusError {
         cause: String,
     },
     /// The endpoint to dial cannot be one.
-    #[error("cannot dial {endpoint}: {cause}; an endpoint is such as tcp/192.168.1.7:7447")]
+    #[error("cannot dial {endpoint}: {cause}; an endpoint is such as tls/192.168.1.7:7447")]
     Dial {
         /// The endpoint asked for.
         endpoint: String,
