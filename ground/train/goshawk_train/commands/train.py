@@ -204,6 +204,35 @@ def export(
         print(f"{out}: {out.stat().st_size / 1e6:.1f} MB, {samples} samples, largest difference {worst:.1e}")
 
 
+@app.command(epilog="Example: goshawk train quantise air/models/track.onnx --data data/val --out runs/track-8bit.onnx")
+def quantise(
+    context: typer.Context,
+    policy: Annotated[Path, typer.Argument(metavar="ONNX", help="A policy that `goshawk train export` wrote.")],
+    data: Annotated[Path, typer.Option(help="Data set of images as the policy will see them.")],
+    out: Annotated[Path, typer.Option(help="ONNX file; the card lies beside it as .md.")],
+    frames: Annotated[int, typer.Option(min=16, help="Images that show how large the numbers become.")] = 256,
+) -> None:
+    """Let a policy's backbone calculate in 8 bits: a third of the file, and faster on processors made for it."""
+    with ends_in_one_line(context):
+        from goshawk_train.model.card import quantised_card
+        from goshawk_train.model.quantise import quantise as in_8_bits
+
+        found = in_8_bits(policy, data, out, frames=frames)
+        apart = ", ".join(f"{name} {share:.3f}" for name, share in found.differences.items())
+        how = (
+            f"The backbone calculates in 8 bits, by {found.calibrated} images of `{data.name}`; the head in 32.\n"
+            f"On {found.images} others {found.same_choice:.0%} have the same cheapest candidate. Differences, as\n"
+            f"shares of each channel's standard deviation: {apart}."
+        )
+        card = policy.with_suffix(".md")
+        if card.exists():
+            out.with_suffix(".md").write_text(quantised_card(card.read_text(), policy, out, how))
+        print(f"{out}: {out.stat().st_size / 1e6:.1f} MB, before {policy.stat().st_size / 1e6:.1f}")
+        print(
+            f"{found.same_choice:.0%} of {found.images} images have the same cheapest candidate; differences: {apart}"
+        )
+
+
 @app.command(epilog="Example: goshawk train bench")
 def bench(
     context: typer.Context,

@@ -66,8 +66,19 @@ what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away.
 `goshawk-sim golden --policy {file.name}` adds the golden images, without which no vehicle is ready.
 
 {FILE_MARKS[0]}
-| file | SHA-256 |
-|---|---|
-| model | `{hashlib.sha256(file.read_bytes()).hexdigest()}` |
+{_hash(file)}
 {FILE_MARKS[1]}
 """
+
+
+def quantised_card(card: str, before: Path, after: Path, how: str) -> str:
+    """The card of what was made of `before`, whose `card` it was; `how` says how it was made, and what it answers."""
+    for marks, text in ((FLIGHT_MARKS, "Not flown yet."), (FILE_MARKS, _hash(after))):
+        head, _, rest = card.partition(marks[0])
+        card = f"{head}{marks[0]}\n{text}\n{marks[1]}{rest.partition(marks[1])[2]}"
+    card = card.replace(f"`{before.name}`", f"`{after.name}`")
+    return card.replace("## Flights\n", f"## In 8 bits\n{how}\n\n## Flights\n", 1)
+
+
+def _hash(file: Path) -> str:
+    return f"| file | SHA-256 |\n|---|---|\n| model | `{hashlib.sha256(file.read_bytes()).hexdigest()}` |"

@@ -77,11 +77,19 @@ def of_policy(path: Path) -> Beginning:
     for node in model.graph.node:  # weights that are kept in half precision
         if node.op_type == "Cast" and node.input[0] in values:
             values[node.output[0]] = values[node.input[0]].float()
+    names: dict[str, str] = {}
+    for node in model.graph.node:  # and in 8 bits
+        if node.op_type == "DequantizeLinear" and node.input[0] in values:
+            whole, scale, zero = (values[name].float() for name in node.input)
+            of_row = (-1, *(1,) * (whole.dim() - 1))
+            values[node.output[0]] = (whole - zero.reshape(of_row)) * scale.reshape(of_row)
+            names[node.output[0]] = node.input[0].removesuffix("_quantized")
     weights: dict[str, Tensor] = {}
     for node in model.graph.node:
         if node.op_type != "Conv":
             continue
-        name, bias = node.input[1].removesuffix(".weight"), values[node.input[2]]
+        name = names.get(node.input[1], node.input[1]).removesuffix(".weight")
+        bias = values[node.input[2]]
         weights[f"{name}.weight"] = values[node.input[1]]
         block, _, last = name.rpartition(".")
         if last not in NORM_OF:  # the head's, which have a bias of their own
