@@ -10,8 +10,8 @@ import onnx
 import pytest
 from command import goshawk
 from goshawk_train.config import load_config
-from goshawk_train.model import quantise
 from goshawk_train.model.card import CONTRACT_KEY
+from goshawk_train.run import quantise
 from goshawk_train.run.beginning import of_policy
 
 ROOT = Path(__file__).parents[3]
