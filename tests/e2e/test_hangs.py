@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from goshawk_dashboards.state.views import HealthView
 from goshawk_proto import goshawk_pb2 as pb
 from rig import Rig
 
@@ -51,7 +52,7 @@ def takes_off(rig: Rig) -> None:
         assert link.wait_for(lambda s: s.mode in FLYING, 30.0), rig.output("air")
 
 
-def hangs(health: pb.Health) -> bool:
+def hangs(health: HealthView) -> bool:
     return any(check.name == "recorder" and "the disk hangs" in check.reason for check in health.checks)
 
 
