@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def thread(process: subprocess.Popen[bytes], name: str) -> int:
 
 
 @contextmanager
-def standing(tid: int) -> Iterator[None]:
+def standing(tid: int) -> Generator[None]:
     """The thread stands still, as one does that the disk does not answer."""
     if LIBC.ptrace(SEIZE, tid, 0, 0) != 0:
         pytest.skip(f"no thread can be stopped here: {os.strerror(ctypes.get_errno())}")

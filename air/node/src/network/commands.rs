@@ -123,7 +123,7 @@ struct Standing {
 
 /// Puts a command to the controller, but one that stands: of that it waits for the answer, so that it acts once.
 fn ask_or_go_on(parsed: &Parsed, shared: &Shared, standing: &mut Option<Standing>) -> Decided {
-    let verdict = match standing.take().filter(|stop| stop.id == parsed.id) {
+    let verdict = match standing.take_if(|stop| stop.id == parsed.id) {
         Some(stop) => stop.verdict,
         None => match put(parsed, shared) {
             Ok((_, verdict)) if parsed.command == Command::Stop => verdict,
@@ -234,6 +234,8 @@ mod tests {
         let (shared, mut standing) = (Shared::new(sync_channel(1).0), None);
         let stop = parsed(Command::Stop);
         assert!(!ask_or_go_on(&stop, &shared, &mut standing).settled);
+        let other = Parsed { id: "b".to_owned(), ..parsed(start()) };
+        assert!(!ask_or_go_on(&other, &shared, &mut standing).reply.accepted, "a stop waits");
         let taken = lock(&shared.command).take().unwrap();
         taken.answer.send(Ok(())).unwrap();
         let again = ask_or_go_on(&stop, &shared, &mut standing);

@@ -20,8 +20,8 @@ use prost::Message;
 const TAIL_S: f64 = 1.0;
 /// A log that is not finished after this waits for a disk that hangs, s. Chosen by eye.
 const HANGS_S: f64 = 2.0;
-/// And when the process ends, after this: what is left must fit into what a service manager waits (10 s).
-const LAST_WAIT: Duration = Duration::from_secs(6);
+/// And when the process ends, after this, all logs together, s: it must fit into what a service manager waits (10 s).
+const LAST_WAIT_S: f64 = 6.0;
 
 /// A log of a flight that is over, being finished.
 struct Finishing {
@@ -171,13 +171,16 @@ impl FlightLog {
 
     /// The process ends: waits a little until all files are finished.
     pub fn close(&mut self) {
-        self.finish(clock::now());
+        let now = clock::now();
+        self.finish(now);
         for Finishing { mut recorder, .. } in self.finishing.drain(..) {
-            let path = recorder.path().display().to_string();
-            if recorder.close_within(LAST_WAIT) {
-                tracing::info!("log finished: {path}");
-            } else {
-                tracing::error!("the disk hangs: {path} is not finished");
+            let left = (LAST_WAIT_S - clock::now().since(now)).max(0.0);
+            let finished = recorder.close_within(Duration::from_secs_f64(left));
+            let path = recorder.path().display();
+            match recorder.failure() {
+                _ if !finished => tracing::error!("the disk hangs: {path} is not finished"),
+                Some(why) => tracing::error!("recording stopped: {why}"),
+                None => tracing::info!("log finished: {path}"),
             }
         }
     }

@@ -69,6 +69,8 @@ def box_weights(start: F64, stop: F64, source: int) -> F64:
 
 def resize_rgb(rgb: NDArray[np.uint8], *, height: int, width: int) -> F32:
     """Box average of [H, W, 3] in 0..255, areas weighted where the sizes do not divide."""
+    if rgb.shape[:2] == (height, width):
+        return rgb.astype(np.float32)
     row, column = (np.arange(to + 1) * of / to for to, of in ((height, rgb.shape[0]), (width, rgb.shape[1])))
     rows = box_weights(row[:-1], row[1:], rgb.shape[0])
     columns = box_weights(column[:-1], column[1:], rgb.shape[1])

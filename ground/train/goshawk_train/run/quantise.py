@@ -19,8 +19,8 @@ from onnxruntime import quantization
 from onnxruntime.quantization import CalibrationDataReader, QuantType
 
 from goshawk_train.config import STATE_SIZES, DepthConfig
-from goshawk_train.data.layout import read_images, read_view, scene_folders
-from goshawk_train.data.preprocess import fill_depth, normalise_depth
+from goshawk_train.data.layout import read_images, read_labels, read_view, scene_folders
+from goshawk_train.data.preprocess import rgbd_tensor
 from goshawk_train.errors import TrainerError
 from goshawk_train.model.card import CONTRACT_KEY
 
@@ -54,7 +54,7 @@ class Agreement:
 
 class _Images(CalibrationDataReader):
     def __init__(self, images: list[F32], states: list[F32]) -> None:
-        self.left = iter(list(zip(images, states, strict=True)))
+        self.left = zip(images, states, strict=True)
 
     def get_next(self) -> dict[str, F32] | None:  # type: ignore[override]  # the library's own hint is of bytes
         image, state = next(self.left, (None, None))
@@ -69,7 +69,7 @@ def quantise(policy: Path, data: Path, out: Path, *, frames: int) -> Agreement:
     """
     model, contract = _policy(policy)
     images = list(_images(data, contract, frames=2 * frames))
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(0)  # the backbone does not see the state; to compare answers any will do
     size = sum(STATE_SIZES[name] for name in contract["state"])
     states = [np.clip(rng.standard_normal((1, size)), -2, 2).astype(np.float32) for _ in images]
     head = [node.name for node in model.graph.node if node.op_type == "Conv" and node.input[1] in HEAD]
@@ -144,12 +144,10 @@ def _images(data: Path, contract: dict[str, Any], *, frames: int) -> Iterator[F3
     of_scene = -(-frames // len(folders))
     left = frames
     for folder in folders:
-        count = sum(1 for _ in (folder / "labels.csv").open()) - 1
+        count = len(read_labels(folder / "labels.csv", 0))
         rgb_MHW3, depth_MHW = read_images(folder, count, view)
         for at in np.unique(np.linspace(0, count - 1, min(of_scene, left, count)).round().astype(int)):
-            colour = np.moveaxis(rgb_MHW3[at], -1, 0).astype(np.float32) / np.float32(255)
-            filled = fill_depth(np.asarray(depth_MHW[at : at + 1]), depth)
-            yield np.concatenate([colour, normalise_depth(filled, depth)])[None].astype(np.float32)
+            yield rgbd_tensor(rgb_MHW3[at], depth_MHW[at], height=view.height, width=view.width, config=depth)[None]
             left -= 1
 
 
