@@ -36,7 +36,7 @@ use crate::sense::rgbd::mix;
 use crate::trial::airframe::Mount;
 use crate::trial::{
     Difference, EvaderKind, Fault, Firmware, Flight, Network, PilotKind, Spent, TrialConfig, TrialError, Unwatched,
-    Witness, WorldSource, rule,
+    Witness, WorldSource, rule, within_limits,
 };
 use compute::{Clerk, Compute};
 use files::Files;
@@ -198,6 +198,7 @@ impl Campaign {
         let begun = Instant::now();
         let picks = self.picks()?;
         let cells: Vec<CellConfig> = self.cells();
+        self.check_limits(&picks, &cells, vehicle)?;
         let spare: Mutex<Vec<Option<Box<dyn Network + Send>>>> = Mutex::new(Vec::new());
         let spending: Mutex<BTreeMap<&'static str, Vec<Spent>>> = Mutex::new(BTreeMap::new());
         let pool = rayon::ThreadPoolBuilder::new()
@@ -228,6 +229,14 @@ impl Campaign {
         let compute = Compute::of(&spending.into_inner().unwrap_or_else(PoisonError::into_inner));
         let timing = Timing::of(begun.elapsed(), &flown, pool.current_num_threads(), compute);
         Ok(self.report(vehicle, &cells, flown, timing))
+    }
+
+    /// That the vehicle may fly each cell, before the first flight.
+    fn check_limits(&self, picks: &[Pick], cells: &[CellConfig], vehicle: &Vehicle) -> Result<(), CampaignError> {
+        picks.iter().try_for_each(|&Pick { cell, trial }| {
+            let (cell, config) = (&cells[cell], self.config(&cells[cell], trial));
+            within_limits(&vehicle.limits, &config.profile()).map_err(|why| failed(cell, trial, why))
+        })
     }
 
     /// The same report of flights that were flown before, perhaps in parts and elsewhere; its timing is empty.
@@ -349,16 +358,21 @@ impl Campaign {
             (fly_trial(&config, vehicle, network, &mut clerk), None)
         };
         let spent = clerk.finish();
-        let failed = |why| CampaignError::Trial { task, speed_mps, world, trial, source: Box::new(why) };
         let (flight, path) = flight
             .and_then(|flight| {
                 let path = trace.map(|trace| FlightPath::of(pick, &config, &flight, &trace)).transpose()?;
                 Ok((flight, path))
             })
-            .map_err(failed)?;
+            .map_err(|why| failed(cell, trial, why))?;
         if let Some(log) = log {
             log.finish()?;
         }
         Ok((Flown { pick, config, flight, path }, spent))
     }
+}
+
+/// Trial `trial` of a cell cannot be flown.
+fn failed(cell: &CellConfig, trial: usize, why: TrialError) -> CampaignError {
+    let (task, world) = (report::task_name(cell.task), cell.label());
+    CampaignError::Trial { task, speed_mps: cell.speed_mps, world, trial, source: Box::new(why) }
 }

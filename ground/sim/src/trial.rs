@@ -15,8 +15,8 @@ pub mod scene;
 pub mod spent;
 
 use goshawk_core::{
-    AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, FrameRecord, Imu, Mode, Odometry, Plan, StepInput,
-    Task, Time, Vec3,
+    AutopilotStatus, Cause, Command, ConfigError, ControllerOutput, FrameRecord, Imu, LimitsConfig, Mode, Odometry,
+    Plan, Profile, StepInput, Task, Time, Vec3,
 };
 use goshawk_policy::stream::Arrival;
 use goshawk_policy::{PolicyError, PreprocessError};
@@ -64,6 +64,21 @@ pub enum TrialError {
     /// The pilot cannot fly without a policy.
     #[error("this flight needs a policy: only the classical pilot's navigation does without")]
     NoPolicy,
+    /// The vehicle refuses to start, or never gets ready for it.
+    #[error("the vehicle refused to start at {speed_mps} m/s and {height_m} m: {why}")]
+    Refused {
+        /// What was asked of it, with the margin over the evader's speed, m/s.
+        speed_mps: f64,
+        /// Above the start, m.
+        height_m: f64,
+        /// Its reason, and what to change.
+        why: String,
+    },
+    /// Physics went wrong.
+    #[error(
+        "the simulated vehicle's state is not a number any more {0:.1} s after its start: give less extreme options"
+    )]
+    NotFinite(f64),
     /// Real firmware cannot be met.
     #[error(transparent)]
     Firmware(#[from] firmware::FirmwareTrouble),
@@ -185,6 +200,12 @@ pub struct TrialConfig {
 }
 
 impl TrialConfig {
+    /// What the vehicle is asked to fly, but for the goal of a navigation, which its scene has.
+    pub(crate) fn profile(&self) -> Profile {
+        let margin_mps = if self.task == Task::Track { self.speed_margin_mps } else { 0.0 };
+        Profile { task: self.task, speed: self.speed_mps + margin_mps, height: self.height_m, goal: None }
+    }
+
     /// Where it is flown.
     ///
     /// # Errors
@@ -194,6 +215,17 @@ impl TrialConfig {
         let config = SceneConfig::of_task(self.task, self.speed_mps, world, course, self.seed);
         Scene::new(&SceneConfig { distance_m: self.length_m, moving: self.moving, ..config })
     }
+}
+
+/// That the vehicle may fly a profile.
+///
+/// # Errors
+/// It goes beyond a limit, which [`TrialError::Refused`] names.
+pub(crate) fn within_limits(limits: &LimitsConfig, profile: &Profile) -> Result<(), TrialError> {
+    limits.exceeded_by(profile).map_or(Ok(()), |limit| {
+        let why = format!("{limit}; ask for less, or raise that limit in the vehicle file");
+        Err(TrialError::Refused { speed_mps: profile.speed, height_m: profile.height, why })
+    })
 }
 
 /// How a flight ended, by the strict [`rule`].

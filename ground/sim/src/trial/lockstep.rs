@@ -6,7 +6,7 @@ mod verdict;
 
 use std::collections::VecDeque;
 
-use goshawk_core::{Cause, Command, Mode, Profile, Rot, Task, Time, Vec3};
+use goshawk_core::{Cause, Command, LimitsConfig, Mode, Profile, Refusal, Rot, Task, Time, Vec3};
 use goshawk_vehicle::config::Vehicle;
 
 use super::airframe::{Mount, airframe};
@@ -17,7 +17,7 @@ use super::judge::{Contact, Follower, Judge, clearance, in_view};
 use super::rule::cruise_between;
 use super::runner::Runner;
 use super::scene::Scene;
-use super::{Flight, Pilot, TrialConfig, TrialError, Truth, Witness};
+use super::{Flight, Pilot, TrialConfig, TrialError, Truth, Witness, within_limits};
 use crate::actors::evader::EvaderState;
 use crate::render::{Frame, Renderer};
 use crate::sense::odometry::Estimator;
@@ -39,10 +39,11 @@ const HEAD_START_S: f64 = 0.5;
 const RUNS_ANYWAY_S: f64 = 5.0;
 
 use camera::InFlight;
-use verdict::{Arrived, Ending};
+use verdict::{Arrived, Ending, TAKEOFF_S};
 
 pub(crate) struct Lockstep<'a> {
     config: TrialConfig,
+    limits: LimitsConfig,
     scene: &'a Scene,
     mount: Mount,
     control_steps: u64,
@@ -79,6 +80,8 @@ pub(crate) struct Lockstep<'a> {
     step: u64,
     mode: Mode,
     modes: Vec<(f64, Mode, Cause)>,
+    /// Why the vehicle does not start, as it said last.
+    refusal: Option<Refusal>,
     /// When Start was accepted, the take-off ended, the evader begins to run.
     started: Option<Time>,
     up: Option<Time>,
@@ -108,6 +111,7 @@ impl<'a> Lockstep<'a> {
         let way_m = (scene.goal_world - scene.world.start_world()).xy().norm();
         Self {
             config: config.clone(),
+            limits: vehicle.limits,
             scene,
             mount,
             control_steps: (STEPS_PER_S as f64 / vehicle.realtime.controller_rate_hz).round().max(1.0) as u64,
@@ -138,6 +142,7 @@ impl<'a> Lockstep<'a> {
             step: 0,
             mode: Mode::Idle,
             modes: Vec::new(),
+            refusal: None,
             started: None,
             up: None,
             runs: None,
@@ -162,7 +167,11 @@ impl<'a> Lockstep<'a> {
             if self.step.is_multiple_of(self.control_steps) {
                 self.control(now, witness);
             }
+            self.refused(now)?;
             self.move_on(now);
+            if !self.quad.state().is_finite() {
+                return Err(TrialError::NotFinite(self.started.map_or(0.0, |started| now.since(started))));
+            }
             if self.step.is_multiple_of(TRUTH_STEPS) {
                 witness.truth(now, &self.truth(None));
             }
@@ -246,8 +255,11 @@ impl<'a> Lockstep<'a> {
             None => self.autopilot.take(now, &output),
         }
         self.mode = output.mode;
-        if output.reply == Some(Ok(())) {
-            self.started = Some(now);
+        match output.reply {
+            Some(Ok(())) => self.started = Some(now),
+            Some(Err(refusal)) => self.refusal = Some(refusal),
+            None if self.started.is_none() => self.refusal = output.readiness.err(),
+            None => {}
         }
         if let (Some(change), Some(started)) = (output.transition, self.started) {
             self.modes.push((now.since(started), change.to, change.cause));
@@ -263,6 +275,19 @@ impl<'a> Lockstep<'a> {
         witness.control(now, &output, self.onboard.as_ref());
     }
 
+    /// Whether the flight cannot begin: the profile is refused, or the vehicle is not ready in good time.
+    fn refused(&self, now: Time) -> Result<(), TrialError> {
+        let never = matches!(self.refusal, Some(Refusal::BadProfile | Refusal::BeyondLimits));
+        let late = now.since(self.ready_at) > TAKEOFF_S;
+        if self.started.is_some() || !(never || late) {
+            return Ok(());
+        }
+        let profile = self.profile();
+        within_limits(&self.limits, &profile)?;
+        let why = self.refusal.map_or_else(|| "it was not ready in time".to_owned(), |refusal| refusal.to_string());
+        Err(TrialError::Refused { speed_mps: profile.speed, height_m: profile.height, why })
+    }
+
     /// Notes what the vehicle finds wrong that it did not a tick ago.
     fn note_faults(&mut self, now: Time) {
         let (Some(started), naming) = (self.started, self.onboard.faults()) else { return };
@@ -272,21 +297,8 @@ impl<'a> Lockstep<'a> {
     }
 
     fn profile(&self) -> Profile {
-        let config = &self.config;
-        match config.task {
-            Task::Track => Profile {
-                task: Task::Track,
-                speed: config.speed_mps + config.speed_margin_mps,
-                height: config.height_m,
-                goal: None,
-            },
-            Task::Navigate => Profile {
-                task: Task::Navigate,
-                speed: config.speed_mps,
-                height: config.height_m,
-                goal: Some(self.goal_from_start()),
-            },
-        }
+        let goal = (self.config.task == Task::Navigate).then(|| self.goal_from_start());
+        Profile { goal, ..self.config.profile() }
     }
 
     fn move_on(&mut self, now: Time) {

@@ -53,6 +53,15 @@ pub struct QuadrotorState {
     pub on_ground: bool,
 }
 
+impl QuadrotorState {
+    /// All of it is numbers.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let vectors = [&self.pos_world, &self.vel_world, &self.acc_world, &self.ang_vel_body];
+        vectors.iter().flat_map(|vector| vector.iter()).chain(self.world_from_body.coords.iter()).all(|x| x.is_finite())
+    }
+}
+
 /// A quadrotor in flight.
 #[derive(Clone, Debug)]
 pub struct Quadrotor {

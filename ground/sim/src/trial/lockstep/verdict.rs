@@ -13,7 +13,7 @@ const STANDS_S: f64 = 5.0;
 const GONE_S: f64 = 8.0;
 const GONE_M: f64 = 25.0;
 /// The take-off may take this long, a navigation this long beyond its way at a quarter of its speed, s.
-const TAKEOFF_S: f64 = 25.0;
+pub(super) const TAKEOFF_S: f64 = 25.0;
 const NAVIGATION_GRACE_S: f64 = 20.0;
 
 /// After a fault the vehicle is down within this, or it flies on, s: the ladder holds for 20 s before it lands.
