@@ -4,7 +4,7 @@ use crate::actors::moving::{MovingArgs, Site};
 use crate::chaos::ChaosArgs;
 use crate::dataset::{DatasetConfig, generate};
 use crate::faults::FaultsArgs;
-use crate::fly::args::FlyArgs;
+use crate::fly::args::{FlyArgs, spacing};
 use crate::golden::GoldenArgs;
 use crate::render::Camera;
 use crate::seeds::{Seeds, SeedsArgs};
@@ -63,8 +63,8 @@ pub struct WorldArgs {
     /// Seed of the world.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Mean spacing of the trees, m.
-    #[arg(long, value_name = "M", default_value_t = 4.0)]
+    /// Mean spacing of the trees, 1 to 1000 m.
+    #[arg(long, value_name = "M", default_value_t = 4.0, value_parser = spacing)]
     spacing: f64,
     #[command(flatten)]
     moving: MovingArgs,

@@ -14,7 +14,7 @@ use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::fly::Campaign;
-use crate::fly::args::load_policy;
+use crate::fly::args::{load_policy, positive, spacing};
 use crate::fly::files::Files;
 use crate::fly::progress::Progress;
 use crate::seeds::Seeds;
@@ -50,13 +50,13 @@ pub struct FaultsArgs {
     #[arg(long, value_name = "N", default_value_t = 10)]
     ordinary: usize,
     /// What is flown with faults: the evader's speed, m/s. To navigate, the vehicle's own.
-    #[arg(long, value_name = "V", default_value_t = 4.0)]
+    #[arg(long, value_name = "V", default_value_t = 4.0, value_parser = positive)]
     speed: f64,
     /// Seed of everything, of the tuning range (`goshawk-sim seeds`).
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Mean spacing of the trees, m.
-    #[arg(long, value_name = "M", default_value_t = 4.0)]
+    /// Mean spacing of the trees, 1 to 1000 m.
+    #[arg(long, value_name = "M", default_value_t = 4.0, value_parser = spacing)]
     spacing: f64,
     /// The vehicle file.
     #[arg(long, value_name = "FILE", default_value = "air/vehicles/sim.toml")]

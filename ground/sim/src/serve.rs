@@ -24,7 +24,7 @@ use goshawk_vehicle::config::Vehicle;
 
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
-use crate::fly::args::TaskName;
+use crate::fly::args::{TaskName, spacing};
 use crate::sense::file::SensorArgs;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::airframe;
@@ -54,7 +54,7 @@ const AIRBORNE_S: f64 = 2.0;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim serve --seed 3 --spacing 5 --speed 3\n  \
                   goshawk-sim serve --world buildings --moving 8\n  \
-                  goshawk-sim serve --task navigate --vehicle-file air/vehicles/navigate.toml\n  \
+                  goshawk-sim serve --task navigate --distance 90 --vehicle-file air/vehicles/navigate.toml\n  \
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
                   goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20\n  \
                   goshawk-sim serve --autopilot px4 --firmware ~/PX4-Autopilot\n  \
@@ -64,8 +64,8 @@ pub struct ServeArgs {
     /// Seed of the world, the evader and the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Mean spacing of the trees, m.
-    #[arg(long, value_name = "M", default_value_t = 5.0)]
+    /// Mean spacing of the trees, 1 to 1000 m.
+    #[arg(long, value_name = "M", default_value_t = 5.0, value_parser = spacing)]
     spacing: f64,
     /// What is flown: a chase, or the way to a goal, with nobody to chase.
     #[arg(long, value_enum, default_value = "track")]

@@ -39,7 +39,7 @@ pub enum WorldError {
         max: [f64; 2],
     },
     /// The spacing cannot be used.
-    #[error("a tree spacing of {0} m is not usable: give 1 m or more")]
+    #[error("a tree spacing of {0} m is not usable: give 1 to 1000 m")]
     Spacing(f64),
 }
 

@@ -1,6 +1,7 @@
 //! `goshawk-sim fly`.
 
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -22,6 +23,7 @@ use crate::seeds::{Identity, Seeds};
 use crate::sense::file::SensorArgs;
 use crate::trial::scene::COURSE_M;
 use crate::trial::{Difference, EvaderKind, Fault, Firmware, Network, PilotKind, WorldSource};
+use crate::world::forest::SPACING_M;
 
 /// The task to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -85,8 +87,8 @@ pub struct FlyArgs {
     /// comes of the hashes of policy, vehicle file and flight code (`goshawk-sim seeds`).
     #[arg(long, value_enum, value_name = "RANGE", default_value = "tuning")]
     seeds: Seeds,
-    /// Mean spacings of the trees, m; cells for each.
-    #[arg(long, value_name = "M[,M…]", value_delimiter = ',', default_value = "4", value_parser = positive)]
+    /// Mean spacings of the trees, 1 to 1000 m; cells for each.
+    #[arg(long, value_name = "M[,M…]", value_delimiter = ',', default_value = "4", value_parser = spacing)]
     spacing: Vec<f64>,
     /// The world: forest, buildings, or a point cloud (.ply, .pcd).
     #[arg(long, value_name = "WORLD", default_value = "forest")]
@@ -109,8 +111,8 @@ pub struct FlyArgs {
     /// The vehicle file.
     #[arg(long, value_name = "FILE", default_value = "air/vehicles/sim.toml")]
     vehicle_file: PathBuf,
-    /// What gusts reach, m/s.
-    #[arg(long, value_name = "MPS", default_value_t = 0.0)]
+    /// What gusts reach, 0 to 30 m/s.
+    #[arg(long, value_name = "MPS", default_value_t = 0.0, value_parser = wind, allow_negative_numbers = true)]
     wind: f64,
     /// Track: how much faster than the evader the vehicle may fly, m/s.
     #[arg(long, value_name = "MPS", default_value_t = 3.0, value_parser = positive)]
@@ -163,7 +165,22 @@ pub struct FlyArgs {
     threads: usize,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+/// A forest's mean spacing, m.
+pub(crate) fn spacing(text: &str) -> Result<f64, String> {
+    within(text, SPACING_M, "m")
+}
+
+/// What gusts reach, m/s.
+pub(crate) fn wind(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=30.0, "m/s")
+}
+
+fn within(text: &str, range: RangeInclusive<f64>, unit: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value| range.contains(value));
+    value.ok_or_else(|| format!("give {} to {} {unit}", range.start(), range.end()))
+}
+
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(format!("{text} is not above 0")) }
 }
@@ -196,7 +213,6 @@ impl FlyArgs {
     /// If the campaign could not be flown; the message says on what and what to do.
     pub fn run(self) -> Result<()> {
         ensure!(self.trials > 0, "--trials is 0: there is nothing to fly");
-        ensure!(self.wind.is_finite() && self.wind >= 0.0, "--wind is {}: it must be 0 or more", self.wind);
         ensure!((0.0..=0.3).contains(&self.spread), "--spread is {}: it must be 0 to 0.3", self.spread);
         let task = match self.task {
             TaskName::Track => Task::Track,

@@ -8,12 +8,16 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Poisson};
 use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
 
 /// Distance between the ground's nodes, m.
 pub const GROUND_CELL_M: f64 = 0.5;
 
 /// Above the start disc nothing hangs lower than this over the ground, m.
 pub const START_CLEAR_HEIGHT_M: f64 = 4.0;
+
+/// Mean spacings that a forest can have, m.
+pub const SPACING_M: RangeInclusive<f64> = 1.0..=1000.0;
 
 /// Trunks reach this far below the ground, m, so that none floats on a slope.
 const ROOT_M: f64 = 0.4;
@@ -51,13 +55,13 @@ impl Default for ForestConfig {
 /// Grows a forest.
 ///
 /// # Errors
-/// If the rectangle is empty or the spacing below 1 m.
+/// If the rectangle is empty or the spacing outside [`SPACING_M`].
 pub fn forest(config: &ForestConfig, seed: u64) -> Result<World, WorldError> {
     let (min, max) = (config.min_xy, config.max_xy);
     if !(max[0] > min[0] && max[1] > min[1]) {
         return Err(WorldError::EmptyRectangle { min, max });
     }
-    if !(config.spacing_m >= 1.0 && config.spacing_m.is_finite()) {
+    if !SPACING_M.contains(&config.spacing_m) {
         return Err(WorldError::Spacing(config.spacing_m));
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
