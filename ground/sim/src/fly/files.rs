@@ -24,11 +24,17 @@ impl Files {
     /// Begins the file `path` beside it, under a name of this process.
     ///
     /// # Errors
-    /// The temporary file cannot be created.
+    /// `path` is a folder, it is begun already, or the temporary file cannot be created.
     pub fn begin(&self, path: &Path) -> io::Result<(File, Unfinished)> {
-        let name = path.file_name().ok_or(io::ErrorKind::IsADirectory)?.to_string_lossy();
-        let temporary = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+        let name = path.file_name().filter(|_| !path.is_dir()).ok_or(io::ErrorKind::IsADirectory)?;
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        let name = format!(".{}.{}.part", name.to_string_lossy(), std::process::id());
+        // One name for each, however its path is written.
+        let temporary = folder.canonicalize()?.join(name);
         let mut unfinished = self.list();
+        if unfinished.contains(&temporary) {
+            return Err(io::Error::other("another option writes this file too: give each a file of its own"));
+        }
         let file = File::create(&temporary)?;
         unfinished.insert(temporary.clone());
         Ok((file, Unfinished { files: self.clone(), temporary, path: path.to_owned() }))
@@ -101,6 +107,18 @@ mod tests {
         files.write(&path, b"[]").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"[]");
         assert_eq!(names(folder.path()), ["a.json"]);
+    }
+
+    #[test]
+    fn a_folder_and_a_file_that_is_begun_already_are_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let (files, path) = (Files::default(), folder.path().join("a"));
+        assert_eq!(files.begin(folder.path()).unwrap_err().kind(), io::ErrorKind::IsADirectory);
+        let (_file, unfinished) = files.begin(&path).unwrap();
+        assert!(files.begin(&folder.path().join("./a")).unwrap_err().to_string().contains("a file of its own"));
+        unfinished.finish().unwrap();
+        assert_eq!(names(folder.path()), ["a"]);
+        drop(files.begin(&path).unwrap());
     }
 
     #[test]
