@@ -21,7 +21,7 @@ pub mod shrink;
 pub mod standin;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
@@ -29,6 +29,7 @@ use color_eyre::eyre::{Result, WrapErr, bail, ensure, eyre};
 use rayon::prelude::*;
 
 use crate::fly::files::Files;
+use crate::fly::pick::quoted;
 use crate::fly::progress::Progress;
 use crate::trial::Outcome;
 pub use bug::Bug;
@@ -42,6 +43,8 @@ use shrink::shrink;
 
 /// Of many failures so many are shown, and the first of each property is shrunk.
 const SHOWN: usize = 5;
+/// What is flown with unless another is named.
+const VEHICLE_FILE: &str = "air/vehicles/sim.toml";
 
 /// Fly seeded schedules of faults, and judge every step.
 #[derive(Debug, Args)]
@@ -80,7 +83,7 @@ pub struct ChaosArgs {
     #[arg(long)]
     no_shrink: bool,
     /// The vehicle file.
-    #[arg(long, value_name = "FILE", default_value = "air/vehicles/sim.toml")]
+    #[arg(long, value_name = "FILE", default_value = VEHICLE_FILE)]
     vehicle_file: PathBuf,
     /// Write what came of it as JSON.
     #[arg(long, value_name = "FILE")]
@@ -183,6 +186,9 @@ impl ChaosArgs {
         let mut command = "goshawk-sim chaos".to_owned();
         if let Some(bug) = self.inject {
             command += &format!(" --inject {}", bug.name());
+        }
+        if self.vehicle_file != Path::new(VEHICLE_FILE) {
+            command += &format!(" --vehicle-file {}", quoted(self.vehicle_file.display().to_string()));
         }
         command += &format!(" --schedule '{}'", small.schedule.line());
         Ok(Small { schedule: small.schedule, violation: small.flown.violation, flights: small.flights, command })

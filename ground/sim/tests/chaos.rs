@@ -118,7 +118,8 @@ fn the_command_exits_with_1_on_a_violation_and_prints_what_flies_it_again() {
     let text = String::from_utf8_lossy(&out.stdout);
     assert_eq!(out.status.code(), Some(1), "{text}");
     let again = text.lines().find_map(|line| line.trim().strip_prefix("goshawk-sim chaos --inject ")).unwrap();
-    let (_, schedule) = again.split_once("--schedule ").unwrap();
+    let (options, schedule) = again.split_once("--schedule ").unwrap();
+    assert!(options.ends_with(&format!(" --vehicle-file {VEHICLE} ")), "{again}");
     let again =
         chaos(&["--inject", "setpoint-after-authority", "--schedule", schedule.trim_matches('\''), "--no-shrink"]);
     assert_eq!(again.status.code(), Some(1), "{}", String::from_utf8_lossy(&again.stdout));

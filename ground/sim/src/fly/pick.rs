@@ -47,7 +47,8 @@ pub fn command(arguments: impl IntoIterator<Item = String>) -> String {
     kept.join(" ")
 }
 
-fn quoted(argument: String) -> String {
+/// For a shell.
+pub(crate) fn quoted(argument: String) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_=+./,:@%".contains(c);
     if !argument.is_empty() && argument.chars().all(plain) {
         argument
