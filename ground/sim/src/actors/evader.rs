@@ -52,11 +52,29 @@ impl EvaderConfig {
 }
 
 /// Why no run can be planned; another seed may do.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum EvaderError {
     /// Nowhere to stand in view of the vehicle.
     #[error("no free place in view of the vehicle for the evader to start from: try another seed or spacing")]
     NoStart,
+    /// A course's waypoint is in something, or outside.
+    #[error(
+        "course {course}: waypoint {number} lies in an obstacle or outside the world, with no free place within {NEAR_M} m: move it, or try another --seed, --spacing or --world"
+    )]
+    NoRoomAt {
+        /// The course.
+        course: String,
+        /// Which waypoint, from 1.
+        number: usize,
+    },
+    /// A course's waypoint cannot be reached.
+    #[error("course {course}: no way leads to waypoint {number}: move it, or try another --seed, --spacing or --world")]
+    NoWayTo {
+        /// The course.
+        course: String,
+        /// Which waypoint, from 1.
+        number: usize,
+    },
     /// No way to any goal.
     #[error("no way through the trees to any goal: try another seed or spacing")]
     NoWay,
@@ -101,6 +119,9 @@ pub struct Evader {
     switch_s: f64,
 }
 
+/// A course's point is passed so near at least, m.
+const NEAR_M: f64 = 3.0;
+
 /// Heights of the camera from which the standing person must be seen, above the vehicle's start, m.
 const SEEN_FROM_M: [f64; 2] = [0.8, 1.4];
 
@@ -120,14 +141,18 @@ impl Evader {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let look = PersonLook::random(&mut rng);
         let planning = Planning { world, field: Field::new(world), config, vehicle: vehicle_world, heading_rad };
+        let mut failure = EvaderError::NoWay;
         for _ in 0..8 {
             let start = planning.start(&mut rng).ok_or(EvaderError::NoStart)?;
-            if let Some((before, after, switch_s)) = planning.run(start, &mut rng) {
-                let (_, along, _) = before.path.at(0.0);
-                return Ok(Self { look, heading_rad: along.y.atan2(along.x), before, after, switch_s });
+            match planning.run(start, &mut rng) {
+                Ok((before, after, switch_s)) => {
+                    let (_, along, _) = before.path.at(0.0);
+                    return Ok(Self { look, heading_rad: along.y.atan2(along.x), before, after, switch_s });
+                }
+                Err(error) => failure = error,
             }
         }
-        Err(EvaderError::NoWay)
+        Err(failure)
     }
 
     /// Size and clothes.
@@ -194,6 +219,9 @@ impl Evader {
     }
 }
 
+/// Where a run begins.
+const REST: Knot = Knot { time_s: 0.0, arc_m: 0.0, parameter: 0.0, speed_mps: 0.0 };
+
 /// What planning needs.
 struct Planning<'a> {
     world: &'a World,
@@ -234,17 +262,38 @@ impl Planning<'_> {
     }
 
     /// Both legs and when the goal changes.
-    fn run(&self, start: Point, rng: &mut ChaCha8Rng) -> Option<(Leg, Leg, f64)> {
-        let rest = Knot { time_s: 0.0, arc_m: 0.0, parameter: 0.0, speed_mps: 0.0 };
-        if let Some(points) = self.config.course.points(self.vehicle.xy(), self.heading_rad) {
-            let free = |pass: &Pass| Some(Pass { at: self.free_near(&pass.at)?, ..*pass });
-            let passes: Vec<Pass> = points.iter().filter_map(free).collect();
-            let whole = self.leg(&[start], &passes, rest)?;
-            return Some((whole.clone(), whole, 0.0));
+    fn run(&self, start: Point, rng: &mut ChaCha8Rng) -> Result<(Leg, Leg, f64), EvaderError> {
+        match self.config.course.points(self.vehicle.xy(), self.heading_rad) {
+            Some(points) => self.along(start, &points).map(|whole| (whole.clone(), whole, 0.0)),
+            None => self.to_goals(start, rng).ok_or(EvaderError::NoWay),
         }
+    }
+
+    /// The run along a course's points.
+    fn along(&self, start: Point, points: &[Pass]) -> Result<Leg, EvaderError> {
+        let course = || self.config.course.name().to_owned();
+        let mut passes: Vec<(usize, Pass)> = Vec::new();
+        for (number, pass) in (1..).zip(points) {
+            match self.free_near(&pass.at) {
+                Some(at) => passes.push((number, Pass { at, ..*pass })),
+                None if self.config.course.may_leave_out() => {}
+                None => return Err(EvaderError::NoRoomAt { course: course(), number }),
+            }
+        }
+        let all: Vec<Pass> = passes.iter().map(|(_, pass)| *pass).collect();
+        self.leg(&[start], &all, REST).ok_or_else(|| {
+            let from = std::iter::once(start).chain(all.iter().map(|pass| pass.at));
+            let blocked =
+                from.zip(&passes).find(|(at, (_, to))| self.field.way(at, &to.at, self.way_margin()).is_none());
+            blocked.map_or(EvaderError::NoWay, |(_, &(number, _))| EvaderError::NoWayTo { course: course(), number })
+        })
+    }
+
+    /// The run to one goal, and on the way to another.
+    fn to_goals(&self, start: Point, rng: &mut ChaCha8Rng) -> Option<(Leg, Leg, f64)> {
         let before = (0..20).find_map(|_| {
             let goal = self.ahead(self.config.goal_m, rng.random_range(-0.3..0.3));
-            self.leg(&[start], &[Pass { at: goal, stand_s: 0.0 }], rest)
+            self.leg(&[start], &[Pass { at: goal, stand_s: 0.0 }], REST)
         })?;
         let length = before.knots[before.knots.len() - 1].arc_m;
         let switch_arc = length * rng.random_range(0.35..0.6);
@@ -273,10 +322,10 @@ impl Planning<'_> {
         None
     }
 
-    /// The nearest place to a point where the evader has room, within 3 m.
+    /// The nearest place to a point where the evader has room, within [`NEAR_M`].
     fn free_near(&self, at: &Point) -> Option<Point> {
         (0..=12).find_map(|ring| {
-            let radius = 0.25 * f64::from(ring);
+            let radius = NEAR_M / 12.0 * f64::from(ring);
             (0..16).find_map(|turn| {
                 let angle = std::f64::consts::TAU * f64::from(turn) / 16.0;
                 let place = at + Point::new(angle.cos(), angle.sin()) * radius;

@@ -29,8 +29,10 @@ pub enum Course {
     Goal,
     /// One lap of an ∞ of 28 × 10 m that lies ahead of the vehicle.
     Eight,
+    /// A figure of this name, along these points, as [`Course::Waypoints`]; those with no room near them are left out.
+    Figure(String, &'static [[f64; 3]]),
     /// Along these points, round what stands in the way: m ahead and m to the left of the vehicle at its start, and how
-    /// long the person stands there, s. With its name.
+    /// long the person stands there, s. With its name. All of them are passed.
     Waypoints(String, Vec<[f64; 3]>),
 }
 
@@ -64,7 +66,7 @@ impl Course {
     /// # Errors
     /// [`CourseError`] if the file is none.
     pub fn parse(text: &str) -> Result<Self, CourseError> {
-        let named = |points: &[[f64; 3]]| Ok(Self::Waypoints(text.to_owned(), points.to_vec()));
+        let named = |points| Ok(Self::Figure(text.to_owned(), points));
         match text {
             "goal" => Ok(Self::Goal),
             "eight" => Ok(Self::Eight),
@@ -88,8 +90,13 @@ impl Course {
         match self {
             Self::Goal => "goal",
             Self::Eight => "eight",
-            Self::Waypoints(name, _) => name,
+            Self::Figure(name, _) | Self::Waypoints(name, _) => name,
         }
+    }
+
+    /// Whether points with no room near them may be left out.
+    pub(super) fn may_leave_out(&self) -> bool {
+        !matches!(self, Self::Waypoints(..))
     }
 
     /// The points to pass, from the vehicle's start and heading; none: a goal is to be chosen.
@@ -101,6 +108,7 @@ impl Course {
         let local: Vec<[f64; 3]> = match self {
             Self::Goal => return None,
             Self::Eight => (1..=EIGHT_POINTS).map(lap).collect(),
+            Self::Figure(_, points) => points.to_vec(),
             Self::Waypoints(_, points) => points.clone(),
         };
         let (sin, cos) = heading_rad.sin_cos();

@@ -103,6 +103,22 @@ fn the_same_seed_runs_the_same_run() {
     assert_ne!(a.at(&world, 4.321), plan(&world, 5.0, 10).at(&world, 4.321));
 }
 
+#[test]
+fn a_files_waypoint_that_cannot_be_reached_is_an_error_that_names_it_and_a_figures_is_left_out() {
+    const POINTS: [[f64; 3]; 3] = [[10.0, 0.0, 0.0], [500.0, 0.0, 0.0], [20.0, 3.0, 0.0]];
+    let world = woods(3, 5.0);
+    let run = |course| {
+        let config = EvaderConfig { course, ..EvaderConfig::at_speed(4.0) };
+        Evader::plan(&world, &config, world.start_world(), 0.0, 9)
+    };
+    let file = |points: &[[f64; 3]]| Course::Waypoints("mine".to_owned(), points.to_vec());
+    let error = run(file(&POINTS)).unwrap_err();
+    assert_eq!(error, EvaderError::NoRoomAt { course: "mine".to_owned(), number: 2 });
+    assert!(error.to_string().contains("course mine: waypoint 2 lies in an obstacle or outside the world"));
+    let figure = run(Course::Figure("mine".to_owned(), &POINTS)).unwrap();
+    assert_eq!(figure.at(&world, 5.0), run(file(&[POINTS[0], POINTS[2]])).unwrap().at(&world, 5.0));
+}
+
 /// Runs `seed`'s reactive evader at `speed_mps` for up to a minute, chased by whom `chaser` moves: the states every 10 ms.
 fn reactive(
     world: &World,
