@@ -5,6 +5,7 @@ use crate::chaos::ChaosArgs;
 use crate::dataset::{DatasetConfig, generate};
 use crate::faults::FaultsArgs;
 use crate::fly::args::{FlyArgs, spacing};
+use crate::fly::files::Files;
 use crate::golden::GoldenArgs;
 use crate::render::Camera;
 use crate::seeds::{Seeds, SeedsArgs};
@@ -15,11 +16,11 @@ use crate::world_preview::preview;
 use clap::{Args, Parser, Subcommand};
 use color_eyre::eyre::{Result, WrapErr};
 use goshawk_core::Vec3;
+use image::ImageFormat;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Cursor, Write};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 
 /// Goshawk's simulator: worlds, data sets, flights.
@@ -141,14 +142,23 @@ const AHEAD_M: f64 = 40.0;
 
 impl WorldArgs {
     fn run(self) -> Result<()> {
+        // Known to be writable before anything is drawn.
+        let files = Files::default();
+        let begin = |path: &Path| files.begin(path).wrap_err_with(|| format!("cannot write {}", path.display()));
+        let shown = self.output.display();
+        let format = ImageFormat::from_path(&self.output).wrap_err_with(|| format!("cannot write {shown}"))?;
+        let (mut picture, unfinished) = begin(&self.output)?;
+        let scan = self.scan.as_deref().map(begin).transpose()?;
         let world = WorldSource::parse(&self.world, self.spacing)?.draw(self.seed, AHEAD_M)?;
         let heading = world.start_heading_rad();
         let goal_world = world.start_world() + Vec3::new(heading.cos(), heading.sin(), 0.0) * AHEAD_M;
         let site = Site { world: &world, goal_world, evader: None };
         let moving = self.moving.moving;
         let movers = site.draw(moving, self.seed).ok_or(TrialError::NoRoomToMove(moving))?;
-        let shown = self.output.display();
-        preview(&world, &movers).save(&self.output).wrap_err_with(|| format!("cannot write {shown}"))?;
+        let mut encoded = Cursor::new(Vec::new());
+        preview(&world, &movers).write_to(&mut encoded, format).wrap_err_with(|| format!("cannot write {shown}"))?;
+        let written = picture.write_all(encoded.get_ref()).and_then(|()| unfinished.finish());
+        written.wrap_err_with(|| format!("cannot write {shown}"))?;
         let size = world.max_world() - world.min_world();
         println!(
             "{shown}: {}, {:.0} x {:.0} m, {} trees, {} obstacles in all{}",
@@ -159,14 +169,12 @@ impl WorldArgs {
             world.parts().len(),
             if moving > 0 { format!(", {moving} that move") } else { String::new() }
         );
-        if let Some(path) = self.scan {
+        if let Some((path, (file, unfinished))) = self.scan.as_ref().zip(scan) {
             let points = cloud::scan(&world, self.seed);
             let shown = path.display();
-            let written = File::create(&path).and_then(|file| {
-                let mut out = BufWriter::new(file);
-                cloud::write_ply(&mut out, &points)?;
-                out.flush()
-            });
+            let mut out = BufWriter::new(file);
+            let written = cloud::write_ply(&mut out, &points).and_then(|()| out.flush());
+            let written = written.and_then(|()| unfinished.finish());
             written.wrap_err_with(|| format!("cannot write {shown}"))?;
             println!("{shown}: {} points", points.len());
         }
