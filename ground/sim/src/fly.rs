@@ -38,6 +38,7 @@ use crate::trial::{
     Difference, EvaderKind, Fault, Firmware, Flight, Network, PilotKind, Spent, TrialConfig, TrialError, Unwatched,
     Witness, WorldSource, rule, within_limits,
 };
+use crate::vehicle::firmware::ProcessError;
 use compute::{Clerk, Compute};
 use files::Files;
 use log::{FlightLog, LogError};
@@ -157,6 +158,9 @@ pub enum CampaignError {
     /// What was flown before cannot be taken.
     #[error(transparent)]
     Records(#[from] RecordsError),
+    /// The firmware that flew is not there to be compared.
+    #[error(transparent)]
+    Firmware(#[from] ProcessError),
     /// Threads cannot be started.
     #[error("cannot start {0} threads: {1}")]
     Threads(usize, rayon::ThreadPoolBuildError),
@@ -199,6 +203,9 @@ impl Campaign {
         let picks = self.picks()?;
         let cells: Vec<CellConfig> = self.cells();
         self.check_limits(&picks, &cells, vehicle)?;
+        if let Some(logs) = &self.log {
+            picks.iter().try_for_each(|&pick| log::check_new(&logs.folder.join(self.log_name(pick))))?;
+        }
         let spare: Mutex<Vec<Option<Box<dyn Network + Send>>>> = Mutex::new(Vec::new());
         let spending: Mutex<BTreeMap<&'static str, Vec<Spent>>> = Mutex::new(BTreeMap::new());
         let pool = rayon::ThreadPoolBuilder::new()
@@ -245,10 +252,12 @@ impl Campaign {
     /// If one of its flights is missing, or was flown as another campaign's.
     pub fn gather(&self, vehicle: &Vehicle, identity: &Identity, mut known: Known) -> Result<Report, CampaignError> {
         let cells = self.cells();
+        let firmware_sha256 = self.firmware.as_ref().map(Firmware::sha256).transpose()?;
+        let firmware = firmware_sha256.as_deref();
         let flown = self.picks()?.into_iter().map(|pick| {
             let cell = &cells[pick.cell];
             let config = self.config(cell, pick.trial);
-            let flight = known.take(pick, &self.head(identity, cell, pick, config.seed))?;
+            let flight = known.take(pick, &self.head(identity, cell, pick, config.seed, firmware))?;
             Ok(Flown { pick, config, flight, path: None })
         });
         let flown = flown.collect::<Result<_, RecordsError>>()?;
@@ -324,6 +333,15 @@ impl Campaign {
         }
     }
 
+    /// The file of a flight's log. Cells of one name, such as courses in files of one name, are told apart by number.
+    fn log_name(&self, pick: Pick) -> String {
+        let names: Vec<String> = self.cells().iter().map(CellConfig::file_name).collect();
+        let name = &names[pick.cell];
+        let alone = names.iter().filter(|other| *other == name).count() == 1;
+        let number = if alone { String::new() } else { format!("-cell{}", pick.cell) };
+        format!("{name}{number}-{:03}.mcap", pick.trial)
+    }
+
     fn fly(
         &self,
         cell: &CellConfig,
@@ -336,10 +354,10 @@ impl Campaign {
         // The classical pilot needs a policy's eyes to chase, and none to navigate.
         let flies = cell.pilot == PilotKind::Policy || cell.task == Task::Track;
         let network = network.filter(|_| flies).map(|network| network as &mut dyn Network);
-        let (task, speed_mps, world) = (report::task_name(cell.task), cell.speed_mps, cell.label());
+        let (task, speed_mps) = (report::task_name(cell.task), cell.speed_mps);
         let mut log = match &self.log {
             Some(logs) => {
-                let path = logs.folder.join(format!("{task}-{speed_mps}mps-{world}-{trial:03}.mcap"));
+                let path = logs.folder.join(self.log_name(pick));
                 let header = v1::LogHeader { profile: format!("{task} {speed_mps} m/s"), ..logs.header.clone() };
                 Some(FlightLog::create(&path, Mount::of(vehicle).camera, &header, &logs.files)?)
             }

@@ -2,8 +2,10 @@
 //! something was trained or chosen on. `goshawk-sim seeds` prints them.
 
 use std::fmt;
+use std::fs::File;
+use std::io::{self, Read};
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use color_eyre::eyre::{Result, WrapErr};
@@ -104,6 +106,17 @@ impl Identity {
         let digest = Sha256::digest(format!("{policy} {} {}", self.vehicle_sha256, self.flight_code_sha256));
         let number = digest.iter().take(8).fold(0, |number, byte| number << 8 | u64::from(*byte));
         TABLE.start() + number % (TABLE.end() - TABLE.start() + 1)
+    }
+}
+
+/// SHA-256 of a file, however long it is.
+pub(crate) fn sha256_of_file(path: &Path) -> io::Result<String> {
+    let (mut file, mut hash, mut buffer) = (File::open(path)?, Sha256::new(), vec![0; 1 << 20]);
+    loop {
+        match file.read(&mut buffer)? {
+            0 => return Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()),
+            read => hash.update(&buffer[..read]),
+        }
     }
 }
 

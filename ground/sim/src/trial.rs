@@ -35,7 +35,7 @@ pub use fault::Fault;
 pub use firmware::Firmware;
 pub use judge::{Contact, Metrics};
 pub use onboard::{Network, Onboard};
-pub use scene::{Scene, SceneConfig, WorldSource};
+pub use scene::{CloudFile, Scene, SceneConfig, WorldSource};
 pub use spent::Spent;
 
 /// Why a flight cannot be flown at all. A flight that ends badly is no error.

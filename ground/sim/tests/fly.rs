@@ -11,8 +11,8 @@ use goshawk_sim::fly::{Campaign, MakeNetwork};
 use goshawk_sim::pilots::{fly_in, fly_trial};
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{
-    Contact, Difference, EvaderKind, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError, Unwatched,
-    WorldSource,
+    CloudFile, Contact, Difference, EvaderKind, Flight, Network, Outcome, PilotKind, TrialConfig, TrialError,
+    Unwatched, WorldSource,
 };
 use goshawk_sim::world::cloud::{self, Point};
 use std::path::Path;
@@ -44,7 +44,8 @@ fn in_a_scanned_world_the_goal_is_reached_whichever_way_the_flight_begins() {
     let world = Arc::new(cloud::world(&points, Path::new("posts.ply")).unwrap());
     let flights: Vec<Flight> = (0..4)
         .map(|seed| {
-            let world = WorldSource::Cloud(Arc::clone(&world), "posts.ply".to_owned());
+            let file = CloudFile { name: "posts.ply".to_owned(), sha256: String::new() };
+            let world = WorldSource::Cloud(Arc::clone(&world), file);
             fly(&TrialConfig { world, ..config(Task::Navigate, 3.0, 0.0, seed) }, &mut sectors(false))
         })
         .collect();

@@ -100,7 +100,8 @@ pub struct FlyArgs {
     #[arg(long, value_enum, default_value = "planned")]
     evader: EvaderName,
     /// Track: what a planned evader runs: goal, eight, zigzag, u-turn, square, stop-and-go, or a CSV file of waypoints (x,y in
-    /// m ahead and left, and stand_s); cells for each.
+    /// m ahead and left, and stand_s); cells for each. All points of a file must be reachable; a figure leaves out those
+    /// that have no room near them.
     #[arg(long, value_name = "COURSE[,…]", value_delimiter = ',', default_value = "goal")]
     course: Vec<String>,
     /// The policy; absent: the vehicle file's: policy.model (track), which its SHA-256 must fit, or policy.navigate.
@@ -231,6 +232,11 @@ impl FlyArgs {
         if let Some(folder) = &self.log {
             std::fs::create_dir_all(folder).wrap_err_with(|| unwritable(folder))?;
         }
+        let kept = [self.from.as_ref(), self.json.as_ref()].map(|path| path.and_then(|path| path.canonicalize().ok()));
+        ensure!(
+            kept[0].is_none() || kept[0] != kept[1],
+            "--json would overwrite what --from reads: give it another file"
+        );
         let begin = |path: &PathBuf| files.begin(path).wrap_err_with(|| unwritable(path));
         let json = self.json.as_ref().map(begin).transpose()?;
         let records = self.records.as_ref().map(begin).transpose()?;

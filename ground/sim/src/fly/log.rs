@@ -61,6 +61,15 @@ pub fn header(vehicle: &Vehicle, policy: Option<&Policy>) -> v1::LogHeader {
     }
 }
 
+/// That there is no such file yet.
+///
+/// # Errors
+/// There is.
+pub fn check_new(path: &Path) -> Result<(), LogError> {
+    let cause = || "there is one already: give another --log, or remove it".to_owned();
+    if path.exists() { Err(LogError { path: path.to_owned(), cause: cause() }) } else { Ok(()) }
+}
+
 impl FlightLog {
     /// Begins a file, which has its name once it is finished; one of that name is never overwritten.
     ///
@@ -68,9 +77,7 @@ impl FlightLog {
     /// It exists, or cannot be created.
     pub fn create(path: &Path, camera: Camera, header: &v1::LogHeader, files: &Files) -> Result<Self, LogError> {
         let error = |cause: String| LogError { path: path.to_owned(), cause };
-        if path.exists() {
-            return Err(error("there is one already: give another --log, or remove it".to_owned()));
-        }
+        check_new(path)?;
         let (file, unfinished) = files.begin(path).map_err(|e| error(e.to_string()))?;
         let writer = LogWriter::new(BufWriter::new(file)).map_err(|e| error(e.to_string()))?;
         let mut log = Self {

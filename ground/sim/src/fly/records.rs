@@ -37,7 +37,7 @@ pub(super) struct Head<'a> {
     pub(super) length_m: f64,
     pub(super) wind_mps: f64,
     pub(super) moving: usize,
-    /// Of all else that is given: sensors, airframe, height, what goes wrong.
+    /// Of all else that is given: sensors, airframe, height, what goes wrong, a cloud's file, a course's points, the firmware.
     pub(super) conditions_sha256: String,
     #[serde(flatten)]
     pub(super) identity: &'a Identity,
@@ -118,10 +118,20 @@ impl Known {
 }
 
 impl Campaign {
-    pub(super) fn head<'a>(&self, identity: &'a Identity, cell: &'a CellConfig, pick: Pick, seed: u64) -> Head<'a> {
+    /// `firmware_sha256`: of the firmware that flies, if one does.
+    pub(super) fn head<'a>(
+        &self,
+        identity: &'a Identity,
+        cell: &'a CellConfig,
+        pick: Pick,
+        seed: u64,
+        firmware_sha256: Option<&str>,
+    ) -> Head<'a> {
         let tracks = cell.task == Task::Track;
-        let conditions =
-            format!("{:?}", (self.sensors, self.airframe, self.fault, self.speed_margin_mps, self.height_m));
+        let given = (self.sensors, self.airframe, self.fault, self.speed_margin_mps, self.height_m);
+        // What a file's name does not say: its points, its bytes.
+        let course = tracks.then_some(&cell.course);
+        let conditions = format!("{:?}", (given, cell.world.sha256(), course, firmware_sha256));
         Head {
             cell: pick.cell,
             trial: pick.trial,
@@ -145,10 +155,12 @@ impl Campaign {
     #[must_use]
     pub fn records(&self, report: &Report) -> Vec<u8> {
         let (cells, mut out) = (self.cells(), Vec::new());
+        // Firmware that is gone by now fits none: such records are refused later, not taken for another's.
+        let firmware = self.firmware.as_ref().map(|firmware| firmware.sha256().unwrap_or_default());
         for flown in report.flown.iter().flatten() {
             let cell = &cells[flown.pick.cell];
             let line = Line {
-                head: self.head(&report.identity, cell, flown.pick, flown.config.seed),
+                head: self.head(&report.identity, cell, flown.pick, flown.config.seed, firmware.as_deref()),
                 summary: FlightRow::of(flown, cell.task == Task::Track),
                 flight: &flown.flight,
             };

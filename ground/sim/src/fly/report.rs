@@ -279,6 +279,11 @@ pub struct CellConfig {
 }
 
 impl CellConfig {
+    /// What the logs of its flights are called, but for their numbers.
+    pub(super) fn file_name(&self) -> String {
+        format!("{}-{}mps-{}", task_name(self.task), self.speed_mps, self.label())
+    }
+
     /// World, course and pilot in short, as in a file's name: `4m`, `buildings`, `hall.ply`, `4m-zigzag-classical`.
     #[must_use]
     pub fn label(&self) -> String {

@@ -15,6 +15,7 @@ use goshawk_vehicle::config::Vehicle;
 use thiserror::Error;
 
 use super::TrialConfig;
+use crate::seeds::sha256_of_file;
 use crate::sense::rgbd::mix;
 use crate::vehicle::firmware::{ArduPilotJson, FirmwareError, Process, ProcessError, Px4Hil, Sensed, Strapped};
 use crate::vehicle::imu::Imu;
@@ -40,6 +41,20 @@ pub enum Firmware {
     Px4(PathBuf),
     /// `ArduPilot` Copter.
     ArduPilot(PathBuf),
+}
+
+impl Firmware {
+    /// SHA-256 of its program.
+    ///
+    /// # Errors
+    /// There is none, or it cannot be read.
+    pub fn sha256(&self) -> Result<String, ProcessError> {
+        let program = match self {
+            Self::Px4(tree) => Process::px4_program(tree),
+            Self::ArduPilot(tree) => Process::ardupilot_program(tree),
+        }?;
+        sha256_of_file(&program).map_err(|source| ProcessError::Start { program, source })
+    }
 }
 
 /// Why real firmware does not fly.

@@ -1,5 +1,6 @@
 //! Where a flight takes place: the world, the vehicle's start and goal, and the person who runs.
 
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -11,12 +12,22 @@ use super::TrialError;
 use crate::actors::evader::{Course, Evader, EvaderConfig, EvaderState, reachable};
 use crate::actors::moving::{Mover, Site};
 use crate::actors::person::Person;
+use crate::seeds::sha256_of_file;
 use crate::sense::rgbd::mix;
 use crate::vehicle::quadrotor::QuadrotorParameters;
 use crate::world::buildings::{BuildingsConfig, buildings};
 use crate::world::cloud::{self, CloudError};
 use crate::world::forest::{ForestConfig, forest};
 use crate::world::{Part, World};
+
+/// A point cloud's file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CloudFile {
+    /// Its name, without its folder.
+    pub name: String,
+    /// SHA-256 of what it holds.
+    pub sha256: String,
+}
 
 /// What worlds are drawn from.
 #[derive(Clone, Debug)]
@@ -28,8 +39,8 @@ pub enum WorldSource {
     },
     /// Rooms, corridors, courtyards, stairs.
     Buildings,
-    /// A point cloud, and its file's name.
-    Cloud(Arc<World>, String),
+    /// A point cloud, and its file.
+    Cloud(Arc<World>, CloudFile),
 }
 
 impl PartialEq for WorldSource {
@@ -55,7 +66,9 @@ impl WorldSource {
             file => {
                 let path = Path::new(file);
                 let name = path.file_name().map_or(file.to_owned(), |n| n.to_string_lossy().into_owned());
-                Self::Cloud(Arc::new(cloud::load(path)?), name)
+                let world = Arc::new(cloud::load(path)?);
+                let failed = |e: io::Error| CloudError::Read { path: path.to_owned(), cause: e.to_string() };
+                Self::Cloud(world, CloudFile { name, sha256: sha256_of_file(path).map_err(failed)? })
             }
         })
     }
@@ -66,8 +79,14 @@ impl WorldSource {
         match self {
             Self::Forest { .. } => "forest",
             Self::Buildings => "buildings",
-            Self::Cloud(_, name) => name,
+            Self::Cloud(_, file) => &file.name,
         }
+    }
+
+    /// SHA-256 of a point cloud's file; none elsewhere.
+    #[must_use]
+    pub fn sha256(&self) -> Option<&str> {
+        if let Self::Cloud(_, file) = self { Some(&file.sha256) } else { None }
     }
 
     /// The forest's mean spacing, m; 0 elsewhere.

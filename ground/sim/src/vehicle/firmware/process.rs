@@ -59,7 +59,7 @@ impl Process {
     /// # Errors
     /// There is none, or it does not start.
     pub fn px4(tree: &Path, instance: u16) -> Result<Self, ProcessError> {
-        let program = find("PX4", tree, &PX4_PROGRAMS)?;
+        let program = Self::px4_program(tree)?;
         let build = program.ancestors().nth(2).unwrap_or(tree).to_owned();
         let mut script = format!(". {}\n", build.join("etc/init.d-posix/rcS").display());
         for (name, value) in parameters(PX4_PARAMETERS) {
@@ -76,11 +76,27 @@ impl Process {
     /// # Errors
     /// There is none, or it does not start.
     pub fn ardupilot(tree: &Path, instance: u16) -> Result<Self, ProcessError> {
-        let program = find("ArduPilot Copter", tree, &ARDUPILOT_PROGRAMS)?;
+        let program = Self::ardupilot_program(tree)?;
         Self::start(&program, "copter.parm", ARDUPILOT_PARAMETERS, |command, file| {
             command.args(["--model", "JSON:127.0.0.1", "--speedup", "1", "--instance", &instance.to_string()]);
             command.arg("--defaults").arg(file);
         })
+    }
+
+    /// PX4's program in a source tree or a build folder.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn px4_program(tree: &Path) -> Result<PathBuf, ProcessError> {
+        find("PX4", tree, &PX4_PROGRAMS)
+    }
+
+    /// `ArduPilot` Copter's program in a source tree or a build folder.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn ardupilot_program(tree: &Path) -> Result<PathBuf, ProcessError> {
+        find("ArduPilot Copter", tree, &ARDUPILOT_PROGRAMS)
     }
 
     /// Runs `program` in a folder of its own, with one file there.
