@@ -58,7 +58,7 @@ EOF
 install_program goshawk-air
 install -m 644 -t "$work/goshawk-air/usr/lib/goshawk" "$onnxruntime"/capi/libonnxruntime.so.* "$onnxruntime/capi/libonnxruntime_providers_shared.so"
 install -D -m 644 -t "$work/goshawk-air/usr/share/doc/goshawk-air/onnxruntime" "$onnxruntime/LICENSE" "$onnxruntime/ThirdPartyNotices.txt"
-install -D -m 644 -t "$work/goshawk-air/usr/share/goshawk/models" air/models/{track,navigate}.*
+install -D -m 644 -t "$work/goshawk-air/usr/share/goshawk/models" air/models/{track,navigate}{,-32bit}.*
 install -D -m 644 -t "$work/goshawk-air/usr/share/goshawk/vehicles" air/vehicles/!(paper*)
 install -D -m 644 -t "$work/goshawk-air/usr/lib/systemd/system" air/systemd/goshawk-air.service
 install -D -t "$work/goshawk-air/DEBIAN" air/deb/postinst air/deb/prerm

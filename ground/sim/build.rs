@@ -6,7 +6,11 @@ use std::{env, fs, io};
 use sha2::{Digest, Sha256};
 
 /// What decides a flight besides policy and vehicle file, from the repository's root.
-const FLIGHT_CODE: [&str; 4] = ["air/core/src", "air/policy/src", "ground/sim/src", "ground/sim/sensors"];
+const FLIGHT_CODE: [&str; 5] =
+    ["air/core/src", "air/policy/src", "air/vehicle/src", "ground/sim/src", "ground/sim/sensors"];
+/// What of it does not, below `ground/sim/src`: other commands, and what is made of flights that were flown.
+const NOT: [&str; 9] =
+    ["chaos", "cli.rs", "dataset", "faults", "fly/", "golden.rs", "main.rs", "serve", "world_preview.rs"];
 
 fn files(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
@@ -29,6 +33,11 @@ fn main() -> io::Result<()> {
         println!("cargo:rerun-if-changed={}", root.join(folder).display());
         files(&root.join(folder), &mut found)?;
     }
+    let sources = root.join("ground/sim/src");
+    found.retain(|path| {
+        let below = path.strip_prefix(&sources).map(|name| name.to_string_lossy().replace('\\', "/"));
+        !below.is_ok_and(|name| NOT.iter().any(|not| name.starts_with(not)))
+    });
     found.sort();
     let mut hash = Sha256::new();
     for path in found {

@@ -102,7 +102,7 @@ def test_a_second_camera_on_the_key_is_named_in_flight_and_the_vehicle_stops(rig
 def dead(kind: str, folder: Path) -> Path:
     """The shipped policy with other weights, its golden images beside it, and a vehicle file that pins it."""
     rng = np.random.default_rng(5)
-    model = onnx.load(MODELS / "track.onnx")
+    model = onnx.load(MODELS / "track-32bit.onnx")
     for tensor in model.graph.initializer:
         if tensor.data_type != onnx.TensorProto.FLOAT:
             continue
@@ -112,7 +112,7 @@ def dead(kind: str, folder: Path) -> Path:
         tensor.CopyFrom(numpy_helper.from_array(weights.astype(np.float32), tensor.name))
     path = folder / "dead.onnx"
     onnx.save(model, path)
-    shutil.copy(MODELS / "track.golden", folder / "dead.golden")
+    shutil.copy(MODELS / "track-32bit.golden", folder / "dead.golden")
     return vehicle(folder, path, hashlib.sha256(path.read_bytes()).hexdigest())
 
 

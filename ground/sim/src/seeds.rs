@@ -18,7 +18,7 @@ use thiserror::Error;
 const TRAINING: RangeInclusive<u64> = 900_000..=999_999;
 /// Of tables.
 const TABLE: RangeInclusive<u64> = 10_000_000..=19_999_999;
-/// SHA-256 of the flight code: the sources of `air/core`, `air/policy` and `ground/sim`, and the sensors' files.
+/// SHA-256 of the flight code: the sources that decide a flight, as `build.rs` lists them, and the sensors' files.
 const FLIGHT_CODE_SHA256: &str = env!("GOSHAWK_FLIGHT_CODE_SHA256");
 
 /// What a seed is for.

@@ -26,7 +26,7 @@ pub struct Airframe {
     #[schemars(range(min = 0.1, max = 1.0), extend("x-why" = "it must climb, and 1 is all that there is", "x-source" = "chosen by eye"))]
     pub max_thrust: f64,
     /// Largest commanded tilt, degrees. At 65 degrees the thrust that holds the height is 2.4 times the weight.
-    #[schemars(range(min = 5.0, max = 79.9), extend("x-why" = "with less it cannot brake, near 90 no thrust holds the height", "x-source" = "tried, notebook: Tilt and detours"))]
+    #[schemars(range(min = 5.0, max = 79.9), extend("x-why" = "with less it cannot brake, near 90 no thrust holds the height", "x-source" = "tried, notebook, What mattered: Tilt and detours"))]
     pub max_tilt_deg: f64,
     /// First-order lag of the attitude loop, s. The estimate in flight begins here.
     #[schemars(range(min = 0.01, max = 1.0), extend("x-why" = "a slower attitude loop cannot be led", "x-source" = "a step in the log; shipped: the simulated vehicle's, which is made by this file"))]

@@ -17,10 +17,10 @@ pub fn hidden_for(last_seen: Time, now: Time) -> f64 {
 pub const SIDE: f64 = 0.15;
 /// It went behind something, s: the chase follows the way that it took. Chosen by eye.
 pub const BEHIND: f64 = 0.2;
-/// The chase keeps no room from it any more, s. Tried: the notebook, "The way that it took".
+/// The chase keeps no room from it any more, s. Tried: the notebook, What mattered, "The way that it took".
 pub const ROOM: f64 = 1.0;
 /// It is not carried on any farther at its last velocity, s. Tried: chases in buildings hardly change with 0.8
-/// (notebook, "The way that it took").
+/// (notebook, What mattered, "The way that it took").
 pub const CARRY: f64 = 1.5;
 /// It may be anywhere, s: no distance is kept from it. As long as the shipped `planner.chase.pursue_until_s`.
 pub const ANYWHERE: f64 = 4.0;

@@ -19,7 +19,7 @@ pub struct YawConfig {
     #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "a slower loop cannot be led", "x-source" = "chosen by eye"))]
     pub lag_s: f64,
     /// Yaw rate of the sweep for a lost target, rad/s.
-    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "it is a yaw rate as well", "x-source" = "3 was tried and gives the same, notebook: Belief"))]
+    #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "it is a yaw rate as well", "x-source" = "3 was tried and gives the same, notebook, What mattered: Belief"))]
     pub search_rate_radps: f64,
     /// How long the camera looks where the target was lost before it sweeps, s.
     #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "by then the target is elsewhere", "x-source" = "chosen by eye"))]

@@ -22,13 +22,13 @@ pub struct ChaseConfig {
     #[schemars(range(min = 0.0, max = 5.0), extend("x-why" = "from farther off the target is not seen well", "x-source" = "tried, notebook: Nearer, for it brakes harder"))]
     pub headway_s: f64,
     /// Height above the target's centre, m.
-    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down", "x-source" = "0 was tried and gives the same, notebook: What does not help the chase"))]
+    #[schemars(range(min = 0.0, max = 20.0), extend("x-why" = "the camera does not look down", "x-source" = "0 was tried and gives the same, notebook, What mattered: What does not help the chase"))]
     pub above_target_m: f64,
     /// So far beside its aim the chase flies at most, m, for the target not to be hidden. 0: not at all.
     #[schemars(range(min = 0.0, max = 6.0), extend("x-why" = "farther aside than it is behind it cuts nothing off", "x-source" = "tried, notebook: Aside, to see past a trunk"))]
     pub aside_m: f64,
     /// A target hidden for longer than this is not pursued any more, s.
-    #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere", "x-source" = "tried, notebook: The way that it took"))]
+    #[schemars(range(min = 0.0, max = 30.0), extend("x-why" = "by then it may be anywhere", "x-source" = "tried, notebook, What mattered: The way that it took"))]
     pub pursue_until_s: f64,
 }
 
@@ -75,7 +75,8 @@ pub fn crowding(keep_off: f64, trajectory: &Quintic, target: &Expected) -> f64 {
     (1.0 - nearest / (keep_off + target.pos_doubt)).max(0.0)
 }
 
-/// Navigation: over the goal by more than this, m, a trajectory should not end. Tried: the notebook, "Not climbing".
+/// Navigation: over the goal by more than this, m, a trajectory should not end. Tried: the notebook, What mattered,
+/// "Not climbing".
 const RISE: f64 = 0.6;
 
 /// How far too high a navigation ends at `end`, m: who flies over a roof finds no way down to the goal under it, which
@@ -86,7 +87,8 @@ pub fn climbing(end: Vec3, goal: Vec3) -> f64 {
 }
 
 /// At least so far beyond the place where it went, the way that it was heading, the chase aims first, m: farther where
-/// it would otherwise get there more slowly than the target ran. Tried: the notebook, "The way that it took".
+/// it would otherwise get there more slowly than the target ran. Tried: the notebook, What mattered, "The way that it
+/// took".
 const BEYOND: f64 = 2.0;
 /// From so near to that place one sees what lies behind it, m. Tried together with [`BEYOND`].
 const PASSED_WITHIN: f64 = 2.5;

@@ -2,10 +2,10 @@
 //!
 //! The network's trajectories lead to the aim and last a second or more: a slow vehicle's hardly differ before a mover
 //! is there. If the best of them meets one, short ways are tried, on all sides and to a stop, and the safest is flown.
-//! A way that ends beside the mover costs more than one that leaves it behind: it may turn round, unseen.
 //! So it is when the best meets at once what stands: it came into view late, or a way aside led before it, and all of
 //! them lead into it. So it is when a target comes that braking alone does not keep away from; then faster ways are tried
 //! as well, and ways over it: it runs as fast as the vehicle backs, but it does not fly.
+//! A way that ends beside a mover costs more than one that leaves it behind: it may turn round, unseen.
 
 use crate::gaze::threat::{Pace, Threat};
 use crate::planning::movers::{Mover, Movers, meeting};

@@ -49,7 +49,7 @@ pub struct PlanningConfig {
     #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "1 is all that the training asks for", "x-source" = "tried, notebook: Navigation after the chase"))]
     pub max_agility: f64,
     /// What is seen nearer than this is remembered and flown around, if it moves too, m. 0: nothing is.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "what stands farther is not looked through, so it would never be forgotten", "x-source" = "where the D455's depth is good to 10 cm; tried against 0, notebook: Memory"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "what stands farther is not looked through, so it would never be forgotten", "x-source" = "where the D455's depth is good to 10 cm; tried against 0, notebook, What mattered: Memory"))]
     pub remember_within_m: f64,
     /// Which detections are worth a look.
     pub detection: SelectConfig,
@@ -84,7 +84,7 @@ pub struct CostConfig {
     #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies into it, and with more nothing else counts", "x-source" = "30 at the first, notebook: The costs' scale"))]
     pub target: f64,
     /// Each metre that a navigation ends over its goal, beyond 0.6 m.
-    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts", "x-source" = "tried, notebook: Not climbing"))]
+    #[schemars(range(min = 0.0, max = 10.0), extend("x-why" = "0 flies over roofs under which the goal lies, and with more nothing else counts", "x-source" = "tried, notebook, What mattered: Not climbing"))]
     pub climbing_per_m: f64,
 }
 

@@ -17,16 +17,16 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct TargetConfig {
     /// Variance of the target's acceleration from frame to frame, (m/s²)², for each world axis.
-    #[schemars(inner(range(min = 0.01, max = 1000.0)), extend("x-why" = "the filter follows noise with more, and nobody who turns with less", "x-source" = "recorded flights, notebook: Weighing detections"))]
+    #[schemars(inner(range(min = 0.01, max = 1000.0)), extend("x-why" = "the filter follows noise with more, and nobody who turns with less", "x-source" = "recorded flights, notebook, What mattered: Weighing detections"))]
     pub acc_variance_mps2: [f64; 3],
     /// Variance of a detection at short range and an objectness of 1, across the line of sight, m².
-    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never", "x-source" = "recorded flights, notebook: Weighing detections"))]
+    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never", "x-source" = "recorded flights, notebook, What mattered: Weighing detections"))]
     pub lateral_variance_m2: f64,
     /// The same along the line of sight, m².
-    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never", "x-source" = "recorded flights, notebook: Weighing detections"))]
+    #[schemars(range(min = 0.0001, max = 10.0), extend("x-why" = "a detection is worth something, and exact never", "x-source" = "recorded flights, notebook, What mattered: Weighing detections"))]
     pub range_variance_m2: f64,
     /// By how many times both variances grow at an objectness of 0; before, by the root's share.
-    #[schemars(range(min = 0.0, max = 1000.0), extend("x-why" = "beyond, a doubtful detection says nothing", "x-source" = "recorded flights, notebook: Weighing detections"))]
+    #[schemars(range(min = 0.0, max = 1000.0), extend("x-why" = "beyond, a doubtful detection says nothing", "x-source" = "recorded flights, notebook, What mattered: Weighing detections"))]
     pub doubt: f64,
     /// Distance at which both variances have doubled, m.
     #[schemars(range(min = 0.5, max = 100.0), extend("x-why" = "depth is worse farther off", "x-source" = "chosen by eye"))]
@@ -41,10 +41,10 @@ pub struct TargetConfig {
     #[schemars(range(min = 1, max = 32), extend("x-why" = "so many frames are remembered", "x-source" = "the paper's authors, in their published code"))]
     pub confirm_of: u32,
     /// Least mean objectness of the detections that confirm: foliage may look like the target now and then.
-    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "objectness is a probability", "x-source" = "tried, notebook: Belief"))]
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "objectness is a probability", "x-source" = "tried, notebook, What mattered: Belief"))]
     pub confirm_objectness: f64,
     /// Mean objectness that nothing but the target keeps up; then it is believed wherever it is.
-    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "at least confirm_objectness, and a probability", "x-source" = "tried, notebook: Belief"))]
+    #[schemars(range(min = 0.0, max = 1.0), extend("x-why" = "at least confirm_objectness, and a probability", "x-source" = "tried, notebook, What mattered: Belief"))]
     pub sure_objectness: f64,
     /// How long the target is believed without being seen, s.
     #[schemars(range(min = 0.05, max = 10.0), extend("x-why" = "by then it may be anywhere", "x-source" = "the paper's authors, in their published code"))]

@@ -19,7 +19,7 @@ pub struct Camera {
     #[schemars(range(min = 20.0, max = 130.0), extend("x-why" = "the network's pinhole camera sees neither less nor more", "x-source" = "the data sheet, less what is cropped; shipped: 160 x 96 square pixels of 90 degrees"))]
     pub vfov_deg: f64,
     /// Tilt of the optical axis, degrees, up: braking pitches the camera up, starting pitches it down.
-    #[schemars(range(min = -60.0, max = 60.0), extend("x-why" = "it must see where it flies", "x-source" = "measure it; shipped: tried, notebook: The camera's tilt"))]
+    #[schemars(range(min = -60.0, max = 60.0), extend("x-why" = "it must see where it flies", "x-source" = "measure it; shipped: tried, notebook, What mattered: The camera's tilt"))]
     pub tilt_deg: f64,
     /// Of the lens from the centre of mass, m: forward, left, up.
     #[schemars(inner(range(min = -2.0, max = 2.0)), extend("x-why" = "it is on the airframe", "x-source" = "measure it; shipped: chosen by eye"))]

@@ -23,8 +23,8 @@ app = typer.Typer(rich_markup_mode="rich")
     epilog="Examples: "
     "goshawk train run --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/a | "
     "the same with --resume | "
-    "goshawk train run --config ground/train/configs/track.toml --data data/b --out runs/b --from air/models/track.onnx"
-    " | torchrun --nproc-per-node 8 --no-python goshawk train run "
+    "goshawk train run --config ground/train/configs/track.toml --data data/b --out runs/b "
+    "--from air/models/track-32bit.onnx | torchrun --nproc-per-node 8 --no-python goshawk train run "
     "--config ground/train/configs/track.toml --data data/train --out runs/a"
 )
 def run(
@@ -157,7 +157,7 @@ def preview(
 
 
 @app.command(
-    epilog="Examples: goshawk train export --run runs/track --data data/val --out air/models/track.onnx | "
+    epilog="Examples: goshawk train export --run runs/track --data data/val --out air/models/track-32bit.onnx | "
     "goshawk train export --run runs/track --data data/val --task navigate --out navigate.onnx"
 )
 def export(
@@ -204,7 +204,9 @@ def export(
         print(f"{out}: {out.stat().st_size / 1e6:.1f} MB, {samples} samples, largest difference {worst:.1e}")
 
 
-@app.command(epilog="Example: goshawk train quantise air/models/track.onnx --data data/val --out runs/track-8bit.onnx")
+@app.command(
+    epilog="Example: goshawk train quantise air/models/track-32bit.onnx --data data/val --out air/models/track.onnx"
+)
 def quantise(
     context: typer.Context,
     policy: Annotated[Path, typer.Argument(metavar="ONNX", help="A policy that `goshawk train export` wrote.")],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 from typing import Any
 
@@ -73,10 +74,14 @@ what is hidden behind a trunk is unknown to it. Targets were 1.2 to 18 m away.
 
 def quantised_card(card: str, before: Path, after: Path, how: str) -> str:
     """The card of what was made of `before`, whose `card` it was; `how` says how it was made, and what it answers."""
+    origin = Path(os.path.relpath(before.with_suffix(".md"), after.parent)).as_posix()
+    how = f"Made of [`{before.name}`]({origin}), whose training and held-out scenes these are. {how}"
     for marks, text in ((FLIGHT_MARKS, "Not flown yet."), (FILE_MARKS, _hash(after))):
         head, _, rest = card.partition(marks[0])
         card = f"{head}{marks[0]}\n{text}\n{marks[1]}{rest.partition(marks[1])[2]}"
-    card = card.replace(f"`{before.name}`", f"`{after.name}`")
+    was, now = (f"{file.stat().st_size / 1e6:.1f} MB" for file in (before, after))
+    card = card.replace(f"`{before.name}`", f"`{after.name}`").replace(was, now, 1)
+    card = card.replace(f"--policy {before.name}", f"--policy {after.name}")
     return card.replace("## Flights\n", f"## In 8 bits\n{how}\n\n## Flights\n", 1)
 
 
