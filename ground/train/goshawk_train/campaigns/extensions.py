@@ -1,8 +1,8 @@
 """What each part beyond the paper is worth: the paper's method, with each part alone, all, and all but each.
 
 `configs/extensions.toml` lists the parts and the campaigns. All fly the same seeds, so that lines compare. A line that
-was flown with the same switches, policy and flight code is not flown again; one of other flight code stays in the table
-and says so. A part of one task alone leaves the other's flights as they are: those are its base's.
+was flown with the same switches, policy, vehicle file and flight code is not flown again; one of others stays in the
+table and says so. A part of one task alone leaves the other's flights as they are: those are its base's.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ CHANGES = {
     "policies": "policy",
     "vehicle_sha256": "vehicle file",
     "flight_code_sha256": "flight code",
-    "runtime": "runtime",
     "switches": "switches",
+    "campaigns": "campaigns",
 }
-"""What decides a line's flights besides its campaigns, as its JSON calls it, and as people do."""
+"""What decides a line's flights, as its JSON calls it, and as people do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +41,6 @@ class Base:
     navigate: str
     on: bool
     """All parts are; off: none."""
-    runtime: dict[str, Any] = field(default_factory=dict[str, Any])
-    """Keys of [policy] in place of the vehicle file's: where the policies run. A library is relative to here."""
 
     def policy(self, task: str) -> str:
         """The task's."""
@@ -55,6 +53,8 @@ class Part:
 
     name: str
     switches: list[str]
+    needs: list[str] = field(default_factory=list[str])
+    """Switches that it does nothing without: where it is switched on, they are too."""
     tasks: list[str] = field(default_factory=lambda: TASKS)
     """Whose flights it changes."""
 
@@ -94,10 +94,6 @@ class Variant:
         out = folder / self.slug
         out.mkdir(parents=True, exist_ok=True)
         (out / "tuning.toml").write_text("\n".join([bare, "[extensions]", *lines, ""]))
-        for key, value in self.base.runtime.items():
-            told = str(Path(value).resolve()) if key == "library" else value
-            rest = re.sub(rf"^{key} = .*\n", "", text, flags=re.MULTILINE)
-            text = rest.replace("[policy]\n", f"[policy]\n{key} = {json.dumps(told)}\n")
         (out / "vehicle.toml").write_text(text.replace(named[0], 'tuning = "tuning.toml"'))
         return out / "vehicle.toml"
 
@@ -109,8 +105,15 @@ class Line:
     cells: Cells
     stale: str = ""
     """What is another now than when it was flown; empty: nothing."""
-    code: str = ""
-    """The flight code's SHA-256."""
+    identity: dict[str, Any] = field(default_factory=dict[str, Any])
+    """What it was flown with."""
+
+    def compares(self, base: Line) -> bool:
+        """What it was flown with is the base's but for the switches, and in campaigns that the base flew as well."""
+        same = set(CHANGES) - {"switches", "campaigns"}
+        own, other = ([line.identity.get(name) for name in same] for line in (self, base))
+        flown = base.identity.get("campaigns", [])
+        return own == other and all(campaign in flown for campaign in self.identity.get("campaigns", []))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +151,6 @@ def load(path: Path) -> Plan:
                 track=base["track"],
                 navigate=base["navigate"],
                 on=base["on"],
-                runtime=base.get("runtime", {}),
             )
             for base in table["base"]
         ]
@@ -170,7 +172,7 @@ def _variants(base: Base, parts: list[Part]) -> list[Variant]:
         Variant(
             base=base,
             part=part.name,
-            switches=switches | dict.fromkeys(part.switches, not base.on),
+            switches=switches | dict.fromkeys(part.switches if base.on else [*part.switches, *part.needs], not base.on),
             tasks=part.tasks,
         )
         for part in parts
@@ -184,7 +186,6 @@ def identity(plan: Plan, variant: Variant, simulator: Path, models: Path) -> dic
     hashes = {task: present(simulator, path, str(variant.base.vehicle)) for task, path in policies.items()}
     return {
         "switches": variant.switches,
-        **({"runtime": variant.base.runtime} if variant.base.runtime else {}),
         "policies": {task: found["policy_sha256"] for task, found in hashes.items()},
         **{name: hashes["track"][name] for name in ("vehicle_sha256", "flight_code_sha256")},
         "campaigns": [row.arguments(plan.trials, plan.seed) for row in _flown(plan, variant)],
@@ -196,17 +197,17 @@ def _flown(plan: Plan, variant: Variant) -> list[Row]:
 
 
 def kept(plan: Plan, variant: Variant, folder: Path, simulator: Path, models: Path) -> Line | None:
-    """The line as it was flown last, and whether that still holds; None: never, or in other campaigns."""
+    """The line as it was flown last, and whether that still holds; None: never, or in more campaigns or fewer."""
     path = folder / f"{variant.slug}.json"
     if not path.exists():
         return None
     known, now = json.loads(path.read_text()), identity(plan, variant, simulator, models)
     flown = known["identity"]
-    if flown["campaigns"] != now["campaigns"]:
+    if len(flown["campaigns"]) != len(now["campaigns"]):
         return None
     changed = [word for name, word in CHANGES.items() if flown.get(name) != now.get(name)]
     cells = {row.name: cell for row, cell in zip(_flown(plan, variant), known["cells"], strict=True)}
-    return Line(cells=cells, stale=", ".join(changed), code=flown["flight_code_sha256"])
+    return Line(cells=cells, stale=", ".join(changed), identity=flown)
 
 
 def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator: Path, models: Path) -> None:
@@ -219,9 +220,7 @@ def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator:
     for campaign in _flown(plan, variant):
         model = variant.base.policy(campaign.task)
         row = replace(campaign, model=model, options=[*campaign.options, "--vehicle-file", str(vehicle)])
-        also = {
-            name: now[name] for name in ("switches", "runtime", "vehicle_sha256", "flight_code_sha256") if name in now
-        }
+        also = {name: now[name] for name in ("switches", "vehicle_sha256", "flight_code_sha256")}
         report = fly(row, vehicle.parent, simulator, models, trials=plan.trials, seed=plan.seed, also=also)
         (cell,) = report["cells"]
         brief = {name: value for name, value in cell.items() if name not in ("flights", "target_plane")}
@@ -233,7 +232,7 @@ def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator:
 def markdown(plan: Plan, known: dict[str, Line]) -> str:
     """The table of all lines that are known, by their slugs: successes in each campaign with their 95 % interval, their
     sum, flights that reached their end by the lax rule, collisions, and how many more successes there are than the
-    base's in the same flights. Flights of different code do not compare."""
+    base's in the same flights. Where more than the switches differs from the base, lines do not compare."""
     if not known:
         return "None is flown yet."
     names = [campaign.name for campaign in plan.campaigns]
@@ -243,9 +242,10 @@ def markdown(plan: Plan, known: dict[str, Line]) -> str:
         if (line := known.get(variant.slug)) is None:
             continue
         own, base = line.cells, known.get(replace(variant, part=None).slug)
-        told = [_share(own[name]) if name in own else "the same" for name in names]
+        compares = base is not None and line.compares(base)
+        told = [_share(own[name]) if name in own else "the same" if compares else "" for name in names]
         sums, against = ["", "", ""], ""
-        if base is not None and base.code == line.code:
+        if base is not None and compares:
             whole = (base.cells | own).values()
             trials, won, reached = (sum(cell[key] for cell in whole) for key in ("trials", "successes", "reached"))
             collisions = sum(cell["failures"]["collision"] for cell in whole)

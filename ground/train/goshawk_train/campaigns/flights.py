@@ -154,7 +154,7 @@ def fly_row(row: Row, folder: Path, simulator: Path, models: Path, *, trials: in
     """Flies a row of the table, with the seed that comes of its hashes."""
     identity = _identity(row, simulator, models, trials)
     table_seed = present(simulator, row.policy(models), row.vehicle)["table_seed"]
-    return Kept(row=row, report=_fly(row, folder, simulator, identity, table_seed))
+    return Kept(row=row, report=_fly(row, folder, simulator, identity, table_seed, seeds="table"))
 
 
 def fly(
@@ -167,8 +167,8 @@ def fly(
     seed: int,
     also: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The report of a campaign with a seed of the table's range; flown unless it is there already. `also` is what
-    decides its flights beside options and policy."""
+    """The report of a campaign on which something is chosen, so with a seed for tuning; flown unless it is there
+    already. `also` is what decides its flights beside options and policy."""
     identity: dict[str, Any] = {
         "arguments": row.with_policy(row.arguments(trials, seed), models),
         "policy_sha256": hashlib.sha256(row.policy(models).read_bytes()).hexdigest(),
@@ -178,10 +178,10 @@ def fly(
     path = row.file(folder)
     if path.exists() and (report := json.loads(path.read_text())).get("flown") == identity:
         return report
-    return _fly(row, folder, simulator, identity, seed)
+    return _fly(row, folder, simulator, identity, seed, seeds="tuning")
 
 
-def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed: int) -> dict[str, Any]:
+def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed: int, *, seeds: str) -> dict[str, Any]:
     path = row.file(folder)
     partial = path.with_suffix(".partial")
     with tempfile.TemporaryDirectory() as scratch:
@@ -191,7 +191,7 @@ def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed
             made = ["--seed", str(seed), "--scan", str(cloud), "--output", str(cloud.with_suffix(".png"))]
             _run(row.name, simulator, ["world", *row.scan, *made])
             world = ["--world", str(cloud)]
-        _run(row.name, simulator, [*identity["arguments"], *world, "--seeds", "table", "--json", str(partial)])
+        _run(row.name, simulator, [*identity["arguments"], *world, "--seeds", seeds, "--json", str(partial)])
     report = {"flown": identity, **json.loads(partial.read_text())}
     # Where each flight went is megabytes; the command is in `flown`, without the scan's passing place.
     for name in ("paths", "command"):
