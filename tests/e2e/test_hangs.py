@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from goshawk_dashboards.state.views import HealthView
 from goshawk_proto import goshawk_pb2 as pb
-from rig import Rig
+from rig import BIN, Rig
 
 FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
 GROUND = {pb.MODE_LANDED, pb.MODE_READY, pb.MODE_IDLE}
@@ -108,3 +108,16 @@ def test_a_terminal_that_goes_in_flight_takes_nothing_down_and_on_the_ground_the
     assert air.wait(timeout=15) == 0
     (log,) = rig.logs.glob("*.mcap")
     assert f"log finished: {log}" in rig.output("air")
+
+
+def test_who_stops_reading_what_the_simulator_prints_does_not_end_its_world(rig: Rig, tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    command = [BIN / "goshawk-sim", "serve", "--connect", rig.endpoint, "--mavlink-port", str(rig.mavlink_port)]
+    with (tmp_path / "errors").open("wb") as errors:
+        world = subprocess.Popen([str(part) for part in command], stdout=writer, stderr=errors)
+    os.close(writer)
+    os.close(reader)
+    time.sleep(3.0)
+    assert world.poll() is None, (tmp_path / "errors").read_text()
+    world.send_signal(signal.SIGINT)
+    assert world.wait(timeout=20) == 0, (tmp_path / "errors").read_text()

@@ -12,6 +12,7 @@ mod session;
 mod target;
 mod watch;
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -49,6 +50,11 @@ const HOPELESS_NS: u64 = 200 * STEP_NS;
 /// The evader runs once the vehicle has been this high for so long, and looks at it.
 const AIRBORNE_M: f64 = 0.8;
 const AIRBORNE_S: f64 = 2.0;
+
+/// Prints a line. Whoever read them may have gone: the world goes on.
+fn say(line: &str) {
+    writeln!(std::io::stdout(), "{line}").unwrap_or_default();
+}
 
 /// A world in real time: camera over Zenoh, autopilot over MAVLink or real firmware at its simulator interface.
 #[derive(Debug, Args)]
@@ -166,7 +172,7 @@ impl ServeArgs {
             TaskName::Track => format!("the target runs {} m at up to {} m/s", self.distance, self.speed),
             TaskName::Navigate => format!("the goal lies {} m ahead", self.distance),
         };
-        println!("seed {seed}, {world} ({obstacles} obstacles): {what}; vehicle at {}, {met_at}", self.connect);
+        say(&format!("seed {seed}, {world} ({obstacles} obstacles): {what}; vehicle at {}, {met_at}", self.connect));
         let end = self.exit_after.map(|s| clock::now().plus(s));
         while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
             simulation.catch_up(clock::now(), &mut session, &camera);
@@ -174,7 +180,7 @@ impl ServeArgs {
         }
         stop.store(true, Ordering::Relaxed);
         let frames = camera.join();
-        println!("{}", simulation.watch.summary(frames, simulation.skipped_s));
+        say(&simulation.watch.summary(frames, simulation.skipped_s));
         Ok(())
     }
 }

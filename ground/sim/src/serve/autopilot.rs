@@ -225,11 +225,11 @@ impl Autopilot {
                 let sensed = Sensed { truth, imu: imu.measure(truth) };
                 let throttles = firmware.step(at.step, &sensed);
                 for news in firmware.take_news() {
-                    println!("{news}");
+                    super::say(&news);
                 }
                 if let Some(status) = process.as_mut().and_then(Process::ended) {
                     let words = process.take().map(|process| process.last_words()).unwrap_or_default();
-                    println!("the firmware has ended ({status}): {words}");
+                    super::say(&format!("the firmware has ended ({status}): {words}"));
                 }
                 quad.drive(STEP_S, &throttles, at.wind_world, ground);
             }

@@ -40,7 +40,7 @@ impl External {
     ) -> Result<Self> {
         let config = LinkConfig { address: address.clone(), peer: None, component_id: COMPONENT_ID, ..vehicle.link()? };
         let link = AutopilotLink::open(config, clock::now)?;
-        println!("waiting for the firmware's pose at {address}; Ctrl-C ends");
+        super::say(&format!("waiting for the firmware's pose at {address}; Ctrl-C ends"));
         let first = loop {
             if let Some(first) = link.odometry() {
                 break first;
@@ -65,7 +65,10 @@ impl External {
         let age_s = now.since(pose.stamp);
         if (age_s > LEAD_S) != self.silent {
             self.silent = !self.silent;
-            println!("the firmware's pose {}", if self.silent { "has stopped: the vehicle stands" } else { "is back" });
+            super::say(&format!(
+                "the firmware's pose {}",
+                if self.silent { "has stopped: the vehicle stands" } else { "is back" }
+            ));
         }
         let led = led(&pose, age_s.clamp(0.0, LEAD_S));
         let force_body = self.link.imu().map(|imu| imu.specific_force_body);

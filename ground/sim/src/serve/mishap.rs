@@ -122,7 +122,7 @@ impl Mishaps {
         self.waiting.retain(|mishap| {
             let due = mishap.after_s.is_none_or(|after| up_s.is_some_and(|up| up >= after));
             if due {
-                println!("mishap: {:?}", mishap.what);
+                super::say(&format!("mishap: {:?}", mishap.what));
                 mishap.what.happen(px4);
             }
             !due

@@ -138,10 +138,10 @@ impl Target {
             Another::Planned(thread) if thread.is_finished() => {
                 if let Ok(Some(evader)) = thread.join() {
                     (self.evader, self.doing, self.at_s, self.pace) = (Some(evader), Doing::Stands, 0.0, 0.0);
-                    println!("the target stands near the vehicle, for another run");
+                    super::say("the target stands near the vehicle, for another run");
                 } else {
                     self.another = Another::None;
-                    println!("the target stays: no way leads on from where the vehicle has landed");
+                    super::say("the target stays: no way leads on from where the vehicle has landed");
                 }
             }
             Another::NotWanted if landed && self.doing != Doing::Stands => {
