@@ -12,6 +12,7 @@ import pytest
 from goshawk_dashboards.instruments.chart import Line, chart_svg, scale
 from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
+from goshawk_dashboards.state import decode
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_dashboards.state.views import ControlView
 from goshawk_proto import goshawk_pb2 as pb
@@ -70,6 +71,29 @@ def test_a_knock_does_not_blow_the_scale_up() -> None:
     values[200] = 300.0
     low, high, _ = scale([Line(label="x", color=(0, 0, 0), values_S=values)], 0.5, signed=True)
     assert (low, high) == (-1.0, 1.0)
+
+
+@pytest.mark.parametrize("least", [0.0, -1.0, 1.0, 1e308])
+@pytest.mark.parametrize("most", [0.0, 1e-300, 1e308])
+def test_no_number_that_a_vehicle_sends_leaves_a_chart_without_a_scale(least: float, most: float) -> None:
+    line = Line(label="x", color=(0, 0, 0), values_S=np.array([-most, most, -most, most]))
+    for signed in (False, True):
+        low, high, step = scale([line], least, signed=signed)
+        assert np.isfinite([low, high, step]).all() and low < high and step > 0.0
+        drawn = chart_svg("x", np.arange(4.0), [line], least=least, signed=signed)
+        assert "nan" not in drawn and "inf" not in drawn
+
+
+def test_a_gate_that_was_not_sent_is_neither_drawn_nor_named(snap: Make) -> None:
+    base = snap()
+    assert base.target is not None
+    message = pb.Target(look=pb.TargetLook(detections=3, passed=1, gate_sigmas=0.0))
+    unsaid = replace(base, target=replace(base.target, look=decode.target(message).look))
+    track = Track()
+    track.add(unsaid)
+    text = words_of(panel_html(unsaid, track))
+    assert "innovation / gate &ndash; of &ndash;" in text
+    assert "the gate is" not in text
 
 
 def words_of(page: str) -> str:

@@ -21,6 +21,8 @@ GAP_S, GAP_STEPS = 1.5, 3.0
 """Between two values that are farther apart than this, and than so many usual steps, nothing is known: a line ends."""
 ROBUST = (1.0, 99.0)
 """The scale holds what lies between these percentiles of a chart; what lies beyond is drawn at its edge."""
+LEAST_SPAN, MOST = 1e-6, 1e12
+"""An axis is at least so high, and reaches no farther than so much above and below 0."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +45,8 @@ def nice_step(span: float, most: int) -> float:
 def scale(lines: Sequence[Line], least: float, *, signed: bool) -> tuple[float, float, float]:
     """Bottom, top and step of the axis: 0 is always on it, and ``least`` is its least height above 0."""
     values = np.concatenate([line.values_S[np.isfinite(line.values_S)] for line in lines] or [np.zeros(0)])
-    low, high = np.percentile(values, ROBUST) if len(values) else (0.0, 0.0)
+    low, high = np.percentile(np.clip(values, -MOST, MOST), ROBUST) if len(values) else (0.0, 0.0)
+    least = min(max(least, LEAST_SPAN), MOST)
     high = max(float(high), least)
     low = min(float(low), -least) if signed else 0.0
     step = nice_step(high - low, 4)

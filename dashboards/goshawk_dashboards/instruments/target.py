@@ -65,7 +65,8 @@ def _seen(target: TargetView, look: LookView | None) -> str:
     else:
         off = NONE if look.innovation_sigmas is None else f"{look.innovation_sigmas:.1f} &sigma;"
         rows.append(("pass the gate", f"{look.passed} of {look.detections} detections"))
-        rows.append(("innovation / gate", f"{off} of {look.gate_sigmas:g} &sigma;"))
+        gate = NONE if look.gate_sigmas is None else f"{look.gate_sigmas:g} &sigma;"
+        rows.append(("innovation / gate", f"{off} of {gate}"))
         rows.append(("objectness", NONE if look.objectness is None else f"{look.objectness:.2f}"))
         rows.append(("rival", _rival(target, look)))
     body = "".join(f'<tr><td>{name}</td><td style="text-align:right">{value}</td></tr>' for name, value in rows)

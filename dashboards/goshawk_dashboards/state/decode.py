@@ -170,10 +170,12 @@ def target(m: pb.Target) -> view.TargetView:
 
 def _look(m: pb.TargetLook) -> view.LookView:
     taken, rival = m.HasField("innovation_world"), m.HasField("rival_pos_world")
+    gate_sigmas = _number("target gate", m.gate_sigmas)
     return view.LookView(
         detections=m.detections,
         passed=m.passed,
-        gate_sigmas=_number("target gate", m.gate_sigmas),
+        # A gate of nothing lets nothing pass: it was not sent.
+        gate_sigmas=gate_sigmas if gate_sigmas > 0.0 else None,
         innovation_world_3=_vec("target innovation", m.innovation_world) if taken else None,
         innovation_sigmas=_number("target innovation", m.innovation_sigmas) if taken else None,
         objectness=_number("target objectness", m.objectness) if taken else None,

@@ -125,7 +125,8 @@ class LookView:
     """Sure enough to be looked at."""
     passed: int
     """Of these, within the gate."""
-    gate_sigmas: float
+    gate_sigmas: float | None
+    """None: the vehicle does not say."""
     innovation_world_3: Array | None
     """The detection that it took, minus where it expected it, m; None: none passed."""
     innovation_sigmas: float | None
