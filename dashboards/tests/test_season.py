@@ -11,11 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 import recordings as rec
+from goshawk_dashboards.log.flight import Flight
+from goshawk_dashboards.report import summary
+from goshawk_dashboards.report.report import make_report, write_page
 from goshawk_dashboards.report.season.figures import figures, running_median
 from goshawk_dashboards.report.season.gather import gather
 from goshawk_dashboards.report.season.page import page
 from goshawk_dashboards.report.season.row import Row, row_of
-from goshawk_dashboards.report.season.table import Season
+from goshawk_dashboards.report.season.table import BY_DATE, Season
+from goshawk_proto import PROTOCOL
+from goshawk_proto import goshawk_pb2 as pb
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +71,67 @@ def test_who_waits_hears_how_far_the_reading_is(log: Path, tmp_path: Path) -> No
     size = log.stat().st_size
     assert any(what == "reading" and 0 < done < total <= size for what, done, total in heard)
     assert heard[-1] == ("logs", 1, 1)
+
+
+ODD = {
+    "a date that is none": {"wall_time": "yesterday"},
+    "a camera at two numbers": {"vehicle_toml": "[camera]\nposition_m = [1, 2]\ntilt_deg = 0"},
+    "a camera at infinity": {"vehicle_toml": "[camera]\nposition_m = [1, 2, 3]\ntilt_deg = inf"},
+    "a contract of many brackets": {"policy_contract_json": "[" * 100_000},
+    "a task that is no text": {"policy_contract_json": '{"task": "\\ud800"}'},
+}
+
+
+def odd_log(path: Path, **header: Any) -> Path:
+    """A log without the simulator's truth whose header says odd things."""
+    log, noise = rec.LogFile(path), np.random.default_rng(1)
+    log.write("header", rec.START_NS, pb.LogHeader(protocol=PROTOCOL, vehicle="kite", **header))
+    for k in range(3):
+        log.write("control", rec.START_NS + k * 5_000_000, rec.control(0.005 * k, k, 8.0))
+        log.write("rgbd", rec.START_NS + k * 5_000_000, rec.frame(0.005 * k, k, noise))
+    log.close()
+    return path
+
+
+@pytest.mark.parametrize("header", ODD.values(), ids=ODD.keys())
+def test_a_log_whose_header_is_odd_is_listed_and_reported(header: dict[str, str], tmp_path: Path) -> None:
+    path = odd_log(tmp_path / "odd.mcap", **header)
+    season = Season(row for row in rows(path, tmp_path / "cache") if row is not None)
+    (found,) = season.rows(BY_DATE)
+    assert (found["vehicle"], found["outcome"], found["began"]) == ("kite", "ended: take-off", None)
+    write_page(make_report(Flight.open(path)), tmp_path / "odd.html")
+
+
+def test_a_date_is_the_tables_whatever_its_form(tmp_path: Path) -> None:
+    found = row_of(odd_log(tmp_path / "odd.mcap", wall_time="20260501T100000Z"))
+    assert found is not None
+    assert str(Season([found]).rows()[0]["began"]) == "2026-05-01 10:00:00"
+
+
+def test_a_log_whose_reading_fails_is_a_row_that_says_why(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(flight: Flight) -> None:
+        raise ZeroDivisionError("division\nby zero")
+
+    monkeypatch.setattr(summary, "healths", fails)
+    assert rows(log, tmp_path) == [
+        Row(path=str(log), size_bytes=log.stat().st_size, damage="makes no sense: division by zero")
+    ]
+
+
+def test_a_name_that_is_no_utf_8_is_listed_with_an_escape(log: Path, tmp_path: Path) -> None:
+    folder = tmp_path / os.fsdecode(b"lo\xffgs")
+    folder.mkdir()
+    copies = [folder / os.fsdecode(name) for name in (b"a\xff.mcap", b"b\xfe.mcap")]
+    for copy in copies:
+        copy.write_bytes(log.read_bytes())
+    (folder / "loop.mcap").symlink_to("loop.mcap")
+    paths = [*copies, folder / "loop.mcap"]
+    for again in (gather(paths, tmp_path / "cache"), gather(paths, tmp_path / "cache")):
+        season = Season(row for row in again if row is not None)
+        assert [Path(f["path"]).name for f in season.rows("path")] == ["a\\udcff.mcap", "b\\udcfe.mcap", "loop.mcap"]
+        assert "a\\udcff.mcap" in page(season, folder, folder)
 
 
 def row_like(row: Row | None, path: Path) -> Row | None:

@@ -47,14 +47,14 @@ def camera_mount(header: pb.LogHeader) -> Mount | None:
     """From the vehicle file that the log carries; None if it carries none that says so."""
     try:
         camera = tomllib.loads(header.vehicle_toml)["camera"]
-        position, tilt_rad = np.array(camera["position_m"], dtype=np.float64), math.radians(camera["tilt_deg"])
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError):
+        tilt_rad = math.radians(camera["tilt_deg"])
+        # Tilted up: about the left axis, from forward to up, which is its negative sense.
+        return Mount(
+            pos_body_3=np.array(camera["position_m"], dtype=np.float64).reshape(3),
+            body_from_camera_4=np.array([math.cos(tilt_rad / 2), 0.0, -math.sin(tilt_rad / 2), 0.0]),
+        )
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, OverflowError, RecursionError):
         return None
-    # Tilted up: about the left axis, from forward to up, which is its negative sense.
-    return Mount(
-        pos_body_3=position.reshape(3),
-        body_from_camera_4=np.array([math.cos(tilt_rad / 2), 0.0, -math.sin(tilt_rad / 2), 0.0]),
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

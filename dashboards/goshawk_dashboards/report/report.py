@@ -11,5 +11,5 @@ __all__ = ["Report", "make_report", "write_page"]
 
 
 def write_page(report: Report, output: Path) -> None:
-    """One HTML file that needs no network. Raises OSError."""
-    output.write_text(page(report), encoding="utf-8")
+    """One HTML file that needs no network; what is no UTF-8 in it stands as an escape. Raises OSError."""
+    output.write_text(page(report), encoding="utf-8", errors="backslashreplace")

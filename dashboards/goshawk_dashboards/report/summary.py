@@ -117,7 +117,7 @@ def card(flight: Flight) -> Card:
 def _task(contract_json: str) -> str | None:
     try:
         task = json.loads(contract_json).get("task")
-    except (json.JSONDecodeError, AttributeError):
+    except (json.JSONDecodeError, AttributeError, RecursionError):
         return None
     return task if isinstance(task, str) else None
 

@@ -11,6 +11,7 @@ import duckdb
 import pytest
 import recordings as rec
 from goshawk_ground.cli import app
+from goshawk_proto import PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
 from mcap_protobuf.writer import Writer
 from typer.testing import CliRunner, Result
@@ -95,6 +96,29 @@ def test_report_that_cannot_be_written_is_one_clear_line(log: Path, tmp_path: Pa
     done = goshawk("report", log, "-o", tmp_path / "nosuch" / "x.html")
     assert done.exit_code == 2
     assert "cannot write" in one_line(done.stderr)
+
+
+def test_report_of_a_name_that_is_no_utf_8_is_whole_and_told_with_an_escape(log: Path, tmp_path: Path) -> None:
+    copy = tmp_path / os.fsdecode(b"a\xff.mcap")
+    copy.write_bytes(log.read_bytes())
+    done = goshawk("report", copy)
+    assert done.exit_code == 0, done.exception
+    assert "a\\udcff.html: open it in any browser" in done.stdout
+    assert copy.with_suffix(".html").read_text(encoding="utf-8").rstrip().endswith("</html>")
+
+
+def test_what_a_log_tells_cannot_steer_the_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = tmp_path / "logs" / "flight.mcap"
+    path.parent.mkdir()
+    odd = rec.LogFile(path)
+    odd.write("header", rec.START_NS, pb.LogHeader(protocol=PROTOCOL, vehicle="kite"))
+    odd.write("control", rec.START_NS, rec.control(0.0, 0, 8.0))
+    odd.write("event", rec.START_NS, pb.Event(severity=pb.SEVERITY_ERROR, text="\x1b]0;owned\x07\x1b[2J"))
+    odd.close()
+    for words in (goshawk("report", path).stdout, goshawk("logs", path.parent).stdout):
+        assert "\x1b" not in words and "\x07" not in words
+        assert "\\x1b]0;owned\\x07" in words
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from goshawk_dashboards.log.progress import Progress, unheard
-from goshawk_dashboards.report.season.row import Row, row_of
+from goshawk_dashboards.report.season.row import Row, row_of, writable
 
-MEANING = 1
+MEANING = 2
 """Raise it when a column's value changes its meaning: what is kept was worked out by the old one."""
 _FORMAT = f"{MEANING} {' '.join(field.name for field in fields(Row))}"
 _PER_PROCESS = 4
@@ -47,7 +47,7 @@ class Kept:
 
     def get(self, path: Path) -> tuple[bool, Row | None]:
         """Whether the log's row is known, and the row; None: the log is another program's."""
-        found = self._file.execute("SELECT stamp, row FROM kept WHERE path = ?", (str(path.resolve()),)).fetchone()
+        found = self._file.execute("SELECT stamp, row FROM kept WHERE path = ?", (_key(path),)).fetchone()
         if found is None or found[0] != _stamp(path):
             return False, None
         facts: dict[str, Any] | None = json.loads(found[1])
@@ -61,9 +61,13 @@ class Kept:
         text = json.dumps(None if row is None else asdict(row))
         try:
             with self._file:
-                self._file.execute("REPLACE INTO kept VALUES (?, ?, ?)", (str(path.resolve()), stamp, text))
+                self._file.execute("REPLACE INTO kept VALUES (?, ?, ?)", (_key(path), stamp, text))
         except sqlite3.Error:
             return  # another process holds it, or the disk is full: it is read again next time
+
+
+def _key(path: Path) -> str:
+    return writable(os.path.realpath(path))
 
 
 def _stamp(path: Path) -> str:

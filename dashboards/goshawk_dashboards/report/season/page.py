@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import quote
 
 from goshawk_dashboards.report.season.figures import Flights, figures
+from goshawk_dashboards.report.season.row import writable
 from goshawk_dashboards.report.season.table import BY_DATE, Season, wrong
 from goshawk_dashboards.report.shell import document, panel, table, tiles
 
@@ -115,7 +116,7 @@ def _flights(flights: Flights, folder: Path, beside: Path) -> str:
 
 
 def _name(path: str, folder: Path) -> str:
-    return str(Path(path).relative_to(folder))
+    return str(Path(path).relative_to(writable(str(folder))))
 
 
 def _link(to: Path, beside: Path, name: str) -> str:

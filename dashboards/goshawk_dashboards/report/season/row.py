@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from goshawk_dashboards.charts.clearance import seen_clearance
@@ -56,20 +57,30 @@ class Row:
 def row_of(path: Path, progress: Progress = unheard) -> Row | None:
     """Reads a whole log. None: it is another program's. One that cannot be read is a row that says why."""
     try:
-        flight = Flight.open(path, progress=progress)
+        return _row(Flight.open(path, progress=progress), progress)
     except ForeignLogError:
         return None
     except LogError as error:
-        size = path.stat().st_size if path.is_file() else 0
-        return Row(path=str(path), size_bytes=size, damage=str(error).removeprefix(f"{path} "))
+        damage = str(error).removeprefix(f"{path} ")
+    except Exception as error:  # whatever is odd about one log, the others are listed
+        damage = f"makes no sense: {' '.join(str(error).split()) or type(error).__name__}"
+    return Row(path=str(path), size_bytes=path.stat().st_size if path.is_file() else 0, damage=damage)
+
+
+def writable(text: str) -> str:
+    """What is no UTF-8, in a file's name or in a log, as an escape."""
+    return text.encode(errors="backslashreplace").decode()
+
+
+def _row(flight: Flight, progress: Progress) -> Row:
     facts, numbers = card(flight), figures(flight, None, target_errors(flight), latencies(flight))
     clearance_m, by = numbers.true_clearance_m, "truth"
     if clearance_m is None:
         seen = seen_clearance(flight, progress)
         clearance_m, by = None if seen is None else seen.least_m, "depth"
     return Row(
-        path=str(path),
-        began=facts.wall_time,
+        path=str(flight.path),
+        began=_date(facts.wall_time),
         vehicle=facts.vehicle or None,
         profile=facts.profile or None,
         task=facts.task,
@@ -92,3 +103,11 @@ def row_of(path: Path, progress: Progress = unheard) -> Row | None:
         size_bytes=facts.size_bytes,
         damage=None if flight.completeness == "complete" else flight.completeness,
     )
+
+
+def _date(wall_time: str | None) -> str | None:
+    """As the table takes it; None: it is no date."""
+    try:
+        return datetime.fromisoformat(wall_time or "").isoformat()
+    except ValueError:
+        return None

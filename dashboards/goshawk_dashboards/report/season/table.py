@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import duckdb
 
-from goshawk_dashboards.report.season.row import Row
+from goshawk_dashboards.report.season.row import Row, writable
 
 _KINDS = {"str": "VARCHAR", "bool": "BOOLEAN", "int": "BIGINT", "float": "DOUBLE", "tuple[str, ...]": "VARCHAR[]"}
 _COLUMNS = {
@@ -33,7 +33,9 @@ class SeasonError(ValueError):
 
 def _value(value: object) -> object:
     """As DuckDB takes it."""
-    return list(cast("tuple[str, ...]", value)) if isinstance(value, tuple) else value
+    if isinstance(value, tuple):
+        return [writable(text) for text in cast("tuple[str, ...]", value)]
+    return writable(value) if isinstance(value, str) else value
 
 
 class Season:

@@ -16,7 +16,17 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from goshawk_ground.commands.options import NO_REPLY, REFUSED, Json, LogFile, fail, open_flight, print_json
+from goshawk_ground.commands.options import (
+    NO_REPLY,
+    REFUSED,
+    Json,
+    LogFile,
+    fail,
+    open_flight,
+    print_json,
+    say,
+    visible,
+)
 
 _HINTS = {
     Format.FOXGLOVE: f"open it in Foxglove or Lichtblick, with the layout {FOXGLOVE_LAYOUT}",
@@ -68,14 +78,14 @@ def report(
         facts |= {"tracking": dataclasses.asdict(made.tracking), "why": made.why}
         print_json({"report": target, "figures": written, **facts})
         return
-    typer.echo(f"{made.card.path.name}: {made.card.outcome}, {made.card.duration_s:.1f} s")
+    say(f"{made.card.path.name}: {made.card.outcome}, {made.card.duration_s:.1f} s")
     for sentence in made.why:
-        typer.echo(f"why: {sentence}")
+        say(f"why: {sentence}")
     for fault in made.card.faults:
-        typer.echo(f"fault: {fault}")
+        say(f"fault: {fault}")
     if figures is not None:
-        typer.echo(f"{figures}: {len(written)} files")
-    typer.echo(f"{target}: open it in any browser")
+        say(f"{figures}: {len(written)} files")
+    say(f"{target}: open it in any browser")
 
 
 def logs(
@@ -132,7 +142,7 @@ def logs(
         with screen.status(f"drawing {report}"):
             text = page(season, folder, report.parent)
         try:
-            report.write_text(text, encoding="utf-8")
+            report.write_text(text, encoding="utf-8", errors="backslashreplace")
         except OSError as error:
             fail(f"cannot write {report}: {error.strerror}", NO_REPLY)
     if as_json:
@@ -141,14 +151,15 @@ def logs(
     _print_flights(flights, folder)
     for written, hint in ((parquet, "open it with DuckDB, pandas or Polars"), (report, "open it in any browser")):
         if written is not None:
-            typer.echo(f"{written}: {hint}")
+            say(f"{written}: {hint}")
 
 
 def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
     """A line a flight where there are 80 columns; what went wrong as far as there is room."""
+    from goshawk_dashboards.report.season.row import writable
     from goshawk_dashboards.report.season.table import wrong
 
-    names = [str(Path(f["path"]).relative_to(folder)) for f in flights]
+    names = [visible(str(Path(f["path"]).relative_to(writable(str(folder))))) for f in flights]
     console = Console(highlight=False)
     table = Table(box=None, pad_edge=False, expand=True)
     table.add_column("log", overflow="fold", width=min(max(map(len, names)), max(20, console.width - OTHERS_WIDTH)))
@@ -157,14 +168,14 @@ def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
     table.add_column("outcome", max_width=OUTCOME_WIDTH, overflow="ellipsis", no_wrap=True)
     table.add_column("wrong", overflow="ellipsis", no_wrap=True, ratio=1)
     for name, f in zip(names, flights, strict=True):
-        told = wrong(f)
+        told = [visible(text) for text in wrong(f)]
         table.add_row(
             Text(name),
             *(
                 "-" if f[column] is None else f"{f[column]:.{digits}f}"
                 for column, digits in (("duration_s", 1), ("clearance_m", 2), ("disturbance_mps2", 2))
             ),
-            Text(f["outcome"], style="green" if f["good"] else "red"),
+            Text(visible(f["outcome"]), style="green" if f["good"] else "red"),
             Text(f"{len(told)}: {'; '.join(told)}" if len(told) > 1 else "".join(told) or "-"),
         )
     console.print(table)
@@ -191,8 +202,8 @@ def export(
         return
     width = max(map(len, done.counts), default=0)
     for name, count in sorted(done.counts.items()):
-        typer.echo(f"{name:<{width}} {count:>8}")
-    typer.echo(f"{done.path}: {_HINTS[format].format(path=done.path)}")
+        say(f"{name:<{width}} {count:>8}")
+    say(f"{done.path}: {_HINTS[format].format(path=done.path)}")
 
 
 def recover(
@@ -212,10 +223,10 @@ def recover(
         print_json(dataclasses.asdict(done))
         return
     for missing in done.missing:
-        typer.echo(f"damaged: {missing} missing")
+        say(f"damaged: {missing} missing")
     if not done.missing:
-        typer.echo("nothing is damaged" if done.closed else "it was cut off; what was written is whole")
-    typer.echo(f"{done.path}: {done.records} records of {done.duration_s:.1f} s")
+        say("nothing is damaged" if done.closed else "it was cut off; what was written is whole")
+    say(f"{done.path}: {done.records} records of {done.duration_s:.1f} s")
 
 
 def register(app: typer.Typer) -> None:

@@ -52,6 +52,16 @@ def fail(text: str, code: int) -> NoReturn:
     raise typer.Exit(code)
 
 
+def visible(text: str) -> str:
+    """What a terminal would obey, or could not write, as an escape: files and logs may hold it."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def say(line: str) -> None:
+    """Prints a line that quotes a file's name or a log."""
+    typer.echo(visible(line))
+
+
 def _newest(path: Path, status: int) -> Path:
     """Of a folder the newest log in it, else the path as it is; ends with ``status`` where there is none."""
     if not path.is_dir():
@@ -90,4 +100,4 @@ def open_flight(path: Path, progress: Progress = unheard) -> Flight:
     try:
         return Flight.open(path, progress=progress)
     except LogError as error:
-        fail(str(error), NO_REPLY)
+        fail(visible(str(error)), NO_REPLY)
