@@ -11,13 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from goshawk_dashboards.state.decode import MalformedError
 from goshawk_dashboards.state.rays import FARTHEST_M, rays_HW3
 from goshawk_dashboards.state.views import Array, PreviewView
 
 MAX_PIXELS = 1280 * 960
+BROKEN = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
+"""What Pillow raises for a damaged picture, or for one that is made to fill the memory."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,10 +72,12 @@ class FrameView:
     def _open(self, data: bytes) -> Image.Image | None:
         try:
             image = Image.open(io.BytesIO(data), formats=["PNG"])
+            if image.size != (self.width, self.height):
+                return None
             image.load()
-        except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
+        except BROKEN:
             return None
-        return image if (image.width, image.height) == (self.width, self.height) else None
+        return image
 
     def points_cam_P3(self, farthest_m: float = FARTHEST_M) -> tuple[Array, NDArray[np.uint8]] | None:
         """What depth measured nearer than ``farthest_m``, in the camera's FLU; its colours."""

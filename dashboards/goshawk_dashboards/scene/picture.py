@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
+from goshawk_dashboards.log.frame import BROKEN
 from goshawk_dashboards.state.views import PreviewView
 
 
@@ -17,5 +18,5 @@ def decode_preview(preview: PreviewView) -> np.ndarray | None:
         if image.width > 1280 or image.height > 960:
             return None
         return np.asarray(image.convert("RGB"))
-    except (UnidentifiedImageError, OSError):
+    except BROKEN:
         return None
