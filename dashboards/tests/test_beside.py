@@ -76,6 +76,35 @@ def test_what_is_damaged_is_read_as_far_as_it_is_whole(flight: Flight, tmp_path:
     assert beside.clock.overlap_s < 30.0
 
 
+def test_a_tlog_over_a_power_cycle_fits(flight: Flight, tmp_path: Path) -> None:
+    other = other_logs.write_tlog(tmp_path / "before.tlog", other_logs.Flown(30.0, seed=3), 500.0, 0.0)
+    unix_s = 1.79e9 + 60.0
+    flown = other_logs.write_tlog(tmp_path / "flown.tlog", FLOWN, 5.0, 0.0, unix_s=unix_s)
+    both = tmp_path / "both.tlog"
+    both.write_bytes(other.read_bytes() + flown.read_bytes())
+    beside = Beside.open(both, flight)
+    times_s, north = beside.read(["LOCAL_POSITION_NED.vx"])["LOCAL_POSITION_NED.vx"]
+    ours = (times_s >= 1.0) & (times_s <= 39.0)
+    assert ours.sum() > 1800
+    assert np.allclose(north[ours], FLOWN.velocity_M3(times_s[ours])[:, 1], atol=0.03)
+
+
+def test_packets_out_of_turn_are_no_power_cycle(tmp_path: Path) -> None:
+    flown = other_logs.Flown(40.0, seed=1)
+    flown.times_s[10::10], flown.times_s[11::10] = flown.times_s[11::10].copy(), flown.times_s[10::10].copy()
+    told = files.read(other_logs.write_tlog(tmp_path / "flight.tlog", flown, 77.0, 0.0))
+    times_s, _ = told.signals["ATTITUDE_QUATERNION.q1"]
+    assert np.allclose(np.diff(np.sort(times_s)), 1.0 / other_logs.RATE_HZ, atol=1e-3)
+
+
+def test_a_ulog_is_read_without_the_message_whose_format_is_damaged(tmp_path: Path) -> None:
+    path = other_logs.write_ulog(tmp_path / "flight.ulg", FLOWN, 9.0, 0.0)
+    path.write_bytes(path.read_bytes().replace(b"status:uint64_t timestamp;", b"status:uint64_t timestomp;"))
+    told = files.read(path)
+    assert "vehicle_attitude.q[1]" in told.signals and told.flaw.startswith("damaged")
+    assert not any(name.startswith("battery_status") for name in told.signals)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [

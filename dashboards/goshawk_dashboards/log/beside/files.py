@@ -22,6 +22,8 @@ from goshawk_dashboards.state.views import Array
 ULOG_BEGINS = b"ULog\x01\x12\x35"
 MAVLINK_BEGINS = (0xFD, 0xFE)
 """A packet's first byte, MAVLink 2 and 1: in a tlog it comes after eight bytes of time."""
+RESTARTED_S = 1.0
+"""A sender's clock that steps back by more was started anew; by less, packets came out of turn."""
 
 
 class BesideError(ValueError):
@@ -60,11 +62,13 @@ def _read_ulog(path: Path) -> Told:
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # it prints what it thinks of the file
             log: Any = ULog(str(path))
-    except (ULogException, ValueError, KeyError, IndexError, TypeError, struct.error) as error:
+    except (ULogException, OSError, ValueError, KeyError, IndexError, TypeError, struct.error) as error:
         raise BesideError(f"{path} is a damaged ULog: {_line(error)}") from error
-    several = {data.name for data in log.data_list if data.multi_id > 0}
+    timed = [data for data in log.data_list if "timestamp" in data.data]
+    damaged = log.file_corruption or len(timed) < len(log.data_list)
+    several = {data.name for data in timed if data.multi_id > 0}
     signals: dict[str, Series] = {}
-    for data in log.data_list:
+    for data in timed:
         name = f"{data.name}#{data.multi_id}" if data.name in several else data.name
         times_s = data.data["timestamp"].astype(np.float64) * 1e-6
         for field, values in data.data.items():
@@ -77,7 +81,7 @@ def _read_ulog(path: Path) -> Told:
         [f"{first['vehicle_attitude']}.q[{k}]" for k in range(4)],
         [f"{first['vehicle_local_position']}.v{axis}" for axis in "xyz"],
     )
-    return Told(signals=signals, motion=motion, flaw="damaged: what is whole is shown" if log.file_corruption else "")
+    return Told(signals=signals, motion=motion, flaw="damaged: what is whole is shown" if damaged else "")
 
 
 def _read_tlog(path: Path) -> Told:
@@ -124,13 +128,16 @@ def _read_tlog(path: Path) -> Told:
 def _times_s(some: Sequence[Any], begin_s: float) -> Array:
     """When messages of one kind were sent, since the log's begin.
 
-    A radio bunches what it carries: the sender's own clock tells better, laid where the messages arrived.
+    A radio bunches what it carries: the sender's own clock tells better, laid where the messages arrived. A sender
+    that was started anew counts anew: each stretch is laid by itself.
     """
     arrived_s = np.array([message._timestamp for message in some]) - begin_s
     for field, unit_s in (("time_boot_ms", 1e-3), ("time_usec", 1e-6)):
         if field in some[0].get_fieldnames():
             sent_s = unit_s * np.array([getattr(message, field) for message in some], dtype=np.float64)
-            return sent_s + np.median(arrived_s - sent_s)
+            starts = np.flatnonzero(np.diff(sent_s) < -RESTARTED_S) + 1
+            stretches = zip(np.split(sent_s, starts), np.split(arrived_s, starts), strict=True)
+            return np.concatenate([sent + np.median(arrived - sent) for sent, arrived in stretches])
     return arrived_s
 
 
