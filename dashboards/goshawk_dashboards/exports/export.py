@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -61,7 +62,8 @@ def export_log(flight: Flight, format: Format, output: Path) -> Exported:
     except OSError as error:
         raise ExportError(f"cannot write {output}: {error.strerror or error}") from error
     finally:
-        _discard(unfinished)
+        with contextlib.suppress(OSError):
+            _discard(unfinished)
     return Exported(path=output, format=format, counts=counts)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.frame import FrameView
+from goshawk_dashboards.state.decode import MalformedError
 from goshawk_dashboards.state.views import Array
 
 WORLD, BODY, CAMERA, OPTICAL = "world", "body", "camera", "camera_optical"
@@ -78,7 +79,9 @@ class Pinhole:
 
 
 def pinhole(image: pb.CompressedRgbd) -> Pinhole:
-    """From an image's size and fields of view."""
+    """From an image's size and fields of view. Raises MalformedError if these are none that a camera has."""
+    if not (0.0 < image.hfov_rad < math.pi and 0.0 < image.vfov_rad < math.pi):
+        raise MalformedError(f"frame that sees {image.hfov_rad} by {image.vfov_rad} rad")
     return Pinhole(
         fx=image.width / 2 / math.tan(image.hfov_rad / 2),
         fy=image.height / 2 / math.tan(image.vfov_rad / 2),

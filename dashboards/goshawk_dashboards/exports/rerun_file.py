@@ -180,8 +180,8 @@ class Log:
     def _rgbd(self, m: pb.CompressedRgbd, log_ns: int) -> None:
         frame = FrameView.of(m)
         if not self._seen_lens:
-            self._seen_lens = True
             lens = frames.pinhole(m)
+            self._seen_lens = True
             image_from_camera_33 = np.array(lens.k_9).reshape(3, 3)
             for entity in (_IMAGE, _DEPTH):
                 # The image's axes are right, down, forward; the camera's are FLU: a transform of their own.

@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from goshawk_dashboards.exports import frames
 from goshawk_dashboards.exports.drawing import LIFETIME_S
+from goshawk_dashboards.state.decode import MalformedError
 from goshawk_dashboards.state.views import Array
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -27,7 +28,9 @@ def kind_of(name: str) -> Any:
 
 
 def stamp(stamp_ns: int) -> Any:
-    """A time on the vehicle's clock."""
+    """A time on the vehicle's clock. Raises MalformedError for one after 68 years, which ROS 2 cannot tell."""
+    if stamp_ns >= 2**31 * 10**9:
+        raise MalformedError(f"stamp of {stamp_ns} ns")
     return kind_of("builtin_interfaces/msg/Time")(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
 
 
