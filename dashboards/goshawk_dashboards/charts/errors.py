@@ -25,12 +25,13 @@ def target_errors(flight: Flight) -> TargetErrors | None:
     """For each confirmed estimate with truth around it; None if there is none."""
     truth = flight.columns("sim_truth", ["pos_world", "target_pos_world"])
     estimate = flight.columns("target", ["stamp_ns", "pos_world", "confirmed"])
-    known = np.isfinite(truth["target_pos_world"][:, 0])
+    known = np.isfinite(np.hstack([truth["target_pos_world"], truth["pos_world"]])).all(axis=1)
     if np.count_nonzero(known) < 2 or len(estimate) == 0:
         return None
     known_s = truth.times_s[known]
     stamps_s = (estimate["stamp_ns"] - flight.start_ns) * 1e-9
-    use = estimate["confirmed"].astype(bool) & (stamps_s >= known_s[0]) & (stamps_s <= known_s[-1])
+    use = estimate["confirmed"].astype(bool) & np.isfinite(estimate["pos_world"]).all(axis=1)
+    use &= (stamps_s >= known_s[0]) & (stamps_s <= known_s[-1])
     if not use.any():
         return None
     times_s_M = stamps_s[use]

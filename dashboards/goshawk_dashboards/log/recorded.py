@@ -169,9 +169,10 @@ def _closest(flight: Flight) -> Mark | None:
     in_air_M = np.zeros(len(clearance_M), dtype=bool)
     for phase in flown:
         in_air_M |= (truth.times_s >= phase.start_s) & (truth.times_s <= phase.end_s + 0.1)
-    if not in_air_M.any():
+    known_M = in_air_M & np.isfinite(clearance_M)
+    if not known_M.any():
         return None
-    clearance_M[~in_air_M] = np.inf
+    clearance_M[~known_M] = np.inf
     nearest = int(np.argmin(clearance_M))
     text = f"closest to an obstacle: {max(clearance_M[nearest], 0.0):.2f} m"
     return Mark(time_s=float(truth.times_s[nearest]), severity=pb.SEVERITY_INFO, text=text)

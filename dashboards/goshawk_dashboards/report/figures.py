@@ -22,6 +22,8 @@ AXES = ("east", "north", "up")
 MOST_ROWS = 2000
 """Of a curve; a longer flight is drawn at a lower rate."""
 PATH_ROWS = 900
+FARTHEST_M = 1e7
+"""From where it began: no vehicle gets farther, and a map that reached there would show nothing."""
 _SPEED_LEAST_MPS = 0.5
 
 
@@ -60,16 +62,16 @@ def path_figure(material: Material) -> Figure | None:
     """Where it flew, from above and from the side, coloured by speed."""
     flight = material.flight
     control = flight.columns("control", ["pos_world", "vel_world"], max_hz=_rate(flight, PATH_ROWS))
-    placed = np.isfinite(control["pos_world"][:, 0])
+    placed = _placed(control["pos_world"]) & np.isfinite(control["vel_world"]).all(axis=1)
     pos_M3, times_s_M = control["pos_world"][placed], control.times_s[placed]
     if len(pos_M3) < 2:
         return None
     speed_M = np.linalg.norm(control["vel_world"][placed], axis=1)
     target = flight.columns("target", ["pos_world", "confirmed"], max_hz=_rate(flight, PATH_ROWS))
-    confirmed = target["confirmed"].astype(bool)
+    confirmed = target["confirmed"].astype(bool) & _placed(target["pos_world"])
     target_M3 = target["pos_world"][confirmed]
     truth_M3 = flight.columns("sim_truth", ["target_pos_world"], max_hz=_rate(flight, PATH_ROWS))["target_pos_world"]
-    truth_M3 = truth_M3[np.isfinite(truth_M3[:, 0])]
+    truth_M3 = truth_M3[_placed(truth_M3)]
     top_mps = max(float(speed_M.max()), _SPEED_LEAST_MPS)
 
     low_3, high_3, size_in = _map_frame(np.concatenate([pos_M3, target_M3, truth_M3]))
@@ -104,6 +106,11 @@ def path_figure(material: Material) -> Figure | None:
         draw=draw,
         tables={"path": vehicle, "path_target": estimate},
     )
+
+
+def _placed(points_M3: NDArray[Any]) -> NDArray[np.bool_]:
+    """Which of them a map can show; NaN is none."""
+    return np.all(np.abs(points_M3) < FARTHEST_M, axis=1)
 
 
 def _map_frame(points_M3: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], tuple[float, float]]:

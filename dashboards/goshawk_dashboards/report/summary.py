@@ -175,7 +175,7 @@ def figures(flight: Flight, seen: Clearance | None, errors: TargetErrors | None,
         "control", ["pos_world", "vel_world", "acc_att_world", "acc_disturbance_world", "thrust_n"]
     )
     placed = flight.columns("control", ["pos_world"], max_hz=PATH_HZ)["pos_world"]
-    placed = placed[np.isfinite(placed[:, 0])]
+    placed = placed[np.isfinite(placed).all(axis=1)]
     task_M = on_task(flight, control.times_s)
     speed = np.linalg.norm(control["vel_world"][task_M], axis=1)
     pushing_M = task_M & (control["thrust_n"] > 0.0)

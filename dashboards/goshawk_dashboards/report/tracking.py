@@ -55,12 +55,13 @@ def tracking(flight: Flight, spectrum: Spectrum | None) -> Tracking:
     error = error[pushing & np.isfinite(error)]
     battery = flight.columns("controller_input", ["battery"])["battery"]
     battery = battery[np.isfinite(battery)]
+    doubt = control["odometry_doubt"][np.isfinite(control["odometry_doubt"])]
     return Tracking(
         attitude_rms_deg=float(np.sqrt(np.mean(error**2))) if len(error) else None,
         thrust_at_limit_fraction=_at_limit(flight, control["thrust_norm"][pushing]),
         battery_start_fraction=float(battery[0]) if len(battery) else None,
         battery_end_fraction=float(battery[-1]) if len(battery) else None,
-        odometry_doubt_most=float(control["odometry_doubt"].max()) if len(control) else None,
+        odometry_doubt_most=float(doubt.max()) if len(doubt) else None,
         vibration_rms_mps2=None if spectrum is None else _shaking(spectrum),
         target_within_2_sigma_fraction=_within_2_sigma(flight),
     )

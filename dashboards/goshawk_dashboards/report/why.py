@@ -82,17 +82,20 @@ def _apart(flight: Flight) -> Iterator[str]:
     flown = _within(truth.times_s, [p for p in flight.phases if p.name in ("tracking", "lost", "search", "navigation")])
     if not flown.any():
         return
-    clearance = np.where(flown, truth["clearance_m"], np.inf)
-    nearest = int(np.argmin(clearance))
-    yield f"On its task it came nearest to an obstacle at {truth.times_s[nearest]:.2f} s: {clearance[nearest]:.2f} m."
-    distance = truth["target_distance_m"][flown]
-    if len(flight.times_s("target")) and np.isfinite(distance).any():
-        near_m, far_m = np.nanmin(distance), np.nanmax(distance)
+    known = flown & np.isfinite(truth["clearance_m"])
+    if known.any():
+        clearance = np.where(known, truth["clearance_m"], np.inf)
+        nearest = int(np.argmin(clearance))
+        at_s = truth.times_s[nearest]
+        yield f"On its task it came nearest to an obstacle at {at_s:.2f} s: {clearance[nearest]:.2f} m."
+    measured = flown & np.isfinite(truth["target_distance_m"])
+    if len(flight.times_s("target")) and measured.any():
+        distance = truth["target_distance_m"][measured]
         yield _in_view(truth.times_s[flown], truth["target_visible"][flown].astype(bool))
-        far_s = truth.times_s[flown][int(np.nanargmax(distance))]
+        far_s = truth.times_s[measured][int(np.argmax(distance))]
         yield (
-            f"The target was {near_m:.1f} to {far_m:.1f} m away, farthest at {far_s:.2f} s, and {distance[-1]:.1f} m "
-            "at the end."
+            f"The target was {distance.min():.1f} to {distance.max():.1f} m away, farthest at {far_s:.2f} s, and "
+            f"{distance[-1]:.1f} m at the end."
         )
 
 
@@ -117,9 +120,9 @@ def _before_the_end(flight: Flight) -> Iterator[str]:
             from_s, for_s = fallback.start_s, fallback.duration_s
             yield f"From {from_s:.2f} s on the controller fell back for {for_s:.2f} s: {fallback.name}."
     doubt = flight.columns("control", ["odometry_doubt"])
-    if len(doubt) and float(doubt["odometry_doubt"].max()) >= 1.0:
-        first_s = float(doubt.times_s[int(np.argmax(doubt["odometry_doubt"] >= 1.0))])
-        yield f"The odometry failed a check at {first_s:.2f} s."
+    failed = np.flatnonzero(doubt["odometry_doubt"] >= 1.0)
+    if len(failed):
+        yield f"The odometry failed a check at {doubt.times_s[failed[0]]:.2f} s."
 
 
 def _within(times_s: Array, phases: list[Phase]) -> np.ndarray:
