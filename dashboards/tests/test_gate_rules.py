@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -11,6 +13,7 @@ from cryptography import x509
 from goshawk_dashboards.gate import Access, CertificateError, Role, SecretError
 from goshawk_dashboards.gate.access import SESSION_S, Attempts, key_from, new_password, password_from
 from goshawk_dashboards.gate.certificate import kept_in, load
+from goshawk_dashboards.gate.client import CAMERA
 from goshawk_dashboards.gate.headers import address_key, host_is_ours, is_own_page
 from goshawk_dashboards.gate.relay import RefusedError, check_observed
 from hypothesis import given
@@ -169,7 +172,24 @@ def test_a_certificate_that_cannot_serve_is_one_line(tmp_path: Path) -> None:
 def test_an_observer_may_not_send_what_shares_uploads_or_submits(kind: str) -> None:
     with pytest.raises(RefusedError):
         check_observed(msgspec.msgpack.encode({"type": kind, "uuid": "1"}))
-    check_observed(msgspec.msgpack.encode({"type": "ViewerCameraMessage", "fov": 1.0}))
+    check_observed(msgspec.msgpack.encode(CAMERA))
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"position": (1.0, 2.0)},
+        {"position": (1.0, math.nan, 2.0)},
+        {"look_at": "abc"},
+        {"look_at": (0.0, 0.0, math.inf)},
+        {"wxyz": (1.0, 0.0, 0.0)},
+        {"up_direction": None},
+        {"image_height": "900"},
+    ],
+)
+def test_a_camera_of_an_observer_that_is_nowhere_is_refused(changed: dict[str, Any]) -> None:
+    with pytest.raises(RefusedError):
+        check_observed(msgspec.msgpack.encode(CAMERA | changed))
 
 
 @given(st.binary(max_size=200))

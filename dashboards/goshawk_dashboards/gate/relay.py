@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
@@ -35,7 +36,22 @@ class _Kind(msgspec.Struct):
     type: str
 
 
+_Vector = tuple[float, float, float]
+
+
+class _Camera(msgspec.Struct):
+    """What dashboards read of where a camera is: viser takes lists of any length."""
+
+    wxyz: tuple[float, float, float, float]
+    position: _Vector
+    look_at: _Vector
+    up_direction: _Vector
+    image_width: int
+    image_height: int
+
+
 _decode_kind = msgspec.msgpack.Decoder(_Kind).decode
+_decode_camera = msgspec.msgpack.Decoder(_Camera).decode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,10 +161,15 @@ def check_observed(data: bytes) -> None:
     """Raises RefusedError for a message that an observer may not send, or that is none."""
     try:
         kind = _decode_kind(data).type
+        if kind not in OBSERVER_MAY:
+            raise RefusedError
+        camera = _decode_camera(data) if kind == "ViewerCameraMessage" else None
     except msgspec.MsgspecError as error:
         raise RefusedError from error
-    if kind not in OBSERVER_MAY:
-        raise RefusedError
+    if camera is not None:
+        numbers = (*camera.wxyz, *camera.position, *camera.look_at, *camera.up_direction)
+        if not all(map(math.isfinite, numbers)):
+            raise RefusedError
 
 
 class _Pace:

@@ -15,7 +15,7 @@ from goshawk_dashboards.gate import Gate, PortBusyError, Role
 from goshawk_dashboards.live.feed import Feed, Watched
 from goshawk_dashboards.live.panels import LivePanels
 from goshawk_dashboards.page.serving import close_server, open_server
-from goshawk_dashboards.page.viewer import Viewer, Views
+from goshawk_dashboards.page.viewer import Guard, Viewer, Views
 from goshawk_dashboards.scene.cameras import ViewerCamera, place_first
 from goshawk_dashboards.scene.scene import LiveScene, prepare
 
@@ -53,7 +53,9 @@ class LiveView:
     def _narrow(self) -> bool:
         """Whether the browser's window may be a phone's, upright: panels are folded away there."""
         viewer = self.viewer
-        return isinstance(viewer, viser.ClientHandle) and viewer.camera.aspect < 1.0
+        if not isinstance(viewer, viser.ClientHandle) or viewer.camera.image_height == 0:
+            return False
+        return viewer.camera.aspect < 1.0
 
     def _select(self) -> None:
         self.scene.forget()
@@ -94,6 +96,7 @@ class LiveDashboard:
             Role.OBSERVER: open_server(gate, Role.OBSERVER, "Goshawk, observing"),
         }
         self._views = [self._views_of(role) for role in self.servers]
+        self._guard = Guard()
         self._due = {"text": 0.0, "slow": 0.0}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -147,13 +150,15 @@ class LiveDashboard:
         words, slow = self._is_due("text", now_s, TEXT_HZ), self._is_due("slow", now_s, SLOW_HZ)
         shown = {view.panels.shown for view in views}
         for k, feed in enumerate(self.feeds):
-            # Those that nobody shows in full only as often as the table is renewed.
-            if words or k in shown:
-                feed.take(feed.vehicle.latest())
-            if words:
-                feed.judge()
+            with self._guard.over(feed):
+                # Those that nobody shows in full only as often as the table is renewed.
+                if words or k in shown:
+                    feed.take(feed.vehicle.latest())
+                if words:
+                    feed.judge()
         for view in views:
-            view.draw(words=words, slow=slow)
+            with self._guard.over(view):
+                view.draw(words=words, slow=slow)
 
     def _is_due(self, what: str, now_s: float, rate_hz: float) -> bool:
         if now_s < self._due[what]:

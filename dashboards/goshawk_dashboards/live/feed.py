@@ -131,8 +131,9 @@ class Feed:
 
     def take(self, snap: Snapshot) -> None:
         """Goes on to a snapshot."""
+        self.snap = snap  # first: whatever fails below, an old one must not look fresh
         self.track.add(snap)
-        self.snap, self.words = snap, Words(snap, self.track, self._ground_z_m(snap))
+        self.words = Words(snap, self.track, self._ground_z_m(snap))
         for curves in self.curves:
             curves.sample(snap)
         self._fill(snap)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 from typing import Generic, TypeVar
+from weakref import WeakSet
 
 import viser
 
@@ -13,6 +16,25 @@ Viewer = viser.ClientHandle | viser.ViserServer
 """Both have a GUI and a scene; what a client's hold is seen by that browser alone."""
 
 View = TypeVar("View")
+
+_log = logging.getLogger(__name__)
+
+
+class Guard:
+    """Keeps the one thread that draws alive: whatever fails for one viewer or vehicle is left out for it alone."""
+
+    def __init__(self) -> None:
+        self._failed: WeakSet[object] = WeakSet()
+
+    @contextmanager
+    def over(self, one: object) -> Generator[None]:
+        """Around what is done for ``one``, whose first failure alone is logged."""
+        try:
+            yield
+        except Exception:
+            if one not in self._failed:
+                self._failed.add(one)
+                _log.exception("a %s failed; it is left out wherever it does", type(one).__name__)
 
 
 class Views(Generic[View]):
@@ -22,6 +44,7 @@ class Views(Generic[View]):
         """``make`` is called on that thread, for a browser that has come."""
         self._server = server
         self._make = make
+        self._guard = Guard()
         self._came: SimpleQueue[viser.ClientHandle] = SimpleQueue()
         self._views: dict[int, View] = {}
         # A browser may leave while it is drawn for; that it then gets nothing is no news to anyone.
@@ -39,7 +62,8 @@ class Views(Generic[View]):
         try:
             while True:
                 client = self._came.get_nowait()
-                came[client.client_id] = self._make(client)
+                with self._guard.over(client):
+                    came[client.client_id] = self._make(client)
         except Empty:
             pass
         here = self._server.get_clients()

@@ -15,7 +15,7 @@ from goshawk_dashboards.log import align, recorded
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import Replay
 from goshawk_dashboards.page.serving import close_server, open_server
-from goshawk_dashboards.page.viewer import Viewer, Views
+from goshawk_dashboards.page.viewer import Guard, Viewer, Views
 from goshawk_dashboards.review.altering import Replanner
 from goshawk_dashboards.review.desk import PATH, Desk, Seat, Table
 from goshawk_dashboards.review.dock import foot_html
@@ -131,6 +131,7 @@ class ReviewDashboard:
         place_first(self.server)
         self.beside = beside
         self._wake = threading.Event()
+        self._guard = Guard()
         self._views = Views(self.server, lambda client: ReviewView(client, self._recording, self._wake))
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -174,6 +175,7 @@ class ReviewDashboard:
             views = self._views.settle()
             now_s = time.monotonic()
             for view in views:
-                view.player.advance(now_s - before_s)
-                view.show()
+                with self._guard.over(view):
+                    view.player.advance(now_s - before_s)
+                    view.show()
             before_s = now_s
