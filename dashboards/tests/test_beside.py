@@ -77,7 +77,7 @@ def test_what_is_damaged_is_read_as_far_as_it_is_whole(flight: Flight, tmp_path:
 
 
 def test_a_tlog_over_a_power_cycle_fits(flight: Flight, tmp_path: Path) -> None:
-    other = other_logs.write_tlog(tmp_path / "before.tlog", other_logs.Flown(30.0, seed=3), 500.0, 0.0)
+    other = other_logs.write_tlog(tmp_path / "before.tlog", other_logs.Flown(50.0, seed=3), 5.0, 0.0)
     unix_s = 1.79e9 + 60.0
     flown = other_logs.write_tlog(tmp_path / "flown.tlog", FLOWN, 5.0, 0.0, unix_s=unix_s)
     both = tmp_path / "both.tlog"
