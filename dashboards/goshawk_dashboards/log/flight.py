@@ -69,8 +69,10 @@ class Flight:
 
     def __init__(self, log: McapLog, *, start_ns: int | None = None) -> None:
         """Raises LogError if it is MCAP but not of ours, or of another protocol."""
-        if not any(topic in log.topics for topic, _ in CHANNELS.values()):
-            if log.topics:
+        ours = {topic for topic, _ in CHANNELS.values()}
+        if ours.isdisjoint(log.topics):
+            # In LZ4 or without chunks no record is found; the summary of a whole file tells its channels nevertheless.
+            if log.topics or (log.declared and ours.isdisjoint(log.declared)):
                 raise ForeignLogError(f"{log.path} is no flight log: none of its channels is Goshawk's")
             raise LogError(f"{log.path} is no flight log: it holds no whole record")
         self.log = log

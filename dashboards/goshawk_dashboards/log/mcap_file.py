@@ -142,6 +142,11 @@ class McapLog:
         """Every topic with at least one record, in the order of the file."""
         return tuple(topic for topic, places in self._places.items() if len(places))
 
+    @property
+    def declared(self) -> frozenset[str]:
+        """Topics of the summary; empty if the file was cut off."""
+        return frozenset(channel.topic for channel in self._summary.values())
+
     def times_ns(self, topic: str) -> NDArray[np.int64]:
         """The time of each record, ascending; empty if there are none."""
         return self._sorted_times.get(topic, np.zeros(0, dtype=np.int64))
@@ -343,7 +348,7 @@ def first_message(path: Path, topic: str) -> bytes:
             reader = NonSeekingReader(file, record_size_limit=CHUNK_LIMIT)
             for _, _, message in reader.iter_messages([topic], log_time_order=False):
                 return message.data
-    except (OSError, McapError, ZstdError, ValueError, struct.error, MemoryError, OverflowError) as error:
+    except (OSError, McapError, ZstdError, ValueError, struct.error, MemoryError, OverflowError, RuntimeError) as error:
         raise LogError(f"cannot read {path}: {error}") from error
     raise LogError(f"{path} has nothing of {topic}")
 
