@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import numpy as np
 import pytest
 import recordings as rec
-from goshawk_dashboards.log.flight import CHANNELS, Flight, LogError
+from goshawk_dashboards.log.flight import CHANNELS, Flight, ForeignLogError, LogError, header_of
 from goshawk_dashboards.log.mcap_file import McapLog
 from goshawk_dashboards.log.phases import phases_of
 from goshawk_dashboards.log.recorded import marks_of
@@ -15,6 +16,7 @@ from goshawk_dashboards.log.recover import recover
 from goshawk_proto import PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 DURATION_S = 8.0
 
@@ -215,8 +217,25 @@ def test_a_recovered_log_is_clean_and_holds_what_was_readable(path: Path, tmp_pa
         assert np.array_equal(clean.log.times_ns(CHANNELS[channel][0]), part.log.times_ns(CHANNELS[channel][0]))
     with done.path.open("rb") as stream:
         assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) == done.records
+    before = done.path.read_bytes()
     with pytest.raises(FileExistsError):
         recover(part.path, done.path)
+    assert done.path.read_bytes() == before
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+def test_a_recovery_that_is_broken_off_leaves_nothing_and_can_be_tried_again(
+    failure: BaseException, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks_off(writer: Writer, *_: object) -> None:
+        raise failure
+
+    with monkeypatch.context() as patched, pytest.raises(type(failure)):
+        patched.setattr(Writer, "add_message", breaks_off)
+        recover(path, tmp_path / "clean.mcap")
+    assert list(tmp_path.iterdir()) == []
+    assert recover(path, tmp_path / "clean.mcap").records > 0
+    assert list(tmp_path.iterdir()) == [tmp_path / "clean.mcap"]
 
 
 def test_a_malformed_record_is_absent_and_counted(tmp_path: Path) -> None:
@@ -247,6 +266,35 @@ def test_what_is_no_flight_log_is_refused_in_one_line(path: Path, tmp_path: Path
     assert "empty" in refused("empty.mcap", b"")
     assert "does not begin as an MCAP file" in refused("text.mcap", b"take-off, tracking, landing")
     assert "no whole record" in refused("stub.mcap", path.read_bytes()[:200])
+
+
+def other_program(path: Path, compression: CompressionType, *, chunks: bool = True, topic: str = "/scan") -> Path:
+    """A closed file that another program wrote."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=compression, use_chunking=chunks)
+        writer.start()
+        channel = writer.register_channel(topic, "json", 0)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("chunks", [True, False])
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_another_programs_file_is_foreign_however_it_is_packed(
+    compression: CompressionType, chunks: bool, tmp_path: Path
+) -> None:
+    path = other_program(tmp_path / "foreign.mcap", compression, chunks=chunks)
+    with pytest.raises(ForeignLogError, match="none of its channels is Goshawk's"):
+        Flight.open(path)
+    assert header_of(path) is None
+
+
+def test_a_log_of_ours_that_was_packed_anew_in_lz4_is_no_other_programs(tmp_path: Path) -> None:
+    path = other_program(tmp_path / "ours.mcap", CompressionType.LZ4, topic="tel/control")
+    with pytest.raises(LogError, match="no whole record") as refused:
+        Flight.open(path)
+    assert not isinstance(refused.value, ForeignLogError)
 
 
 @pytest.mark.parametrize("protocol", [0, PROTOCOL - 1, PROTOCOL + 1])

@@ -360,3 +360,21 @@ def test_parameters_that_changed_since_the_flight_before_are_listed(tmp_path: Pa
     page = tmp_path / "x.html"
     write_page(make_report(Flight.open(path), before), page)
     assert "Parameters since 1.mcap" in page.read_text(encoding="utf-8")
+
+
+def test_a_recovered_log_is_not_the_flight_before_itself(tmp_path: Path) -> None:
+    def log(name: str, **facts: Any) -> Flight:
+        header = pb.LogHeader(protocol=PROTOCOL, vehicle="kite", **facts)
+        write_log(tmp_path / name, ("header", header), ("control", pb.Control()))
+        return Flight.open(tmp_path / name)
+
+    def before(flight: Flight) -> str | None:
+        earlier = flight_before(flight)
+        return earlier and earlier.name
+
+    log("1.mcap")
+    log("2.mcap")
+    assert before(log("2.recovered.mcap")) == "1.mcap"
+    log("3.mcap", wall_time="2026-05-01T10:00:00Z", stamp_ns=5)
+    assert before(log("4-clean.mcap", wall_time="2026-05-01T10:00:00Z", stamp_ns=5)) == "2.recovered.mcap"
+    assert before(log("5.mcap", wall_time="2026-05-01T10:09:00Z", stamp_ns=5)) == "4-clean.mcap"

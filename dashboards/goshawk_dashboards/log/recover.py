@@ -6,12 +6,18 @@ print(recovered.records, recovered.missing)
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
 from goshawk_dashboards.log.flight import Flight
+
+SUFFIX = ".recovered.mcap"
+"""What a name gets in place of the log's ".mcap"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +38,32 @@ def recover(log: Path, output: Path) -> Recovered:
 
     Raises LogError if nothing can be read, OSError if the output exists or cannot be written.
     """
+    if output.exists():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(output))
     flight = Flight.open(log)
+    # It gets its name at the end: what was broken off would stand in the way of another try.
+    unfinished = output.with_name(f".{output.name}.unfinished")
+    try:
+        written = _copy(flight, unfinished)
+        unfinished.rename(output)
+    finally:
+        with contextlib.suppress(OSError):
+            unfinished.unlink()
+    return Recovered(
+        path=output, records=written, duration_s=flight.duration_s, closed=flight.closed, missing=flight.missing
+    )
+
+
+def recovered_from(path: Path) -> Path | None:
+    """The log beside it that a recovered one, by its name, was made of; None: there is none."""
+    log = path.with_name(path.name.removesuffix(SUFFIX) + ".mcap")
+    return log if path.name.endswith(SUFFIX) and log.exists() else None
+
+
+def _copy(flight: Flight, output: Path) -> int:
+    """How many records."""
     written = 0
-    with output.open("xb") as stream:
+    with output.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
         writer.start(profile="", library="goshawk recover")
         ids: dict[int, int] = {}
@@ -47,6 +76,4 @@ def recover(log: Path, output: Path) -> Recovered:
             writer.add_message(ids[channel.id], time_ns, payload, time_ns, sequence)
             written += 1
         writer.finish()
-    return Recovered(
-        path=output, records=written, duration_s=flight.duration_s, closed=flight.closed, missing=flight.missing
-    )
+    return written

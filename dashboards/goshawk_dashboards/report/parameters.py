@@ -10,6 +10,7 @@ from typing import Any, cast
 from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.flight import Flight, header_of
+from goshawk_dashboards.log.recover import recovered_from
 
 MOST_TRIED = 5
 """Logs before this one, until one is of the same vehicle."""
@@ -34,14 +35,22 @@ class Earlier:
 
 
 def flight_before(flight: Flight) -> Earlier | None:
-    """The newest log beside a flight's that is older, by name as the vehicle names them, and of the same vehicle."""
-    path = flight.path
-    older = sorted((p for p in path.parent.glob("*.mcap") if p.name < path.name), reverse=True)
-    for candidate in older[:MOST_TRIED]:
+    """The newest log beside a flight's that is older, by name as the vehicle names them, and of the same vehicle.
+
+    A recovered log, or the one that it was made of, is no other flight.
+    """
+    path, now = flight.path, flight.header
+    beside = (p for p in path.parent.glob("*.mcap") if p.name < path.name and p != recovered_from(path))
+    for candidate in sorted(beside, reverse=True)[:MOST_TRIED]:
         header = header_of(candidate)
-        if header is not None and header.vehicle == flight.header.vehicle:
+        if header is not None and header.vehicle == now.vehicle and not _one_flight(header, now):
             return Earlier(name=candidate.name, header=header)
     return None
+
+
+def _one_flight(a: pb.LogHeader, b: pb.LogHeader) -> bool:
+    """Simulated flights have no date, and all begin at one stamp."""
+    return bool(a.wall_time) and (a.wall_time, a.stamp_ns) == (b.wall_time, b.stamp_ns)
 
 
 def changes(before: pb.LogHeader, now: pb.LogHeader) -> list[Change]:

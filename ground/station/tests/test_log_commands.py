@@ -72,6 +72,28 @@ def test_of_a_folder_the_newest_log_is_taken(log: Path, tmp_path: Path) -> None:
     assert done.exit_code == 2 and "no flight logs" in one_line(done.stderr)
 
 
+def test_of_a_folder_neither_an_export_nor_a_link_to_nothing_is_taken(log: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    (folder / "flight.mcap").write_bytes(log.read_bytes())
+    for format in ("foxglove", "ros2"):
+        assert goshawk("export", folder, "--format", format).exit_code == 0
+    (folder / "z.mcap").symlink_to(folder / "nowhere")
+    (folder / "z.text.mcap").write_text("hello")
+    assert goshawk("report", folder).exit_code == 0
+    assert [page.name for page in folder.rglob("*.html")] == ["flight.html"]
+
+
+def test_of_a_folder_without_a_header_the_newest_that_opens_is_taken(tmp_path: Path) -> None:
+    headless = rec.LogFile(tmp_path / "flight.mcap")
+    headless.write("control", rec.START_NS, rec.control(0.0, 0, 8.0))
+    headless.close()
+    (tmp_path / "z.mcap").write_text("hello")
+    assert goshawk("report", tmp_path).exit_code == 0
+    (tmp_path / "flight.mcap").unlink()
+    assert "does not begin as an MCAP file" in one_line(goshawk("report", tmp_path).stderr)
+
+
 def test_report_writes_one_page_and_tells_what_it_says(log: Path, tmp_path: Path) -> None:
     page, figures = tmp_path / "flight.html", tmp_path / "figures"
     done = goshawk("report", log, "-o", page, "--figures", figures, "--json")
@@ -231,7 +253,9 @@ def test_export_without_rerun_says_how_to_install_it(
     assert "make setup-rerun" in one_line(done.stderr)
 
 
-def test_recover_writes_a_clean_log_and_says_which_seconds_are_missing(log: Path, tmp_path: Path) -> None:
+def test_recover_writes_a_clean_log_and_says_which_seconds_are_missing(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     data = bytearray(log.read_bytes())
     data[len(data) // 2 : len(data) // 2 + 4096] = bytes(4096)
     damaged = tmp_path / "flight.mcap"
@@ -245,3 +269,9 @@ def test_recover_writes_a_clean_log_and_says_which_seconds_are_missing(log: Path
     again = goshawk("recover", damaged)
     assert again.exit_code == 2
     assert "File exists" in one_line(again.stderr)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    listed = json.loads(goshawk("logs", tmp_path, "--json").stdout)["flights"]
+    assert [Path(f["path"]).name for f in listed] == ["again.mcap", "flight.mcap"]
+    damaged.unlink()
+    listed = json.loads(goshawk("logs", tmp_path, "--json").stdout)["flights"]
+    assert [Path(f["path"]).name for f in listed] == ["again.mcap", "flight.recovered.mcap"]

@@ -11,6 +11,7 @@ import typer
 from goshawk_dashboards.exports import FOXGLOVE_LAYOUT, ExportError, Format, export_log
 from goshawk_dashboards.log.flight import LogError
 from goshawk_dashboards.log.progress import progress_bar
+from goshawk_dashboards.log.recover import SUFFIX, recovered_from
 from goshawk_dashboards.log.recover import recover as recover_log
 from rich.console import Console
 from rich.table import Table
@@ -120,7 +121,9 @@ def logs(
         fail(f"{folder} is no folder", NO_REPLY)
     if report is not None and report.suffix.lower() != ".html":
         fail(f"{report} is no name for a page: let --report end in .html", NO_REPLY)
-    paths, screen = sorted(folder.rglob("*.mcap")), Console(stderr=True)
+    # A recovered log is the same flight, and does not say what is missing.
+    paths = sorted(path for path in folder.rglob("*.mcap") if recovered_from(path) is None)
+    screen = Console(stderr=True)
     with progress_bar(counted=False) as progress:
         season = Season(row for row in gather(paths, cache_folder(), progress) if row is not None)
     try:
@@ -212,7 +215,7 @@ def recover(
     as_json: Json = False,
 ) -> None:
     """Write all that can be read of a damaged or cut-off log as a clean one, and say which seconds are missing."""
-    target = output or log.with_name(f"{log.stem}.recovered.mcap")
+    target = output or log.with_name(log.stem + SUFFIX)
     try:
         done = recover_log(log, target)
     except LogError as error:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
-from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.flight import Flight, LogError, header_of
 from goshawk_dashboards.log.progress import Progress, unheard
 
 REFUSED = 1
@@ -66,8 +68,24 @@ def _newest(path: Path, status: int) -> Path:
     """Of a folder the newest log in it, else the path as it is; ends with ``status`` where there is none."""
     if not path.is_dir():
         return path
-    found = sorted(path.rglob("*.mcap"), key=lambda log: (log.stat().st_mtime_ns, log))
-    return found[-1] if found else fail(f"{path}: no flight logs (.mcap) in this folder", status)
+    found: list[tuple[int, Path]] = []
+    for log in path.rglob("*.mcap"):
+        with contextlib.suppress(OSError):  # a link that leads nowhere
+            found.append((log.stat().st_mtime_ns, log))
+    newest_first = [log for _, log in sorted(found, reverse=True)]
+    # Exports end in .mcap too. What has no header may still be a damaged log; the last resort says what is wrong.
+    choices = itertools.chain(
+        (log for log in newest_first if header_of(log) is not None), filter(_opens, newest_first), newest_first
+    )
+    return next(choices, None) or fail(f"{path}: no flight logs (.mcap) in this folder", status)
+
+
+def _opens(log: Path) -> bool:
+    try:
+        Flight.open(log).log.close()
+    except LogError:
+        return False
+    return True
 
 
 def newest(path: Path) -> Path:
