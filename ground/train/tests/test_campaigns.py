@@ -266,7 +266,7 @@ samples = 32
 scenes = 2
 frames = 16
 trials = 1
-seed = 13_000_003
+seed = 1_000_004
 
 [[campaign]]
 name = "Navigation"

@@ -37,13 +37,16 @@ from scipy.spatial import KDTree
 F64 = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]
 SIMULATOR = ROOT / "target" / "release" / "goshawk-sim"
-TRACK, PAPER = ROOT / "air/models/track.onnx", ROOT / "air/models/paper.onnx"
+NAVIGATE = ROOT / "air/models/navigate-32bit.onnx"
+TRACK, PAPER = ROOT / "air/models/track-32bit.onnx", ROOT / "air/models/paper-32bit.onnx"
 SCENE = "scene_0000"
 
 
 def fly(folder: Path, *options: str, task: str = "track", seed: int = 414) -> Path:
     """One flight's log."""
+    model = TRACK if task == "track" else NAVIGATE
     command = [str(SIMULATOR), "fly", "--task", task, "--speed", "4", "--trials", "1", "--seed", str(seed)]
+    command += ["--policy", str(model)]
     command += ["--threads", "1", "--log", str(folder), *options]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (log,) = folder.glob("*.mcap")

@@ -151,7 +151,9 @@ def carry_out(plan: Plan, change: Change, folder: Path, runs: Path, simulator: P
     export.export(saved, out / "track.onnx", commit=commit, cost_scale=scale)
     if any(row.task == "navigate" for row in plan.campaigns):
         export.export(export.for_navigation(saved), out / "navigate.onnx", commit=commit, cost_scale=scale)
-    reports = [fly(row, out, simulator, out, trials=plan.trials, seed=plan.seed) for row in plan.campaigns]
+    reports = [
+        fly(row, out, simulator, out, trials=plan.trials, seed=plan.seed, seeds="tuning") for row in plan.campaigns
+    ]
     result = {
         "identity": identity(plan, change),
         "data": saved.data,

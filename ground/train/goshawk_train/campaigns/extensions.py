@@ -221,7 +221,9 @@ def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator:
         model = variant.base.policy(campaign.task)
         row = replace(campaign, model=model, options=[*campaign.options, "--vehicle-file", str(vehicle)])
         also = {name: now[name] for name in ("switches", "vehicle_sha256", "flight_code_sha256")}
-        report = fly(row, vehicle.parent, simulator, models, trials=plan.trials, seed=plan.seed, also=also)
+        report = fly(
+            row, vehicle.parent, simulator, models, trials=plan.trials, seed=plan.seed, seeds="tuning", also=also
+        )
         (cell,) = report["cells"]
         brief = {name: value for name, value in cell.items() if name not in ("flights", "target_plane")}
         cells.append({**brief, "outcomes": [flight["outcome"] for flight in cell["flights"]]})

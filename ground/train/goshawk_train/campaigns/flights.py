@@ -165,10 +165,11 @@ def fly(
     *,
     trials: int,
     seed: int,
+    seeds: str = "table",
     also: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The report of a campaign on which something is chosen, so with a seed for tuning; flown unless it is there
-    already. `also` is what decides its flights beside options and policy."""
+    """The report of a campaign with a seed of a range, the tables' or tuning; flown unless it is there already. `also`
+    is what decides its flights beside options and policy."""
     identity: dict[str, Any] = {
         "arguments": row.with_policy(row.arguments(trials, seed), models),
         "policy_sha256": hashlib.sha256(row.policy(models).read_bytes()).hexdigest(),
@@ -178,7 +179,7 @@ def fly(
     path = row.file(folder)
     if path.exists() and (report := json.loads(path.read_text())).get("flown") == identity:
         return report
-    return _fly(row, folder, simulator, identity, seed, seeds="tuning")
+    return _fly(row, folder, simulator, identity, seed, seeds=seeds)
 
 
 def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed: int, *, seeds: str) -> dict[str, Any]:
