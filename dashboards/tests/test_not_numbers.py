@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 import recordings as rec
 from goshawk_dashboards.log.flight import Flight
@@ -50,8 +51,9 @@ def test_a_place_that_is_none_does_not_end_the_report(tmp_path: Path, whose: str
     assert len(path.tables["path_target"]["time_s"]) == STEPS - (whose == "estimate")
     if math.isnan(value):
         assert report.numbers.path_m == pytest.approx(4.1 * EVERY_S * STEPS, rel=0.1)
-        lateral = report.numbers.target_lateral_m
-        assert lateral is not None and np.isfinite([lateral.p5, lateral.p50, lateral.p95]).all()
+        assert report.numbers.target_lateral_m is not None
+        # JSON knows no NaN.
+        json.dumps([dataclasses.asdict(report.numbers), dataclasses.asdict(report.tracking)], allow_nan=False)
 
 
 def test_the_least_clearance_is_found_beside_values_that_are_none(tmp_path: Path) -> None:
