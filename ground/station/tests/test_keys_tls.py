@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import socket
 import ssl
+import subprocess
+import sys
+import tempfile
 import threading
 from datetime import UTC, datetime
 from pathlib import Path
@@ -127,6 +130,32 @@ def test_zenoh_lets_in_its_own_and_no_stranger(ring: Path, foreign: Path, free_e
     assert connects(ring / "vehicle.hawk", ring / "observer.bob", endpoint)
     assert not connects(ring / "vehicle.hawk", foreign / "operator.alice", endpoint)
     assert not connects(ring / "vehicle.hawk", ring / "operator.late", endpoint)
+
+
+def test_a_far_side_that_says_nothing_ends_no_process(ring: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        command = [sys.executable, "-c", "from goshawk_ground.cli import main; main()", "stop", "--timeout", "1"]
+        command += ["--connect", f"tls/127.0.0.1:{silent.getsockname()[1]}", "--vehicle", "hawk"]
+        command += ["--identity", str(ring / "operator.alice")]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2, done.stderr
+    assert "Stop not delivered" in done.stderr.splitlines()[-1]
+
+
+def test_without_a_place_for_a_socket_it_says_what_to_do(
+    ring: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long = tmp_path / ("x" * 100)
+    long.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(long))
+    with pytest.raises(LinkError, match="TMPDIR"):
+        Way("tls/127.0.0.1:7447", "hawk", ring / "operator.alice")
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:99999", "127.0.0.1:0", "a..b:7447", f"{'a' * 64}.net:7447", "h:²"])
+def test_an_address_that_cannot_be_one_is_refused(ring: Path, address: str) -> None:
+    with pytest.raises(LinkError, match="is not an endpoint"):
+        Way(f"tls/{address}", "hawk", ring / "operator.alice")
 
 
 def test_the_ground_does_not_dial_a_revoked_vehicle(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 import time
@@ -9,9 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+import zenoh
+from google.protobuf.message import Message
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import GroundLink, LinkError
 from goshawk_proto import goshawk_pb2 as pb
+from goshawk_proto import key_expression
 
 Fakes = Callable[..., Any]
 CHANNELS = {"control", "health", "preview", "sim_truth"}
@@ -155,6 +159,30 @@ def test_a_listener_hears_every_sample_until_it_ends(fake_vehicle: Fakes) -> Non
         count = len(heard)
         time.sleep(0.3)
         assert len(heard) == count
+
+
+def test_what_a_vehicle_told_before_it_booted_hides_nothing_that_it_tells_now(free_endpoint: str) -> None:
+    config = zenoh.Config()
+    config.insert_json5("listen/endpoints", json.dumps([free_endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config) as session, GroundLink(connect=free_endpoint) as link:
+
+        def tells(key: str, message: Message) -> None:
+            session.put(key_expression(key, link.vehicle), message.SerializeToString())
+
+        def boots(process: int, uptime_s: int, events: int) -> None:
+            for number in range(events):
+                stamp_ns = (uptime_s * 1000 + number) * 1_000_000
+                tells("health", pb.Health(stamp_ns=stamp_ns, session=process))
+                tells("event", pb.Event(stamp_ns=stamp_ns, text=f"{process}: {number}", seq=number + 1))
+                time.sleep(0.02)
+
+        assert link.wait_for(lambda _: link.linked, 10)
+        boots(1, 3000, 20)
+        assert link.wait_for(lambda s: any(event.text == "1: 19" for event in s.events), 10)
+        boots(2, 5, 2)
+        assert link.wait_for(lambda s: any(event.text == "2: 1" for event in s.events), 10)
+        assert {event.text for event in link.snapshot().events} == {"2: 0", "2: 1"}
 
 
 @pytest.mark.parametrize("endpoint", ["", "foo", "tcp/", "http/127.0.0.1:1"])

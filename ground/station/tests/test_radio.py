@@ -139,6 +139,16 @@ def test_a_busy_port_is_said_at_once() -> None:
             Radio(f"udpin:127.0.0.1:{taken.getsockname()[1]}")
 
 
+def test_a_source_that_breaks_the_library_is_trouble_that_is_told() -> None:
+    with pytest.raises(LinkError, match="cannot listen"):
+        Radio("udpin:127.0.0.1:99999")
+    with Radio("tcp:127.0.0.1:99999") as radio:
+        end = time.monotonic() + 10.0
+        while not radio.view().trouble and time.monotonic() < end:
+            time.sleep(0.05)
+        assert radio.view().trouble
+
+
 def test_a_recorded_px4_is_understood() -> None:
     port = udp_port()
     with Radio(f"udpin:127.0.0.1:{port}") as radio, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from goshawk_dashboards.state.views import CommandView
 from goshawk_ground.link import GroundLink
 from goshawk_ground.orders.stop_file import PendingStop, StopFile
 from goshawk_ground.orders.stop_latch import RESUME_S
@@ -96,6 +97,41 @@ def test_pressing_again_keeps_the_id_and_a_start_waits_for_it(
         assert link.stop_ended(20.0)
         assert stops_of(acted) == [first]
         assert link.snapshot().command is not None
+
+
+def test_a_start_that_was_lost_is_not_asked_again_after_a_stop(
+    fake_vehicle: Fakes, relay_to: Callable[[str], Relay], tmp_path: Path
+) -> None:
+    acted, began = tmp_path / "acted", list[CommandView]()
+    relay = relay_to(fake_vehicle("--acted", str(acted)).endpoint)
+    with GroundLink(connect=relay.endpoint) as link:
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 20)
+        relay.cut()
+        starting = threading.Thread(target=lambda: began.append(link.start(timeout_s=20)))
+        starting.start()
+        time.sleep(0.5)
+        link.press_stop()
+        relay.mend()
+        assert link.stop_ended(20.0)
+        starting.join()
+        assert began[0].refused_here and "a Stop was pressed" in began[0].text
+        assert len(stops_of(acted)) == 1 and "start" not in acted.read_text()
+
+
+def test_a_stop_that_no_thread_can_ask_for_is_not_pending_and_the_next_one_is_sent(
+    fake_vehicle: Fakes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none_left(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with GroundLink(connect=fake_vehicle().endpoint) as link:
+        flying(link)
+        with monkeypatch.context() as full:
+            full.setattr(threading.Thread, "start", none_left)
+            link.press_stop()
+        command = link.snapshot().command
+        assert command is not None and "press again" in command.text and link.stop_ended(0.0)
+        assert link.stop().accepted
 
 
 def test_a_stop_that_is_cancelled_is_never_delivered(

@@ -82,6 +82,8 @@ class GroundLink:
         self._newest: dict[str, Any] = {}
         self._events: tuple[EventView, ...] = ()
         self._late: tuple[ControlView | HealthView, ...] = ()
+        self._process = 0
+        """`Health.session` of the vehicle's process."""
         self._catch_up = CatchUp(self, self._take_late)
         self._listeners: tuple[Listener, ...] = ()
         self._taps: tuple[Tap, ...] = ()
@@ -111,6 +113,9 @@ class GroundLink:
     def close(self) -> None:
         """Ends the session; safe to call twice."""
         self._closing.set()
+        if self._session is None:
+            # It dials still, and zenoh.open would go on for seconds: the end of its way ends it.
+            self._way.close()
         self._thread.join(timeout=3.0)
         session, self._session = self._session, None
         if session is not None:
@@ -240,6 +245,11 @@ class GroundLink:
                 self._add_event(view)
             else:
                 self._newest[name] = view
+            if isinstance(message, goshawk_pb2.Health) and message.session not in (0, self._process):
+                # A vehicle that booted anew counts its time anew: what it told before would hide what it tells now.
+                self._process = message.session
+                self._events = tuple(kept for kept in self._events if kept.stamp_ns <= message.stamp_ns)
+                self._late = tuple(kept for kept in self._late if kept.stamp_ns <= message.stamp_ns)
         self._catch_up.heard(message)
         for tap in self._taps:
             tap.put(name, message)
@@ -358,6 +368,11 @@ class GroundLink:
         if not self.stop_ended(timeout_s):
             self.give_up_stop()
         return self.snapshot().command or pressed
+
+    @property
+    def stops_pressed(self) -> int:
+        """How often a Stop was pressed, on this ground or on the one before it."""
+        return self._stops.pressed
 
     def _take_command(self, view: CommandView) -> None:
         """A late reply to an older Start never replaces news of a newer command; what becomes of a Stop always does."""

@@ -24,7 +24,7 @@ class Way:
             self.config = client_config(connect)
             return
         host, _, port = address.rpartition(":")
-        if not (host and port.isdigit()):
+        if not (_is_host(host) and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
             raise LinkError(f"'{connect}' is not an endpoint such as tls/192.168.1.7:7447")
         try:
             folder = identity or default_identity()
@@ -53,3 +53,11 @@ class Way:
         """Ends the tunnel; safe to call twice."""
         if self.tunnel is not None:
             self.tunnel.close()
+
+
+def _is_host(text: str) -> bool:
+    """A name that may be looked up, or an address."""
+    try:
+        return bool(text.strip("[]").encode("idna"))
+    except UnicodeError:
+        return False

@@ -125,8 +125,9 @@ class Radio:
         device, _, baud = self._source.partition(",")
         try:
             connection = _mavutil().mavlink_connection(device, baud=int(baud or 57600))
-        except OSError as error:
-            raise LinkError(f"cannot listen on {self._source}: {error.strerror or error}") from error
+        except (OSError, OverflowError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise LinkError(f"cannot listen on {self._source}: {why}") from error
         connection.write = _refuse
         return connection
 
@@ -137,7 +138,7 @@ class Radio:
                 if self._connection is None:
                     self._connection = self._open()
                 message = self._connection.recv_match(blocking=True, timeout=0.2)
-            except (OSError, LinkError) as error:
+            except Exception as error:  # whatever pymavlink raises of a source: the operator must see that it is deaf
                 self._give_up(" ".join(str(error).split()))
                 continue
             if message is None:

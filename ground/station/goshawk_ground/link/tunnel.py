@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import socket
 import ssl
 import tempfile
 import threading
@@ -31,19 +32,27 @@ class Tunnel:
     """Leads from ``endpoint`` (of this machine) to ``host``:``port``, where only ``vehicle`` is believed."""
 
     def __init__(self, *, host: str, port: int, vehicle: str, identity: Path) -> None:
-        """Listens at once. Raises IdentityError if the folder holds no identity, or one that knows better."""
+        """Listens at once. Raises IdentityError if the folder holds no identity, or one that knows better, or if there
+        is no place for a socket."""
         self._host, self._port, self._vehicle = host, port, vehicle
         self._context = _context(identity)
         _check_revoked(identity, vehicle)
-        self._folder = tempfile.TemporaryDirectory(prefix="goshawk-")  # readable by its owner alone
-        self._path = str(Path(self._folder.name) / "link.sock")
+        self._socket = socket.socket(socket.AF_UNIX)
+        try:
+            self._folder = tempfile.TemporaryDirectory(prefix="goshawk-")  # readable by its owner alone
+            self._path = str(Path(self._folder.name) / "link.sock")
+            self._socket.bind(self._path)
+            self._socket.listen()
+        except OSError as error:
+            self._socket.close()
+            why = error.strerror or error
+            raise IdentityError(f"no socket can be made ({why}): let TMPDIR name a short folder with room") from error
+        self._stop = asyncio.Event()
         self._loop = asyncio.new_event_loop()
         self._tasks: set[asyncio.Task[None]] = set()
         self._problem: str | None = None
-        ready = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(ready,), name="tunnel", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="tunnel", daemon=True)
         self._thread.start()
-        ready.wait()
 
     @property
     def endpoint(self) -> str:
@@ -68,15 +77,13 @@ class Tunnel:
             self._thread.join(timeout=3.0)
         self._folder.cleanup()
 
-    def _run(self, ready: threading.Event) -> None:
+    def _run(self) -> None:
         with contextlib.suppress(asyncio.CancelledError):
-            self._loop.run_until_complete(self._serve(ready))
+            self._loop.run_until_complete(self._serve())
         self._loop.close()
 
-    async def _serve(self, ready: threading.Event) -> None:
-        self._stop = asyncio.Event()
-        server = await asyncio.start_unix_server(self._accept, self._path, limit=CHUNK)
-        ready.set()
+    async def _serve(self) -> None:
+        server = await asyncio.start_unix_server(self._accept, sock=self._socket, limit=CHUNK)
         async with server:
             await self._stop.wait()
         for task in self._tasks:
@@ -99,6 +106,10 @@ class Tunnel:
             self._problem = _why(error, self._host, self._port)
             writer.close()
             return
+        except asyncio.CancelledError:
+            # Zenoh waits for an answer: without this it would for its own ten seconds.
+            writer.transport.abort()
+            raise
         try:
             await _copy_both(reader, writer, far_reader, far_writer)
             self._problem = None

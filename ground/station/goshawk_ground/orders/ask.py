@@ -26,6 +26,11 @@ class Asker(Protocol):
         """Whether the link is being given up."""
         ...
 
+    @property
+    def stops_pressed(self) -> int:
+        """How often a Stop was pressed."""
+        ...
+
     def ask(self, key: str, request: Message | None, timeout_s: float) -> Iterator[Message]:
         """The well-formed replies to one query."""
         ...
@@ -41,7 +46,7 @@ class Asker(Protocol):
 
 
 class Starter:
-    """Sends Start. Each view, the pending one first, goes to ``told``."""
+    """Sends Start, until it is answered or a Stop is pressed. Each view, the pending one first, goes to ``told``."""
 
     def __init__(self, link: Asker, told: Callable[[CommandView], None]) -> None:
         self._link = link
@@ -50,21 +55,32 @@ class Starter:
     def start(self, profile: str, timeout_s: float) -> CommandView:
         """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Waits for the answer."""
         request = goshawk_pb2.StartRequest(command_id=str(uuid.uuid4()), profile=profile)
+        stops = self._link.stops_pressed
         view = sent("start", request.command_id, time.monotonic())
         self._told(view)
         if why_not := self._link.refuses_start(timeout_s):
             view = replace(view, pending=False, refused_here=True, text=why_not)
-        elif (reply := self._reply(request, timeout_s - (time.monotonic() - (view.at_s or 0.0)))) is not None:
+        elif (reply := self._reply(request, stops, timeout_s - (time.monotonic() - (view.at_s or 0.0)))) is not None:
             view = answered(view, reply)
+        elif self._link.stops_pressed != stops:
+            view = replace(view, pending=False, refused_here=True, text="not asked any more: a Stop was pressed since")
         else:
             view = replace(view, pending=False, text=self._link.why_silent(timeout_s))
         self._told(view)
         return view
 
-    def _reply(self, request: goshawk_pb2.StartRequest, timeout_s: float) -> goshawk_pb2.CommandReply | None:
-        """Asks until it is answered or time is up. The id stays the same, so the vehicle acts once at most."""
+    def _reply(
+        self, request: goshawk_pb2.StartRequest, stops: int, timeout_s: float
+    ) -> goshawk_pb2.CommandReply | None:
+        """Asks until it is answered, time is up, or a Stop is pressed beyond the first ``stops``: asked after that, a
+        Start whose question was lost would begin the flight that the Stop was for.
+
+        The id stays the same, so the vehicle acts once at most.
+        """
         deadline = time.monotonic() + timeout_s
         while (left_s := deadline - time.monotonic()) > 0.0 and not self._link.closing:
+            if self._link.stops_pressed != stops:
+                return None
             if not self._link.linked:
                 time.sleep(min(0.05, left_s))
                 continue

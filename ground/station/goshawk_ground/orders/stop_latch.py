@@ -10,6 +10,7 @@ import itertools
 import threading
 import time
 import uuid
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -26,6 +27,8 @@ ATTEMPTS_S = (0.5, 1.0, 2.0, 4.0)
 """How long an answer is waited for before the Stop is sent again, in turn: soon, in case the question was lost; longer,
 in case the answer takes its time over a slow link."""
 PAUSE_S = 0.05
+THREADS = 4
+"""That ask at once, at most: somebody may hammer the button."""
 
 
 class Told(Protocol):
@@ -54,6 +57,7 @@ class StopLatch:
         self._lapsed: PendingStop | None = None
         self._ended = threading.Condition(self._lock)
         """Signalled when nothing is pending any more."""
+        self._pressed = 0
         self._again = threading.Event()
         self._threads: list[threading.Thread] = []
         kept = None if file is None else file.load()
@@ -65,9 +69,15 @@ class StopLatch:
         if abs(age_s) > RESUME_S:
             self._lapsed = kept
             return
+        self._pressed += 1
         pressed_s = time.monotonic() - max(age_s, 0.0)
         self._pending = _Pending(command_id=kept.command_id, at_s=pressed_s, resumed=True)
         self._begin(self._pending)
+
+    @property
+    def pressed(self) -> int:
+        """How often it was pressed; one that was taken up counts."""
+        return self._pressed
 
     def view(self) -> StopView | None:
         """The Stop that is pending, or the one that lapsed."""
@@ -88,11 +98,15 @@ class StopLatch:
     def press(self) -> CommandView:
         """Begins to ask for a stop; one that is pending already is asked at once, under its own id."""
         with self._lock:
+            self._pressed += 1
             pending = self._pending
             if pending is None:
                 self._lapsed = None
                 pending = self._pending = _Pending(command_id=str(uuid.uuid4()), at_s=time.monotonic())
                 self._begin(pending)
+            else:
+                # Another question may wait for its answer for seconds.
+                self._spawn(self._ask_now, pending)
         self._again.set()
         self._keep(pending)
         return sent("stop", pending.command_id, pending.at_s)
@@ -130,10 +144,34 @@ class StopLatch:
     # ---- asking ----
 
     def _begin(self, pending: _Pending) -> None:
-        self._told(sent("stop", pending.command_id, pending.at_s))
-        thread = threading.Thread(target=self._ask, args=(pending,), name="stop", daemon=True)
-        self._threads = [t for t in self._threads if t.is_alive()] + [thread]
-        thread.start()
+        view = sent("stop", pending.command_id, pending.at_s)
+        self._told(view)
+        if not self._spawn(self._ask, pending):
+            self._pending = None
+            self._told(replace(view, pending=False, text="not sent, for no thread can be started here: press again"))
+
+    def _spawn(self, ask: Callable[[_Pending], None], pending: _Pending) -> bool:
+        """Whether a thread that asks is under way; there are a few at most."""
+        self._threads = [thread for thread in self._threads if thread.is_alive()]
+        if len(self._threads) >= THREADS:
+            return True
+        thread = threading.Thread(target=ask, args=(pending,), name="stop", daemon=True)
+        try:
+            thread.start()
+        except RuntimeError:
+            return False
+        self._threads.append(thread)
+        return True
+
+    def _ask_now(self, pending: _Pending) -> None:
+        """Once, beside whoever asks already."""
+        if self._link.linked and not self._over(pending):
+            request = goshawk_pb2.StopRequest(command_id=pending.command_id)
+            self._take(pending, ask_once(self._link, "cmd_stop", request, ATTEMPTS_S[-1]))
+
+    def _take(self, pending: _Pending, reply: goshawk_pb2.CommandReply | None) -> None:
+        if reply is not None:
+            self._end(pending, answered(sent("stop", pending.command_id, pending.at_s), reply))
 
     def _ask(self, pending: _Pending) -> None:
         request = goshawk_pb2.StopRequest(command_id=pending.command_id)
@@ -145,10 +183,7 @@ class StopLatch:
                 self._again.clear()
             if self._over(pending):
                 return
-            reply = ask_once(self._link, "cmd_stop", request, attempt_s)
-            if reply is not None:
-                self._end(pending, answered(sent("stop", pending.command_id, pending.at_s), reply))
-                return
+            self._take(pending, ask_once(self._link, "cmd_stop", request, attempt_s))
             self._again.wait(PAUSE_S)
             self._again.clear()
 
