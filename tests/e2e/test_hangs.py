@@ -96,6 +96,15 @@ def test_who_stops_reading_its_messages_holds_up_nothing(rig: Rig) -> None:
     os.close(write)
 
 
+@pytest.fixture
+def terminal() -> Generator[None]:
+    """The processes hear that a terminal closes, even under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("terminal")
 def test_a_terminal_that_goes_in_flight_takes_nothing_down_and_on_the_ground_the_process(rig: Rig) -> None:
     air = rig.air()
     takes_off(rig)
@@ -104,8 +113,8 @@ def test_a_terminal_that_goes_in_flight_takes_nothing_down_and_on_the_ground_the
     with rig.link() as link:
         assert link.wait_for(lambda s: s.mode in FLYING, 5.0), rig.output("air")
         assert link.stop().accepted
-        assert link.wait_for(lambda s: s.mode in GROUND, 40.0), rig.output("air")
-    assert air.wait(timeout=15) == 0
+        # Down, and gone at once: it may not say any more that it is down.
+        assert air.wait(timeout=60) == 0
     (log,) = rig.logs.glob("*.mcap")
     assert f"log finished: {log}" in rig.output("air")
 

@@ -129,7 +129,7 @@ def test_one_changed_pixel_is_found_by_the_network(flight: Path, tmp_path: Path)
     def brighter(data: bytes) -> bytes:
         message = goshawk_pb2.CompressedRgbd.FromString(data)
         rgb = np.asarray(Image.open(io.BytesIO(message.rgb_png))).copy()
-        rgb[48, 80, 0] ^= 1
+        rgb[48, 80, 0] ^= 128
         png = io.BytesIO()
         Image.fromarray(rgb).save(png, "PNG")
         message.rgb_png = png.getvalue()
