@@ -69,6 +69,8 @@ def _with(message: Any, **fields: Any) -> Any:
         (decode.plan, _with(a_plan(), chosen=15), "candidate 15 of 15"),
         (decode.plan, _with(a_plan(), duration_s=0.0), "lasts 0.0 s"),
         (decode.plan, _with(a_plan(), duration_s=math.nan), "lasts nan"),
+        (decode.plan, _with(a_plan(), duration_s=1e200), "lasts 1e"),
+        (decode.plan, _with(a_plan(), start_vel_world=pb.Vec3(y=-1e200)), "start velocity is beyond 1e"),
         (decode.plan, _with(a_plan(), start_pos_world=pb.Vec3(x=math.inf)), "start position is not finite"),
         (decode.plan, _with(a_plan(), world_from_cam=pb.Quat()), "not a unit quaternion"),
         (decode.plan, a_plan(300), "300 candidates"),

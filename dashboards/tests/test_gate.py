@@ -158,6 +158,26 @@ def test_half_a_request_is_waited_for_in_bounds(house: House, monkeypatch: pytes
         assert slow.recv(100) == b""
 
 
+def test_logins_whose_form_never_comes_keep_nobody_out_and_end(house: House, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = f"POST /login HTTP/1.1\r\nHost: {house.host}\r\nOrigin: http://{house.host}\r\nContent-Length: 30\r\n\r\np"
+    with ExitStack() as stack:
+        slow = [stack.enter_context(socket.create_connection(("127.0.0.1", house.gate.port), 20)) for _ in range(100)]
+        for connection in slow:
+            connection.sendall(begun.encode())
+        # The door holds fewer: the first had to go without an answer, long before its time was over.
+        assert slow[0].recv(100) == b""
+        assert house.ask(Cookie=house.cookie())[0] == 200
+    monkeypatch.setattr(doors, "ASK_WITHIN_S", 0.2)
+    with socket.create_connection(("127.0.0.1", house.gate.port), timeout=20) as late:
+        late.sendall(begun.encode())
+        assert late.recv(100) == b""
+
+
+def test_a_packed_form_is_refused(house: House) -> None:
+    own = {"Origin": f"http://{house.host}", "Content_Encoding": "gzip"}
+    assert house.ask("POST", "/login", "password=no-gzip-at-all", **own)[0] == 413
+
+
 def test_headers_without_end_are_refused(house: House) -> None:
     with socket.create_connection(("127.0.0.1", house.gate.port), timeout=20) as big:
         with suppress(OSError):

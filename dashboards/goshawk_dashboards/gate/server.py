@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import parse_qs, quote
 
 import aiohttp
-from aiohttp import web
+from aiohttp import hdrs, web
 
 from goshawk_dashboards.gate import headers, pages
 from goshawk_dashboards.gate.access import SESSION_S, Access, Attempts, Role, Session
@@ -109,9 +109,13 @@ class Gate:
         if transport is None:
             raise ConnectionResetError
         peer = transport.get_extra_info("peername")
+        form = None
+        if request.method == "POST":  # one whose form has not come waits in the door like all others
+            form = await _form(request)
         self._doors.asked(peer)
+        own_address = transport.get_extra_info("sockname")[0]
         try:
-            answer = await self._decide(request, headers.address_key(peer[0]), transport.get_extra_info("sockname")[0])
+            answer = await self._decide(request, form, headers.address_key(peer[0]), own_address)
         except (aiohttp.ClientError, TimeoutError):
             answer = _page(HTTPStatus.BAD_GATEWAY, pages.refused("The dashboard has ended", "Start it again."))
         except FullError:
@@ -122,7 +126,9 @@ class Gate:
             answer.force_close()
         return answer
 
-    async def _decide(self, request: web.BaseRequest, address: str, own_address: str) -> web.StreamResponse:
+    async def _decide(
+        self, request: web.BaseRequest, form: dict[str, list[str]] | None, address: str, own_address: str
+    ) -> web.StreamResponse:
         if not headers.host_is_ours(request.headers.get("Host", ""), own_address, self._names):
             words = f"Open it under the address that the ground station printed, or as localhost:{self.port}."
             return _page(HTTPStatus.MISDIRECTED_REQUEST, pages.refused("No dashboard goes by this name", words))
@@ -134,7 +140,7 @@ class Gate:
                 words = "Another page asked for it, and only the dashboard's own page may."
                 return _page(HTTPStatus.FORBIDDEN, pages.refused("Refused", words))
             if request.method == "POST":
-                return await self._log_in(request, address)
+                return self._log_in(request, form, address)
         elif request.query_string:
             return self._by_link(request)
         session = self._session(request)
@@ -160,13 +166,11 @@ class Gate:
             return _page(HTTPStatus.FORBIDDEN, pages.refused("This link is not valid", words))
         return self._let_in(_page(HTTPStatus.OK, pages.opening()), role)
 
-    async def _log_in(self, request: web.BaseRequest, address: str) -> web.StreamResponse:
+    def _log_in(self, request: web.BaseRequest, form: dict[str, list[str]] | None, address: str) -> web.StreamResponse:
         if request.path != "/login" or not self._access.passwords:
             return _page(HTTPStatus.NOT_FOUND, pages.refused("Nothing is there", "Open the link instead."))
-        if request.content_length is None or request.content_length > MOST_FORM_BYTES:
+        if form is None:
             return _page(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, pages.refused("Refused", "A password is shorter."))
-        async with asyncio.timeout(ANSWER_WITHIN_S / 6):
-            form = parse_qs((await request.content.readexactly(request.content_length)).decode(errors="replace"))
         if not self._attempts.may(address):
             return _page(HTTPStatus.TOO_MANY_REQUESTS, pages.sign_in(wrong=_TRY_LATER, with_password=True))
         role = self._access.role_of_password(form.get("password", [""])[0])
@@ -203,6 +207,18 @@ class Gate:
         return self._upstreams[role]
 
 
+async def _form(request: web.BaseRequest) -> dict[str, list[str]] | None:
+    """What a form says; none if it is too long, of no told length, or packed. Raises ConnectionResetError if it ends
+    too early, as it does when the door has waited long enough."""
+    length = request.content_length
+    if length is None or length > MOST_FORM_BYTES or hdrs.CONTENT_ENCODING in request.headers:
+        return None
+    try:
+        return parse_qs((await request.content.readexactly(length)).decode(errors="replace"))
+    except (asyncio.IncompleteReadError, aiohttp.ClientError) as error:
+        raise ConnectionResetError from error
+
+
 def _page(status: HTTPStatus, text: str) -> web.Response:
     return web.Response(status=status, text=text, content_type="text/html")
 
@@ -216,6 +232,8 @@ def _listen(host: str, port: int, *, secure: bool) -> socket.socket:
         family, kind, protocol, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except OSError as error:
         raise PortBusyError(f"cannot serve the dashboard on {host}:{port}: {error.strerror}") from error
+    except UnicodeError as error:  # a label of a name is empty or too long
+        raise PortBusyError(f"cannot serve the dashboard on {host}:{port}: no address is called so") from error
     if not (secure or ipaddress.ip_address(str(place[0]).partition("%")[0]).is_loopback):
         raise UnguardedError(f"other machines may open the dashboard on {host} over HTTPS only")
     listener = socket.socket(family, kind, protocol)

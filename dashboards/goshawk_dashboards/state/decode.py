@@ -1,7 +1,8 @@
 """From messages of the wire to the views of a snapshot, validated once, here.
 
-Each function raises ``MalformedError`` (one line: the message and what is wrong with it) if a value is not finite or
-a length is not what it must be. An enum value that this version does not know passes; `words` shows its number.
+Each function raises ``MalformedError`` (one line: the message and what is wrong with it) if a value is not finite, a
+position is beyond all measure, or a length is not what it must be. An enum value that this version does not know
+passes; `words` shows its number.
 """
 
 from __future__ import annotations
@@ -23,6 +24,10 @@ MAX_VOXELS = 20_000
 """More than a vehicle tells of what it remembers."""
 DEPTH_BLOCKS = (24, 40)
 """Rows and columns."""
+FARTHEST = 1e9
+"""Of a position, a velocity or an acceleration: what is larger was never measured, and its square may be none."""
+LONGEST_PLAN_S = 600.0
+"""Far more than any policy plans: a bound on how many points one message may make us draw."""
 
 
 class MalformedError(ValueError):
@@ -38,11 +43,17 @@ def _array(what: str, values: Any, shape: tuple[int, ...]) -> view.Array:
 
 
 def _vec(what: str, v: pb.Vec3) -> view.Array:
-    return _array(what, (v.x, v.y, v.z), (3,))
+    return _near(what, _array(what, (v.x, v.y, v.z), (3,)))
 
 
 def _vecs(what: str, vs: Iterable[pb.Vec3f]) -> view.Array:
-    return _array(what, [(v.x, v.y, v.z) for v in vs], (-1, 3))
+    return _near(what, _array(what, [(v.x, v.y, v.z) for v in vs], (-1, 3)))
+
+
+def _near(what: str, array: view.Array) -> view.Array:
+    if (np.abs(array) > FARTHEST).any():
+        raise MalformedError(f"{what} is beyond {FARTHEST:.0e}")
+    return array
 
 
 def _quat(what: str, q: pb.Quat) -> view.Array:
@@ -67,7 +78,7 @@ def plan(m: pb.Plan) -> view.PlanView:
     chosen = m.chosen if m.HasField("chosen") else None
     if chosen is not None and chosen >= len(cands):
         raise MalformedError(f"plan chose candidate {chosen} of {len(cands)}")
-    if not (math.isfinite(m.duration_s) and m.duration_s > 0.0):
+    if not 0.0 < m.duration_s <= LONGEST_PLAN_S:
         raise MalformedError(f"plan lasts {m.duration_s} s")
     detections = all(c.HasField("target_pos_world") for c in cands) and len(cands) > 0
     return view.PlanView(
@@ -100,7 +111,7 @@ def remembered(m: pb.ObstacleMap) -> view.RememberedView:
     """The map of what stands; three bytes a voxel, and an edge."""
     if len(m.voxels) % 3 or len(m.voxels) > 3 * MAX_VOXELS:
         raise MalformedError(f"map has {len(m.voxels)} bytes, not three a voxel of {MAX_VOXELS} at most")
-    if not (math.isfinite(m.voxel_m) and m.voxel_m > 0.0):
+    if not 0.0 < m.voxel_m <= FARTHEST:
         raise MalformedError(f"map has voxels of {m.voxel_m} m")
     return view.RememberedView(
         seq=m.seq,

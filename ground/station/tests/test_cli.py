@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 from goshawk_ground.cli import app
+from goshawk_ground.commands.options import print_json
 from typer.testing import CliRunner
 
 Fakes = Callable[..., Any]
@@ -105,6 +107,30 @@ def test_a_busy_dashboard_port_is_one_clear_line(free_endpoint: str) -> None:
         done = goshawk("ground", "--connect", free_endpoint, "--port", port)
     assert done.returncode == 2
     assert f"127.0.0.1:{port}" in one_line(done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("start", "--timeout", "inf"), "or equal to"),
+        (("stop", "--timeout", "nan"), "or equal to"),
+        (("start", "--profile", os.fsdecode(b"ch\xe4se")), "not plain text"),
+        (("ground", "--host", "bad..name"), "no address is called so"),
+        (("ground", "--vehicle", "a", "--vehicle", "b", "--foxglove", "65535"), "ports up to 65536"),
+    ],
+)
+def test_arguments_that_mean_nothing_are_refused_with_their_reason(
+    arguments: tuple[str, ...], words: str, free_endpoint: str
+) -> None:
+    done = goshawk(*arguments, "--connect", free_endpoint)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert words in " ".join(done.stderr.split()), done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_number_that_is_none_is_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({"a": math.nan, "b": [1.5, (math.inf,)], "c": Path("x")})
+    assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.5, [None]], "c": "x"}
 
 
 def test_an_unknown_option_is_wrong_usage() -> None:

@@ -225,3 +225,29 @@ def test_a_recording_holds_what_was_told_after_a_cut_in_its_place(
     flight = Flight.open(path)
     assert [e.text for e in flight.events] == ["event 2"], "the first was before the recording"
     assert flight.times_s("control").tolist() == [1.0, 2.0]
+
+
+def test_a_vehicle_that_boots_anew_is_recorded_in_a_file_of_its_own(
+    vehicle: Vehicle, free_endpoint: str, tmp_path: Path
+) -> None:
+    ended = threading.Event()
+    counts: list[int] = []
+    with GroundLink(connect=free_endpoint) as link:
+        assert link.wait_for(lambda s: s.alive, 10.0)
+        writing = threading.Thread(
+            target=lambda: counts.append(record(link, tmp_path / "heard.mcap", ended.is_set)), daemon=True
+        )
+        writing.start()
+        time.sleep(0.3)
+        for told in (beat(100.0), beat(101.0), beat(102.0, session=8), beat(4.0, session=9), beat(5.0, session=9)):
+            vehicle.put("health", told)
+        assert link.wait_for(lambda s: s.health is not None and s.health.stamp_ns == 5 * SECOND, 10.0)
+        vehicle.put("control", step(5.5))
+        assert link.wait_for(lambda s: s.control is not None, 10.0)
+        time.sleep(0.5)
+        ended.set()
+        writing.join()
+    first, second = Flight.open(tmp_path / "heard.mcap"), Flight.open(tmp_path / "heard-2.mcap")
+    assert first.times_s("health").tolist() == [0.0, 1.0, 2.0], "a process that starts again goes by the same clock"
+    assert (second.times_s("health").tolist(), second.times_s("control").tolist()) == ([0.0, 1.0], [1.5])
+    assert (second.count("header"), counts) == (1, [first.count("health") + second.count("health") + 1])

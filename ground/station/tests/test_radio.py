@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import struct
 import time
+import tty
 from collections.abc import Callable
 from pathlib import Path
 
@@ -176,3 +178,28 @@ def packets(log: bytes, most: int = 6000) -> list[bytes]:
         found.append(log[at + 8 : at + 8 + size])
         at += 8 + size
     return found
+
+
+def test_a_serial_radio_is_heard_and_a_port_that_goes_away_is_told() -> None:
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    beat = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3).pack(packer)
+    try:
+        with Radio(f"{os.ttyname(theirs)},57600") as radio:
+
+            def speak() -> None:
+                os.write(ours, beat)
+
+            heard = wait_for(radio, lambda v: v.age_s is not None, speak)
+            assert not heard.trouble
+            os.set_blocking(ours, False)
+            with pytest.raises(BlockingIOError):
+                os.read(ours, 1)
+            os.close(ours)
+            ours = -1
+            assert wait_for(radio, lambda v: bool(v.trouble), lambda: None).trouble
+    finally:
+        for end in (ours, theirs):
+            if end >= 0:
+                os.close(end)

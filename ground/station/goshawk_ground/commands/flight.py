@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,19 @@ from goshawk_dashboards.state.views import CommandView
 from rich.console import Console
 from rich.table import Table
 
-from goshawk_ground.commands.options import NO_REPLY, REFUSED, Connect, Identity, Json, Timeout, Vehicle, fail
+from goshawk_ground.commands.options import (
+    A_DAY_S,
+    NO_REPLY,
+    REFUSED,
+    Connect,
+    Identity,
+    Json,
+    Timeout,
+    Vehicle,
+    fail,
+    print_json,
+    readable,
+)
 from goshawk_ground.commands.stopping import stop_until_confirmed
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
 
@@ -33,7 +44,7 @@ def open_link(vehicle: str, connect: str, identity: Path | None) -> GroundLink:
 def _report(view: CommandView, as_json: bool) -> None:
     mode = None if view.mode is None else words.mode(view.mode)
     if as_json:
-        typer.echo(json.dumps({**dataclasses.asdict(view), "mode": mode}))
+        print_json({**dataclasses.asdict(view), "mode": mode})
     if view.refused_here:
         fail(f"{view.verb} not sent: {view.text}", REFUSED)
     if not view.answered:
@@ -46,7 +57,9 @@ def _report(view: CommandView, as_json: bool) -> None:
 
 
 def start(
-    profile: Annotated[str, typer.Option(help="A start profile of the vehicle file; empty: its default.")] = "",
+    profile: Annotated[
+        str, typer.Option(help="A start profile of the vehicle file; empty: its default.", callback=readable)
+    ] = "",
     vehicle: Vehicle = DEFAULT_VEHICLE,
     connect: Connect = DEFAULT_CONNECT,
     identity: Identity = None,
@@ -63,7 +76,8 @@ def stop(
     connect: Connect = DEFAULT_CONNECT,
     identity: Identity = None,
     timeout: Annotated[
-        float | None, typer.Option(min=0.1, help="Seconds after which it gives up; absent: only Ctrl-C ends it.")
+        float | None,
+        typer.Option(min=0.1, max=A_DAY_S, help="Seconds after which it gives up; absent: only Ctrl-C ends it."),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -87,7 +101,7 @@ def status(
             fail(link.why_silent(timeout), NO_REPLY)
     health = snap.health
     if as_json:
-        typer.echo(json.dumps({**dataclasses.asdict(health), "mode": words.mode(health.mode)}))
+        print_json({**dataclasses.asdict(health), "mode": words.mode(health.mode)})
     else:
         _print_status(snap)
     if protocol.mismatch(health) or not (health.ready or health.mode in FLYING):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
+import math
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, cast
 
 import typer
 from goshawk_dashboards.log.flight import Flight, LogError, header_of
@@ -23,7 +24,17 @@ Identity = Annotated[
         metavar="DIR", help="Folder of who you are (`goshawk keys`), for tls; absent: the operator's in your keyring."
     ),
 ]
-Timeout = Annotated[float, typer.Option(min=0.1, help="Seconds to wait for an answer.")]
+
+
+def readable(text: str) -> str:
+    """Refuses what no message can hold: bytes of the command line that are not UTF-8."""
+    if not text.isprintable():
+        raise typer.BadParameter(f"'{visible(text)}' is not plain text")
+    return text
+
+
+A_DAY_S = 86_400.0
+Timeout = Annotated[float, typer.Option(min=0.1, max=A_DAY_S, help="Seconds to wait for an answer.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of words.")]
 Port = Annotated[int, typer.Option(min=1, max=65535, help="The dashboard's port.")]
 Host = Annotated[
@@ -109,8 +120,16 @@ LogFile = Annotated[
 
 
 def print_json(facts: Any) -> None:
-    """One JSON object; paths become text."""
-    typer.echo(json.dumps(facts, default=str))
+    """One JSON object; paths become text, and numbers that are none become null."""
+    typer.echo(json.dumps(_told(facts), default=str, allow_nan=False))
+
+
+def _told(facts: Any) -> Any:
+    if isinstance(facts, dict):
+        return {name: _told(value) for name, value in cast(dict[Any, Any], facts).items()}
+    if isinstance(facts, list | tuple):
+        return [_told(value) for value in cast(list[Any], facts)]
+    return None if isinstance(facts, float) and not math.isfinite(facts) else facts
 
 
 def open_flight(path: Path, progress: Progress = unheard) -> Flight:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import json
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
@@ -25,6 +24,7 @@ from goshawk_ground.commands.options import (
     TokenFile,
     fail,
     newest_of_each,
+    print_json,
 )
 from goshawk_ground.demo import places
 from goshawk_ground.link import DEFAULT_CONNECT, DEFAULT_VEHICLE, GroundLink, LinkError
@@ -105,7 +105,7 @@ def ground(
         with until_interrupted():
             if as_json:
                 facts = {"url": dashboard.url, "observer_url": dashboard.observer_url, "vehicles": endpoints}
-                typer.echo(json.dumps({**facts, "foxglove": list(tools), **admitted.facts()}))
+                print_json({**facts, "foxglove": list(tools), **admitted.facts()})
             else:
                 words = ", ".join(f"'{name}' at {endpoint}" for name, endpoint in endpoints.items())
                 typer.echo(f"dashboard: {dashboard.url}  ({words}; Ctrl-C ends)")

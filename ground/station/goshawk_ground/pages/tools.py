@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from typing import Protocol, Self
 
 from goshawk_dashboards.exports.source import Record
+from goshawk_dashboards.page.viewer import Guard
 from goshawk_proto import KEYS
 
 from goshawk_ground.link import GroundLink
 from goshawk_ground.link.tap import stamp_ns
 
 WAIT_S = 0.2
+MOST_PORT = 65535
 
 
 class Tool(Protocol):
@@ -33,6 +35,7 @@ class Feed:
     def __init__(self, link: GroundLink, tool: Tool) -> None:
         self._link, self._tool = link, tool
         self._closing = threading.Event()
+        self._guard = Guard()
         self._thread = threading.Thread(target=self._run, name="tool", daemon=True)
 
     def __enter__(self) -> Self:
@@ -51,7 +54,8 @@ class Feed:
                 for channel, message in tap.take(0.0 if over else WAIT_S):
                     at_ns = stamp_ns(channel, message)
                     topic = KEYS[channel].suffix
-                    self._tool.take(Record(channel=channel, topic=topic, log_ns=at_ns, message=message))
+                    with self._guard.over(self._tool):
+                        self._tool.take(Record(channel=channel, topic=topic, log_ns=at_ns, message=message))
         self._tool.close()
 
 
@@ -62,6 +66,8 @@ def foxglove_feeds(links: Sequence[GroundLink], port: int) -> dict[str, Feed]:
     """
     from goshawk_dashboards.exports.foxglove_live import FoxgloveServer  # 50 MB: only where it is used
 
+    if (last := port + len(links) - 1) > MOST_PORT:
+        raise OSError(f"the {len(links)} vehicles would need ports up to {last} for Foxglove: give a lower --foxglove")
     servers: list[FoxgloveServer] = []
     try:
         for k, link in enumerate(links):
