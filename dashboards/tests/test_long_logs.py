@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 import recordings as rec
 from goshawk_dashboards.log import small
-from goshawk_dashboards.log.flight import Flight, header_of
+from goshawk_dashboards.log.flight import Flight, LogError, header_of
+from goshawk_dashboards.log.mcap_file import BEGINNING, first_message
 from goshawk_proto import PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
+from mcap.writer import Writer
 
 READ = """
 import resource, sys
@@ -113,6 +115,22 @@ def test_the_flight_before_is_known_by_its_first_record(tmp_path: Path) -> None:
     assert header_of(path) == whole
     path.write_bytes(b"no log")
     assert header_of(path) is None
+
+
+def test_a_long_file_of_another_program_is_not_read_to_its_end_for_a_header(tmp_path: Path) -> None:
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=10_000)
+        writer.start()
+        channel = writer.register_channel("/other", "json", 0)
+        for k in range(2 * BEGINNING):
+            writer.add_message(channel, k, b"{}" * 50, k)
+        place = file.tell()
+        writer.finish()
+    # What would be met there is no record.
+    path.write_bytes(path.read_bytes()[: place - 20_000] + b"x" * 100_000)
+    with pytest.raises(LogError, match="does not begin with log/header"):
+        first_message(path, "log/header")
 
 
 def test_whatever_stands_beside_a_log_its_header_is_read_or_is_none(tmp_path: Path) -> None:

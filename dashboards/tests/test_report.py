@@ -154,15 +154,15 @@ def test_the_camera_sits_where_the_vehicle_file_says() -> None:
     assert frames.camera_mount(pb.LogHeader(vehicle_toml="no TOML [")) is None
 
 
-def wall_flight(path: Path, target: pb.Target | None = None) -> Flight:
-    """The vehicle rises to 2 m and hovers 3.1 m before a wall, 3 m before its lens."""
+def wall_flight(path: Path, target: pb.Target | None = None, late_s: float = 0.0) -> Flight:
+    """The vehicle rises to 2 m and hovers 3.1 m before a wall, 3 m before its lens. Its last step is so late."""
     log = rec.LogFile(path)
     log.write("header", rec.START_NS, pb.LogHeader(protocol=PROTOCOL, vehicle_toml=VEHICLE_TOML))
     picture, depth = rec.frame(0.0, 0, np.random.default_rng(1)), io.BytesIO()
     Image.fromarray(np.full((rec.HEIGHT, rec.WIDTH), 3000, dtype=np.uint16)).save(depth, "PNG")
     picture.depth_png = depth.getvalue()
     for k in range(20):
-        stamp_ns = rec.START_NS + k * 50_000_000
+        stamp_ns = rec.START_NS + k * 50_000_000 + (round(late_s * 1e9) if k == 19 else 0)
         height_m = 0.1 if k < 2 else 2.0
         control = pb.Control(seq=k, stamp_ns=stamp_ns, mode=pb.MODE_TRACK)
         control.pos_world.z, control.world_from_body.w = height_m, 1.0
@@ -188,6 +188,14 @@ def test_clearance_is_to_the_nearest_surface_that_depth_shows(tmp_path: Path) ->
     )
     assert np.nanmin(seen.nearest_m_M) == pytest.approx(3.1, abs=0.02)
     assert np.isnan(seen.nearest_m_M[0])
+
+
+def test_the_time_until_a_record_that_comes_a_day_late_is_not_looked_through(tmp_path: Path) -> None:
+    seen = seen_clearance(wall_flight(tmp_path / "wall.mcap", late_s=86_400.0))
+    usual = seen_clearance(wall_flight(tmp_path / "usual.mcap"))
+    assert seen is not None and usual is not None
+    assert len(seen.times_s_M) <= len(usual.times_s_M) + 1
+    assert seen.times_s_M[-1] == pytest.approx(86_400.95)
 
 
 def test_the_target_is_no_obstacle(tmp_path: Path) -> None:

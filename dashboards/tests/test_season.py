@@ -14,6 +14,7 @@ import recordings as rec
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.report import summary
 from goshawk_dashboards.report.report import make_report, write_page
+from goshawk_dashboards.report.season import gather as gather_module
 from goshawk_dashboards.report.season.figures import figures, running_median
 from goshawk_dashboards.report.season.gather import gather
 from goshawk_dashboards.report.season.page import page
@@ -52,17 +53,29 @@ def test_a_row_holds_what_the_log_tells(log: Path) -> None:
     assert (found.clearance_m, found.clearance_by) == (pytest.approx(0.2, abs=0.01), "truth")
 
 
-def test_a_log_is_read_again_only_when_it_has_changed(log: Path, tmp_path: Path) -> None:
+def test_a_log_is_read_again_only_when_it_has_changed(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     copy, cache = tmp_path / "flight.mcap", tmp_path / "cache"
     copy.write_bytes(log.read_bytes())
     before = rows(copy, cache)
+    read: list[Path] = []
+
+    def note(path: Path, _: object) -> None:
+        read.append(path)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(gather_module, "row_of", note)
+        assert rows(copy, cache) == before == [row_like(row_of(log), copy)]
+        assert not read
+        copy.chmod(0o600)  # perhaps nobody could read it before
+        rows(copy, cache)
+        assert read == [copy]
     facts = copy.stat()
     copy.write_bytes(bytes(facts.st_size))
     os.utime(copy, ns=(facts.st_atime_ns, facts.st_mtime_ns))
-    assert rows(copy, cache) == before == [row_like(row_of(log), copy)]
-    os.utime(copy, ns=(facts.st_atime_ns, facts.st_mtime_ns + 1))
     (after,) = rows(copy, cache)
-    assert after is not None and after.outcome == "unreadable"
+    assert after is not None and after.outcome == "unreadable", "another content of the same size and time"
 
 
 def test_who_waits_hears_how_far_the_reading_is(log: Path, tmp_path: Path) -> None:

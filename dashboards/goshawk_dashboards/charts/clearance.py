@@ -50,13 +50,15 @@ def seen_clearance(flight: Flight, progress: Progress = unheard) -> Clearance | 
     if mount is None or flight.count("rgbd") == 0 or len(flown) == 0:
         return None
     floor_m = float(control["pos_world"][flown[0], 2]) + GROUND_M
-    begin_s, end_s = float(control.times_s[flown[0]]), float(control.times_s[flown[-1]])
-    times_s_M = np.append(np.arange(begin_s, end_s, 1.0 / RATE_HZ), end_s)
+    flown_s = control.times_s[flown]
+    # Where nothing was flown there is no instant: a record may come a day late.
+    ticks = np.unique(((flown_s - flown_s[0]) * RATE_HZ).astype(np.int64))
+    times_s_M = np.unique(np.append(flown_s[0] + ticks / RATE_HZ, flown_s[-1]))
     clouds: list[tuple[float, NDArray[np.float32]]] = []
     nearest_m_M = np.full(len(times_s_M), np.nan)
     for m, time_s in enumerate(times_s_M):
         progress("clearance by depth", m + 1, len(times_s_M))
-        index = int(flown[np.searchsorted(control.times_s[flown], time_s, side="right") - 1])
+        index = int(flown[np.searchsorted(flown_s, time_s, side="right") - 1])
         pos_3, q_4 = control["pos_world"][index], control["world_from_body"][index]
         cloud = _cloud(flight, float(time_s), pos_3, q_4, mount, floor_m)
         if cloud is not None:

@@ -11,6 +11,7 @@ without a name), and a few whole chunks, for their images. These are unpacked ag
 from __future__ import annotations
 
 import copy
+import itertools
 import mmap
 import struct
 import zlib
@@ -43,6 +44,8 @@ CHUNKS_KEPT = 8
 
 CHUNK_LIMIT = 64 << 20
 """A chunk holds at most so much unpacked; the vehicle's end at 1 MB and the record that exceeds it."""
+BEGINNING = 1000
+"""Messages among which a header is looked for: it is the first, unless another tool has sorted them."""
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<H4xQ")
@@ -342,15 +345,17 @@ class McapLog:
 
 
 def first_message(path: Path, topic: str) -> bytes:
-    """The first message of a topic, of a file that is read no farther. Raises LogError if none can be found."""
+    """The first message of a topic, of a file that is read no farther than to it, and not far for it. Raises LogError
+    if none is found."""
     try:
         with path.open("rb") as file:
             reader = NonSeekingReader(file, record_size_limit=CHUNK_LIMIT)
-            for _, _, message in reader.iter_messages([topic], log_time_order=False):
-                return message.data
+            for _, channel, message in itertools.islice(reader.iter_messages(log_time_order=False), BEGINNING):
+                if channel.topic == topic:
+                    return message.data
     except (OSError, McapError, ZstdError, ValueError, struct.error, MemoryError, OverflowError, RuntimeError) as error:
         raise LogError(f"cannot read {path}: {error}") from error
-    raise LogError(f"{path} has nothing of {topic}")
+    raise LogError(f"{path} does not begin with {topic}")
 
 
 def _channel(content: bytes) -> Channel | None:

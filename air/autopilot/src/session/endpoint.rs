@@ -1,6 +1,6 @@
 //! What the threads of a link share: the transport, the clock, the key and the state.
 
-use crate::dialogue::commands::Commands;
+use crate::dialogue::commands::{Command, Commands};
 use crate::messages::MavMessage;
 use crate::session::config::LinkConfig;
 use crate::state::status::Status;
@@ -13,9 +13,14 @@ use crate::wire::signing::{self, Signer, Verifier};
 use crate::wire::transport::Transport;
 use goshawk_core::Time;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
+/// Commands that may wait for the receiver, which looks every few milliseconds.
+const ORDERS: usize = 64;
+
 pub(crate) struct State {
+    orders: Receiver<Command>,
     pub(crate) view: View,
     pub(crate) commands: Commands,
     pub(crate) verifier: Verifier,
@@ -24,6 +29,16 @@ pub(crate) struct State {
     /// The line was opened anew: at the next heartbeat the streams are asked for again, as another line's may be.
     pub(crate) reopened: bool,
     pub(crate) sent: Sent,
+}
+
+impl State {
+    /// Takes what was asked since the last look; of an autopilot that had fallen silent before, that is nothing.
+    pub(crate) fn take_orders(&mut self, now: Time) {
+        self.orders.try_iter().for_each(|order| self.commands.submit(order));
+        if self.view.has_fallen_silent(now) {
+            self.commands.drop_orders(now);
+        }
+    }
 }
 
 /// When what repeats was last done.
@@ -45,6 +60,8 @@ pub(crate) struct Endpoint {
     /// Held from a message's stamp until it is sent.
     sending: Mutex<()>,
     pub(crate) signer: Option<Arc<Signer>>,
+    /// To the state, past whoever holds it.
+    orders: SyncSender<Command>,
     state: Mutex<State>,
     stop: AtomicBool,
     sent: AtomicU64,
@@ -59,12 +76,15 @@ impl Endpoint {
             let saved = signing.stamps.as_deref().and_then(signing::saved_stamp);
             Arc::new(Signer::new(signing.key.clone(), saved, signing::wall_clock))
         });
+        let (orders, taken) = sync_channel(ORDERS);
         Ok(Self {
             clock,
             encoder: Encoder::new(config.system_id, config.component_id).signed(signer.clone()),
             sending: Mutex::new(()),
             signer,
+            orders,
             state: Mutex::new(State {
+                orders: taken,
                 view: View::new(config.target_system, config.target_component, config.firmware),
                 commands: Commands::default(),
                 verifier: Verifier::default(),
@@ -93,6 +113,13 @@ impl Endpoint {
         status.counters.sent = self.sent.load(Ordering::Relaxed);
         status.counters.send_errors = self.send_errors.load(Ordering::Relaxed);
         status
+    }
+
+    /// Leaves a command for the receiver, without waiting.
+    pub(crate) fn order(&self, command: Command) {
+        if self.orders.try_send(command).is_err() {
+            tracing::error!(%command, "not asked of the autopilot: too much waits");
+        }
     }
 
     /// Lets the receiver return.
@@ -166,9 +193,7 @@ impl Endpoint {
                 if state.peer.is_none() {
                     return;
                 }
-                if state.view.has_fallen_silent(now) {
-                    state.commands.drop_orders(now);
-                }
+                state.take_orders(now);
                 state.commands.due(now, self.config.target_system, self.config.target_component)
             };
             match message {

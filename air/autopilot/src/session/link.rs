@@ -171,15 +171,15 @@ impl AutopilotLink {
         self.endpoint.send(self.peer().ok_or(AutopilotError::NoPeer)?, &vision_message(message, estimate))
     }
 
-    /// Asks what the controller wants. Repeated until answered; see [`Self::take_acks`].
+    /// Asks what the controller wants, without waiting: the receiver sends it. Repeated until answered; see
+    /// [`Self::take_acks`].
     pub fn request(&self, request: Request) {
         self.command(self.endpoint.config.firmware.command(request));
     }
 
-    /// Asks anything of the autopilot. Repeated until answered; see [`Self::take_acks`].
+    /// Asks anything of the autopilot, likewise.
     pub fn command(&self, command: Command) {
-        self.endpoint.lock().commands.submit(command);
-        self.endpoint.send_due_commands();
+        self.endpoint.order(command);
     }
 
     /// Asks for a parameter by its name; what comes back is [`Self::parameter`]'s. An unknown one gets no answer.
@@ -254,6 +254,37 @@ impl Drop for AutopilotLink {
         if let Some(receiver) = self.receiver.take() {
             // A panicked receiver has already said so on stderr.
             let _ = receiver.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::messages::MavMessage;
+    use crate::wire::address::Address;
+    use crate::wire::packet::for_each_frame;
+    use std::net::UdpSocket;
+    use std::time::Duration;
+
+    #[test]
+    fn a_request_waits_for_nobody_who_is_at_the_state_and_goes_out_afterwards() {
+        let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
+        autopilot.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        let address = Address::UdpOut(autopilot.local_addr().unwrap().to_string());
+        let config = LinkConfig { address, ..LinkConfig::customary("127.0.0.1:0".parse().unwrap()) };
+        let link = AutopilotLink::open(config, || Time::from_secs(5.0)).unwrap();
+        // Held by this very thread: if the request waited for it, it would wait for ever.
+        let state = link.endpoint.lock();
+        link.request(Request::HandBack);
+        drop(state);
+        let mut asked = false;
+        let mut bytes = [0; 1024];
+        while !asked {
+            let length = autopilot.recv(&mut bytes).unwrap();
+            for_each_frame(&bytes[..length], true, |frame| {
+                asked |= frame.is_ok_and(|(packet, _)| matches!(packet.message, MavMessage::COMMAND_LONG(_)));
+            });
         }
     }
 }

@@ -97,6 +97,7 @@ impl Endpoint {
     fn packet(&self, now: Time, packet: &Packet, bytes: &[u8], from: Peer) {
         let (accepted, contact) = {
             let mut state = self.lock();
+            state.take_orders(now); // before the packet, which may say that they are void
             let believed = self.believed(&mut state, bytes);
             if !self.is_peer(&mut state, now, packet, from, believed) {
                 self.not_our_peer(&mut state, packet, from, believed);

@@ -3,6 +3,7 @@
 use crate::wire::address::{Address, Peer};
 use crate::wire::error::AutopilotError;
 use crate::wire::line::Line;
+use rustix::net::{SendFlags, sendto};
 use std::io::{Error, ErrorKind};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 use std::time::Duration;
@@ -63,10 +64,13 @@ impl Transport {
         }
     }
 
-    /// Sends one frame; `hurried`: waits for no other thread, and rather does not send it.
+    /// Sends one frame; `hurried`: waits for no other thread and for no room, and rather does not send it.
     pub(crate) fn send(&self, peer: Peer, frame: &[u8], hurried: bool) -> std::io::Result<()> {
         match (self, peer) {
-            (Self::Udp { socket, .. }, Peer::Udp(to)) => socket.send_to(frame, to).map(|_| ()),
+            (Self::Udp { socket, .. }, Peer::Udp(to)) => {
+                let flags = if hurried { SendFlags::DONTWAIT } else { SendFlags::empty() };
+                sendto(socket, frame, flags, &to).map(|_| ()).map_err(Error::from)
+            }
             (Self::Line(line), Peer::Line) => line.send(frame, hurried),
             _ => Err(Error::new(ErrorKind::InvalidInput, "this peer is not on this line")),
         }

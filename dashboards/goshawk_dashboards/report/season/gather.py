@@ -71,12 +71,12 @@ def _key(path: Path) -> str:
 
 
 def _stamp(path: Path) -> str:
-    """Changes whenever the file does."""
+    """Changes whenever the file does, or who may read it."""
     try:
         facts = path.stat()
     except OSError:
         return ""
-    return f"{facts.st_size} {facts.st_mtime_ns} {_FORMAT}"
+    return f"{facts.st_size} {facts.st_mtime_ns} {facts.st_ctime_ns} {_FORMAT}"
 
 
 def gather(paths: Sequence[Path], cache: Path, progress: Progress = unheard) -> Iterator[Row | None]:
