@@ -91,7 +91,12 @@ def wire_page() -> str:
     """Keys with their rights and urgency, then every message with its comments."""
     file, comments = _descriptor()
     head = comments.get((12,), ("", ""))[0]
-    parts = [head, "A key is `goshawk/VEHICLE/` and the suffix below. Who is not listed is refused.", _keys()]
+    named = (
+        "A payload's Zenoh encoding names its message, such as `application/protobuf;goshawk.v1.Plan`. A payload that "
+        "names another message than its key's is left out; one that names none is read."
+    )
+    keys = "A key is `goshawk/VEHICLE/` and the suffix below. Who is not listed is refused."
+    parts = [head, keys, named, _keys()]
     parts += ["## Messages"]
     parts += [_message(message, (4, k), comments) for k, message in enumerate(file.message_type)]
     parts += ["## Enumerations"]

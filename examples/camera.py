@@ -52,7 +52,11 @@ def main(
         sys.exit(f"camera.py: nothing answers at {connect}: start goshawk-air there first")
     with session:
         publisher = session.declare_publisher(
-            key, congestion_control=row.congestion, priority=row.priority, express=row.express
+            key,
+            encoding=row.encoding,
+            congestion_control=row.congestion,
+            priority=row.priority,
+            express=row.express,
         )
         seq = 0
         while seconds is None or time.monotonic() - begun < seconds:

@@ -52,7 +52,11 @@ def main(
     begun, sent = time.monotonic(), 0
     with session:
         publisher = session.declare_publisher(
-            key, congestion_control=row.congestion, priority=row.priority, express=row.express
+            key,
+            encoding=row.encoding,
+            congestion_control=row.congestion,
+            priority=row.priority,
+            express=row.express,
         )
         for time_s in times_s:
             time.sleep(max(0.0, begun + time_s - times_s[0] - time.monotonic()))

@@ -188,6 +188,7 @@ fn health() -> Health {
         protocol: 18,
         session: 19_000,
         events: 20_000,
+        stops: 21_000,
     }
 }
 
@@ -310,7 +311,10 @@ fn checks() -> BTreeMap<&'static str, Box<dyn Fn()>> {
         entry("Vec3", vec3().unwrap()),
         entry("Vec3f", vec3f().unwrap()),
         entry("Quat", quat().unwrap()),
-        entry("StartRequest", StartRequest { command_id: text("command_id"), profile: text("profile") }),
+        entry(
+            "StartRequest",
+            StartRequest { command_id: text("command_id"), profile: text("profile"), session: 3000, stops: 4000 },
+        ),
         entry("StopRequest", StopRequest { command_id: text("command_id") }),
         entry("CommandReply", reply()),
         entry("Candidate", candidate()),

@@ -377,6 +377,7 @@ def publish(session: zenoh.Session, fake: FakeVehicle, stop: threading.Event) ->
     publishers = {
         name: session.declare_publisher(
             key_expression(name, args.vehicle),
+            encoding=KEYS[name].encoding,
             priority=KEYS[name].priority,
             congestion_control=KEYS[name].congestion,
             express=KEYS[name].express,

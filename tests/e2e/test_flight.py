@@ -13,6 +13,7 @@ import threading
 import time
 import uuid
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -143,6 +144,34 @@ def test_a_repeated_start_is_refused_in_flight_and_stop_lands(flying: Rig) -> No
         assert link.stop().accepted
         down = link.wait_for(lambda s: s.mode in DOWN, 40.0)
         assert down is not None, flying.output("air")
+
+
+def test_a_start_whose_question_was_lost_is_refused_once_another_ground_has_pressed_stop(rig: Rig) -> None:
+    rig.air()
+    rig.sim("--seed", "3")
+    with (
+        WeakLink(to_port=rig.zenoh_port) as weak,
+        GroundLink(connect=weak.endpoint) as far,
+        rig.link() as near,
+        ThreadPoolExecutor() as pool,
+    ):
+        ready = far.wait_for(lambda s: s.health is not None and s.health.ready, 60.0)
+        assert ready is not None, rig.output("air")
+        weak.cut()
+        started = pool.submit(far.start, timeout_s=60.0)
+        assert far.wait_for(lambda s: s.command is not None and s.command.pending, 10.0) is not None
+        assert far.wait_for(lambda s: not s.linked, 15.0) is not None
+        assert near.stop().answered
+        weak.mend()
+        lost = started.result()
+        assert (lost.answered, lost.accepted) == (True, False)
+        assert "a Stop came after this was asked" in lost.text
+        assert near.snapshot().mode == pb.MODE_READY
+        # Now it has heard of the Stop. So it has of its own one, though the heartbeat before was fresh.
+        assert far.stop().answered
+        again = far.start(timeout_s=20.0)
+        assert again.accepted, again.text + rig.output("air")
+        assert near.stop().accepted
 
 
 def test_the_simulator_dies_in_flight_and_the_vehicle_says_why(flying: Rig) -> None:

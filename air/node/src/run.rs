@@ -92,7 +92,9 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     let asked = commands::declare(&bus, &answers)?;
     let pinged = commands::declare_question(&bus, Key::Ping, &answers)?;
     let away = commands::declare_question(&bus, Key::Missed, &answers)?;
-    let memory = Arc::new(Mutex::new(Memory::default()));
+    let memory = Memory::default();
+    let session = memory.session();
+    let memory = Arc::new(Mutex::new(memory));
     let log = FlightLog::new(log_dir, &vehicle, &policy);
     let identity = Identity {
         vehicle: vehicle.name.clone(),
@@ -137,7 +139,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
         spawn("control", &shared, move |shared| control.run(shared))?,
         spawn("planner", &shared, move |shared| planning.run(shared))?,
         spawn("telemetry", &shared, move |shared| telemetry.run(&reports, shared))?,
-        spawn("commands", &shared, move |shared| commands::serve(&asked, &answers, shared, &vehicle))?,
+        spawn("commands", &shared, move |shared| commands::serve(&asked, &answers, shared, &vehicle, session))?,
         spawn("answers", &shared, move |shared| commands::send(&unsent, shared))?,
         spawn("ping", &shared, move |shared| commands::serve_pings(&pinged, shared))?,
         spawn("missed", &shared, move |shared| missed::serve(&away, &memory, shared))?,

@@ -68,7 +68,11 @@ def publisher(vehicle: str, endpoint: str, ending: threading.Event, say: Say) ->
         return
     with session:
         yield session.declare_publisher(
-            key, congestion_control=row.congestion, priority=row.priority, express=row.express
+            key,
+            encoding=row.encoding,
+            congestion_control=row.congestion,
+            priority=row.priority,
+            express=row.express,
         )
 
 

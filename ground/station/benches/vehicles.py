@@ -121,6 +121,7 @@ def open_vehicle(name: str, endpoint: str) -> Vehicle:
     publishers = {
         row: session.declare_publisher(
             key_expression(row, name),
+            encoding=KEYS[row].encoding,
             priority=KEYS[row].priority,
             congestion_control=KEYS[row].congestion,
             express=KEYS[row].express,

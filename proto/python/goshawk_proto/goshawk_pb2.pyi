@@ -132,12 +132,16 @@ class Quat(_message.Message):
     def __init__(self, w: _Optional[float] = ..., x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
 
 class StartRequest(_message.Message):
-    __slots__ = ("command_id", "profile")
+    __slots__ = ("command_id", "profile", "session", "stops")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     PROFILE_FIELD_NUMBER: _ClassVar[int]
+    SESSION_FIELD_NUMBER: _ClassVar[int]
+    STOPS_FIELD_NUMBER: _ClassVar[int]
     command_id: str
     profile: str
-    def __init__(self, command_id: _Optional[str] = ..., profile: _Optional[str] = ...) -> None: ...
+    session: int
+    stops: int
+    def __init__(self, command_id: _Optional[str] = ..., profile: _Optional[str] = ..., session: _Optional[int] = ..., stops: _Optional[int] = ...) -> None: ...
 
 class StopRequest(_message.Message):
     __slots__ = ("command_id",)
@@ -374,7 +378,7 @@ class Drops(_message.Message):
     def __init__(self, name: _Optional[str] = ..., count: _Optional[int] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "mode", "ready", "checks", "rates", "latencies", "drops", "faults", "vehicle", "profile", "policy_sha256", "version", "battery_fraction", "log_path", "autopilot", "profiles", "protocol", "session", "events")
+    __slots__ = ("seq", "stamp_ns", "mode", "ready", "checks", "rates", "latencies", "drops", "faults", "vehicle", "profile", "policy_sha256", "version", "battery_fraction", "log_path", "autopilot", "profiles", "protocol", "session", "events", "stops")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
@@ -395,6 +399,7 @@ class Health(_message.Message):
     PROTOCOL_FIELD_NUMBER: _ClassVar[int]
     SESSION_FIELD_NUMBER: _ClassVar[int]
     EVENTS_FIELD_NUMBER: _ClassVar[int]
+    STOPS_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     mode: Mode
@@ -415,7 +420,8 @@ class Health(_message.Message):
     protocol: int
     session: int
     events: int
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., ready: _Optional[bool] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., rates: _Optional[_Iterable[_Union[Rate, _Mapping]]] = ..., latencies: _Optional[_Iterable[_Union[Latency, _Mapping]]] = ..., drops: _Optional[_Iterable[_Union[Drops, _Mapping]]] = ..., faults: _Optional[_Iterable[str]] = ..., vehicle: _Optional[str] = ..., profile: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., version: _Optional[str] = ..., battery_fraction: _Optional[float] = ..., log_path: _Optional[str] = ..., autopilot: _Optional[str] = ..., profiles: _Optional[_Iterable[str]] = ..., protocol: _Optional[int] = ..., session: _Optional[int] = ..., events: _Optional[int] = ...) -> None: ...
+    stops: int
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., ready: _Optional[bool] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., rates: _Optional[_Iterable[_Union[Rate, _Mapping]]] = ..., latencies: _Optional[_Iterable[_Union[Latency, _Mapping]]] = ..., drops: _Optional[_Iterable[_Union[Drops, _Mapping]]] = ..., faults: _Optional[_Iterable[str]] = ..., vehicle: _Optional[str] = ..., profile: _Optional[str] = ..., policy_sha256: _Optional[str] = ..., version: _Optional[str] = ..., battery_fraction: _Optional[float] = ..., log_path: _Optional[str] = ..., autopilot: _Optional[str] = ..., profiles: _Optional[_Iterable[str]] = ..., protocol: _Optional[int] = ..., session: _Optional[int] = ..., events: _Optional[int] = ..., stops: _Optional[int] = ...) -> None: ...
 
 class Preview(_message.Message):
     __slots__ = ("seq", "stamp_ns", "width", "height", "jpeg")

@@ -20,6 +20,9 @@ ANY_VEHICLE = "*"
 Role = Literal["vehicle", "sensor", "operator", "observer"]
 """Who takes part: an operator or observer is known by its certificate, a sensor by being on the vehicle's host."""
 
+_PROTOBUF = "application/protobuf;"
+"""Before a message's full name, in a payload's encoding."""
+
 _VEHICLE_NAME = re.compile(r"[a-z0-9_-]+")
 
 _PRIORITIES: Mapping[str, zenoh.Priority] = {
@@ -55,6 +58,18 @@ class KeyRow:
     priority: zenoh.Priority
     congestion: zenoh.CongestionControl
     express: bool
+
+    @property
+    def encoding(self) -> zenoh.Encoding:
+        """What a payload is called on the wire: for a while after a reconnection, Zenoh may hand on messages under
+        another key."""
+        if self.message is None:
+            return zenoh.Encoding.ZENOH_BYTES
+        return zenoh.Encoding(f"{_PROTOBUF}{self.message.DESCRIPTOR.full_name}")
+
+    def names_another(self, encoding: zenoh.Encoding | None) -> bool:
+        """Whether a payload says that it is another message than this key's. One that does not say may be it."""
+        return encoding is not None and str(encoding).startswith(_PROTOBUF) and encoding != self.encoding
 
 
 def _message(name: str) -> type[Message] | None:

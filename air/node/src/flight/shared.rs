@@ -142,6 +142,8 @@ pub struct Shared {
     pub command: Mutex<Option<PendingCommand>>,
     /// Counts commands.
     pub commands: AtomicU64,
+    /// Counts stops: a start that was asked for before the last one is refused.
+    pub stops: AtomicU64,
     /// Whether it may start.
     pub ready: Ready,
     /// The pilot's switch stands at stop, or it is not known where: nobody else starts.
@@ -175,6 +177,7 @@ impl Shared {
             history: Mutex::new(History::new()),
             command: Mutex::new(None),
             commands: AtomicU64::new(0),
+            stops: AtomicU64::new(0),
             ready: Ready::default(),
             barred: AtomicBool::new(false),
             mode: AtomicI32::new(v1::Mode::Idle.into()),

@@ -87,21 +87,25 @@ pub fn send(answers: &Receiver<Answer>, shared: &Shared) {
     }
 }
 
-/// Decides on queries until the process stops, and leaves the answers to `answers`.
-pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared, vehicle: &Vehicle) {
+/// Decides on queries until the process stops, and leaves the answers to `answers`. `session` is what heartbeats call
+/// this process.
+pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared, vehicle: &Vehicle, session: u64) {
     let mut desk = Desk::default();
     let mut standing = None;
     while !shared.stopping() {
         let Ok(Asked { key, query }) = asked.recv_timeout(Duration::from_millis(100)) else { continue };
+        if goshawk_bus::names_another(key, query.encoding()) {
+            let _ = answers.send(Answer { query, payload: None }); // it came to another key: a Stop is no Start
+            continue;
+        }
         let payload = query.payload().map(|p| p.to_bytes().into_owned()).unwrap_or_default();
         let reply = match desk.take(key, &payload, vehicle) {
             Taken::Answered(reply) => Some(reply),
             Taken::New(parsed) => {
-                let barred = key == Key::CmdStart && shared.barred.load(Ordering::Relaxed);
-                let decided = if barred {
-                    Decided { reply: parsed.barred(), settled: true }
-                } else {
-                    ask_or_go_on(&parsed, shared, &mut standing)
+                let refused = if key == Key::CmdStart { refused(&parsed, &payload, shared, session) } else { None };
+                let decided = match refused {
+                    Some(reply) => Decided { reply, settled: true },
+                    None => ask_or_go_on(&parsed, shared, &mut standing),
                 };
                 let Decided { reply, settled } = record(&parsed, decided, shared);
                 settled.then(|| {
@@ -113,6 +117,28 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
         // The ground repeats an unanswered stop; the repeat gets the answer.
         let _ = answers.send(Answer { query, payload: reply.map(|reply| reply.encode_to_vec()) });
     }
+}
+
+/// The answer to a start that is not put to the controller: the pilot's switch bars it, or a stop has overtaken it. Its
+/// question may have been lost and asked again, while somebody else pressed Stop. None: it is put.
+fn refused(parsed: &Parsed, payload: &[u8], shared: &Shared, session: u64) -> Option<v1::CommandReply> {
+    if shared.barred.load(Ordering::Relaxed) {
+        return Some(parsed.barred());
+    }
+    let known = v1::StartRequest::decode(payload).ok().filter(|known| known.session != 0)?;
+    let why = if known.session != session {
+        "the vehicle's program has started anew since this was asked: look, and ask again"
+    } else if known.stops < shared.stops.load(Ordering::Relaxed) {
+        "a Stop came after this was asked: look, and ask again"
+    } else {
+        return None;
+    };
+    Some(v1::CommandReply {
+        command_id: parsed.id.clone(),
+        accepted: false,
+        reason: why.to_owned(),
+        mode: v1::Mode::Unspecified.into(),
+    })
 }
 
 /// A stop that the controller had not answered in time, and where its answer comes.
@@ -169,6 +195,9 @@ fn put(parsed: &Parsed, shared: &Shared) -> Result<(u64, Receiver<Verdict>), Dec
     // A stop is never held up: it replaces what the controller has not taken yet, whose asker is told that it lapsed.
     if slot.is_some() && parsed.command != Command::Stop {
         return Err(Decided { reply: parsed.busy(), settled: true });
+    }
+    if parsed.command == Command::Stop {
+        shared.stops.fetch_add(1, Ordering::Relaxed);
     }
     let number = shared.commands.fetch_add(1, Ordering::Relaxed);
     let profile = parsed.profile.as_str().into();
@@ -227,6 +256,21 @@ mod tests {
             assert!(!held.join().unwrap().reply.accepted);
             assert_eq!(pending(&shared), Some(Command::Stop));
         });
+    }
+
+    #[test]
+    fn a_start_that_a_stop_has_overtaken_is_refused_and_one_that_knows_of_it_is_not() {
+        let (shared, mut standing) = (Shared::new(sync_channel(1).0), None);
+        let asked = |session, stops| v1::StartRequest { session, stops, ..Default::default() }.encode_to_vec();
+        let why =
+            |payload: &[u8], shared: &Shared| refused(&parsed(start()), payload, shared, 7).map(|reply| reply.reason);
+        assert_eq!(why(&asked(7, 0), &shared), None);
+        ask_or_go_on(&parsed(Command::Stop), &shared, &mut standing);
+        ask_or_go_on(&parsed(Command::Stop), &shared, &mut standing);
+        assert!(why(&asked(7, 0), &shared).unwrap().starts_with("a Stop came after"));
+        assert_eq!(why(&asked(7, 1), &shared), None, "a repeated stop counts once");
+        assert_eq!(why(&asked(0, 0), &shared), None, "not told");
+        assert!(why(&asked(6, 9), &shared).unwrap().contains("started anew"));
     }
 
     #[test]

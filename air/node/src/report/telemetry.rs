@@ -486,6 +486,7 @@ impl Telemetry {
             protocol: PROTOCOL,
             session,
             events,
+            stops: shared.stops.load(Ordering::Relaxed),
         };
         self.sequences.health += 1;
         self.publishers.health.put(&message);

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import zenoh
 from google.protobuf.message import DecodeError
+from goshawk_proto import KEYS, key_expression
 from goshawk_proto import goshawk_pb2 as pb
-from goshawk_proto import key_expression
 
 from goshawk_ground.doctor.findings import Finding, State, ok
 from goshawk_ground.link import round_trip
@@ -90,16 +90,18 @@ class _Arrivals:
         self.version: str | None = None
         self._heard = threading.Event()
         self._subscribers = [
-            session.declare_subscriber(keys["control"], lambda sample: self._take(sample, pb.Control())),
-            session.declare_subscriber(keys["health"], lambda sample: self._take(sample, pb.Health())),
+            session.declare_subscriber(keys["control"], lambda sample: self._take("control", sample, pb.Control())),
+            session.declare_subscriber(keys["health"], lambda sample: self._take("health", sample, pb.Health())),
         ]
 
     def wait(self, seconds: float) -> None:
         """Until a heartbeat has come, at most so long."""
         self._heard.wait(seconds)
 
-    def _take(self, sample: zenoh.Sample, message: pb.Control | pb.Health) -> None:
+    def _take(self, name: str, sample: zenoh.Sample, message: pb.Control | pb.Health) -> None:
         now_ns = time.monotonic_ns()
+        if KEYS[name].names_another(sample.encoding):
+            return
         try:
             message.ParseFromString(sample.payload.to_bytes())
         except DecodeError:

@@ -82,8 +82,9 @@ class GroundLink:
         self._newest: dict[str, Any] = {}
         self._events: tuple[EventView, ...] = ()
         self._late: tuple[ControlView | HealthView, ...] = ()
-        self._process = 0
-        """`Health.session` of the vehicle's process."""
+        self._process = self._stops_told = 0
+        """`Health.session` of the vehicle's process, and its `Health.stops`."""
+        self._stop_answered_s = float("-inf")
         self._catch_up = CatchUp(self, self._take_late)
         self._listeners: tuple[Listener, ...] = ()
         self._taps: tuple[Tap, ...] = ()
@@ -233,6 +234,8 @@ class GroundLink:
         payload = sample.payload.to_bytes()
         message_type, decoder = _DECODERS[name]
         try:
+            if KEYS[name].names_another(sample.encoding):
+                raise DecodeError(f"this is no {name}")
             message = message_type.FromString(payload)
             view = decoder(message)
         except (DecodeError, decode.MalformedError):
@@ -245,6 +248,8 @@ class GroundLink:
                 self._add_event(view)
             else:
                 self._newest[name] = view
+            if isinstance(message, goshawk_pb2.Health):
+                self._stops_told = message.stops
             if isinstance(message, goshawk_pb2.Health) and message.session not in (0, self._process):
                 # A vehicle that booted anew counts its time anew: what it told before would hide what it tells now.
                 self._process = message.session
@@ -343,8 +348,18 @@ class GroundLink:
         stop = self._stops.view()
         if stop is not None and not stop.lapsed:
             return "a Stop is not confirmed yet: wait until it is, or cancel it"
-        snap = self.wait_for(lambda s: self.closing or s.fresh("health", HEARTBEAT_S), timeout_s)
+        snap = self.wait_for(lambda s: self.closing or self._told_since_the_stop(s), timeout_s)
         return "" if snap is None else protocol.mismatch(snap.health)
+
+    def _told_since_the_stop(self, snap: Snapshot) -> bool:
+        return snap.fresh("health", min(HEARTBEAT_S, snap.now_s - self._stop_answered_s))
+
+    @property
+    def told_stops(self) -> tuple[int, int]:
+        """By the newest heartbeat: which process of the vehicle it is, 0 if that is not told, and how many stops were
+        asked of it."""
+        with self._lock:
+            return self._process, self._stops_told
 
     def press_stop(self) -> CommandView:
         """Asks for the flight to end, until the vehicle confirms it or ``cancel_stop`` is called. Returns at once."""
@@ -377,6 +392,8 @@ class GroundLink:
     def _take_command(self, view: CommandView) -> None:
         """A late reply to an older Start never replaces news of a newer command; what becomes of a Stop always does."""
         with self._lock:
+            if view.verb == "stop" and view.answered:
+                self._stop_answered_s = time.monotonic()
             kept = self._command
             if kept is None or view.verb == "stop" or (kept.at_s or 0.0) <= (view.at_s or 0.0):
                 self._command = view
@@ -392,6 +409,7 @@ class GroundLink:
                 self._keys[key],
                 timeout=timeout_s,
                 payload=None if request is None else request.SerializeToString(),
+                encoding=row.encoding,
                 priority=row.priority,
                 congestion_control=row.congestion,
                 express=row.express,

@@ -31,6 +31,12 @@ class Asker(Protocol):
         """How often a Stop was pressed."""
         ...
 
+    @property
+    def told_stops(self) -> tuple[int, int]:
+        """By the newest heartbeat: which process of the vehicle it is, 0 if that is not told, and how many stops were
+        asked of it."""
+        ...
+
     def ask(self, key: str, request: Message | None, timeout_s: float) -> Iterator[Message]:
         """The well-formed replies to one query."""
         ...
@@ -58,7 +64,10 @@ class Starter:
         stops = self._link.stops_pressed
         view = sent("start", request.command_id, time.monotonic())
         self._told(view)
-        if why_not := self._link.refuses_start(timeout_s):
+        why_not = self._link.refuses_start(timeout_s)
+        # From here on, a Stop of whomever overtakes it: the vehicle knows by these.
+        request.session, request.stops = self._link.told_stops
+        if why_not:
             view = replace(view, pending=False, refused_here=True, text=why_not)
         elif (reply := self._reply(request, stops, timeout_s - (time.monotonic() - (view.at_s or 0.0)))) is not None:
             view = answered(view, reply)
