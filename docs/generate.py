@@ -92,7 +92,7 @@ def wire_page() -> str:
     file, comments = _descriptor()
     head = comments.get((12,), ("", ""))[0]
     named = (
-        "A payload's Zenoh encoding names its message, such as `application/protobuf;goshawk.v1.Plan`. A payload that "
+        "A payload's Zenoh encoding names its message, such as `application/protobuf;Plan`. A payload that "
         "names another message than its key's is left out; one that names none is read."
     )
     keys = "A key is `goshawk/VEHICLE/` and the suffix below. Who is not listed is refused."

@@ -110,9 +110,10 @@ impl Bus {
         let row = key.row();
         self.session
             .declare_publisher(expression.clone())
-            .encoding(
-                row.message.map_or(Encoding::ZENOH_BYTES, |name| Encoding::APPLICATION_PROTOBUF.with_schema(name)),
-            )
+            .encoding(row.message.map_or(Encoding::ZENOH_BYTES, |full| {
+                // Without the package: its name would be 2 kB of each second's telemetry.
+                Encoding::APPLICATION_PROTOBUF.with_schema(bare(full))
+            }))
             .priority(priority(row.priority))
             .congestion_control(if row.congestion == Congestion::Block {
                 CongestionControl::Block
@@ -210,7 +211,13 @@ impl Bus {
 pub fn names_another(key: Key, encoding: Option<&Encoding>) -> bool {
     let (Some(told), Some(expected)) = (encoding, key.row().message) else { return false };
     let told = told.to_string();
-    told.strip_prefix("application/protobuf;").is_some_and(|name| name != expected)
+    let named = told.strip_prefix("application/protobuf;");
+    named.is_some_and(|name| name != bare(expected) && name != expected)
+}
+
+/// A message's name without its package.
+fn bare(full: &str) -> &str {
+    full.rsplit_once('.').map_or(full, |(_, name)| name)
 }
 
 /// A number for a sample's publisher; 0: it does not say.
@@ -317,7 +324,7 @@ mod tests {
         bus.subscribe(Key::Health, move |payload, _| heard.send(payload.to_vec()).unwrap()).unwrap();
         let key = Key::Health.expression(&vehicle());
         let put = |payload: &str, encoding| bus.session.put(&key, payload).encoding(encoding).wait().unwrap();
-        put("another", Encoding::APPLICATION_PROTOBUF.with_schema("goshawk.v1.Event"));
+        put("another", Encoding::APPLICATION_PROTOBUF.with_schema("Event"));
         put("this", Encoding::APPLICATION_PROTOBUF.with_schema("goshawk.v1.Health"));
         put("not told", Encoding::default());
         put("not told either", Encoding::APPLICATION_PROTOBUF);

@@ -21,7 +21,8 @@ Role = Literal["vehicle", "sensor", "operator", "observer"]
 """Who takes part: an operator or observer is known by its certificate, a sensor by being on the vehicle's host."""
 
 _PROTOBUF = "application/protobuf;"
-"""Before a message's full name, in a payload's encoding."""
+"""Before a message's name, in a payload's encoding."""
+_PACKAGE = goshawk_pb2.DESCRIPTOR.package
 
 _VEHICLE_NAME = re.compile(r"[a-z0-9_-]+")
 
@@ -63,13 +64,16 @@ class KeyRow:
     def encoding(self) -> zenoh.Encoding:
         """What a payload is called on the wire: for a while after a reconnection, Zenoh may hand on messages under
         another key."""
-        if self.message is None:
-            return zenoh.Encoding.ZENOH_BYTES
-        return zenoh.Encoding(f"{_PROTOBUF}{self.message.DESCRIPTOR.full_name}")
+        return zenoh.Encoding(f"{_PROTOBUF}{self._name}") if self._name else zenoh.Encoding.ZENOH_BYTES
 
     def names_another(self, encoding: zenoh.Encoding | None) -> bool:
         """Whether a payload says that it is another message than this key's. One that does not say may be it."""
-        return encoding is not None and str(encoding).startswith(_PROTOBUF) and encoding != self.encoding
+        kind, _, name = str(encoding).partition(";")
+        return f"{kind};" == _PROTOBUF and name not in ("", self._name, f"{_PACKAGE}.{self._name}")
+
+    @property
+    def _name(self) -> str:
+        return "" if self.message is None else self.message.DESCRIPTOR.name
 
 
 def _message(name: str) -> type[Message] | None:
