@@ -61,6 +61,7 @@ install -D -m 644 -t "$work/goshawk-air/usr/share/doc/goshawk-air/onnxruntime" "
 install -D -m 644 -t "$work/goshawk-air/usr/share/goshawk/models" air/models/{track,navigate}{,-32bit}.*
 install -D -m 644 -t "$work/goshawk-air/usr/share/goshawk/vehicles" air/vehicles/!(paper*)
 install -D -m 644 -t "$work/goshawk-air/usr/lib/systemd/system" air/systemd/goshawk-air.service
+install -D -m 644 air/systemd/goshawk-air.tmpfiles "$work/goshawk-air/usr/lib/tmpfiles.d/goshawk-air.conf"
 install -D -t "$work/goshawk-air/DEBIAN" air/deb/postinst air/deb/prerm
 pack goshawk-air ", adduser" "Onboard half of Goshawk, which chases a target through a forest
  The onboard process, its policies, ONNX Runtime, vehicle files and a systemd unit."

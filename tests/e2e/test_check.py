@@ -117,6 +117,15 @@ def test_a_broken_vehicle_file_is_all_that_is_said(rig: Rig, tmp_path: Path) -> 
 def test_a_reference_vehicle_takes_the_policy_that_it_names(rig: Rig, name: str) -> None:
     _, found, _ = check(rig, "--config", VEHICLE.with_name(f"{name}.toml"), wait_s=0.1)
     assert found["vehicle file"]["level"] == found["policy"]["level"] == "ok", found["policy"]
+    assert found["tilt"]["level"] == "warning" and "25 degrees give 4.6 m/s²" in found["tilt"]["text"]
+    assert "least distance" in found["tilt"]["text"] and "separation" not in found["tilt"]["text"]
+
+
+def test_the_figures_are_told_though_their_file_cannot_be_written(rig: Rig, tmp_path: Path) -> None:
+    command = [BIN / "goshawk-air", "check", "--config", VEHICLE, "--wait", "0.1", "--log-dir", tmp_path]
+    done = subprocess.run([*map(str, command), "--json", "/nosuch/x.json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "vehicle file" in done.stdout and "cannot write /nosuch/x.json" in done.stderr
 
 
 def test_a_vehicle_whose_camera_sees_less_than_its_policy_is_refused_and_told_what_to_do(

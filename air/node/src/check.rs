@@ -90,6 +90,7 @@ pub fn check(config: &Path, overrides: Overrides, wait_s: f64) -> Findings {
             if let Some(why) = vehicle.unkept() {
                 findings.warn("least distance", why);
             }
+            board::tilt(&vehicle, &mut findings);
             board::scheduling(&vehicle, &mut findings);
             board::log_folder(&log_dir, &mut findings);
             live::listen(&vehicle, policy.as_ref(), wait_s, &mut findings);

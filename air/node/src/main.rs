@@ -169,22 +169,24 @@ fn start(visitors: Visitors) -> Result<ExitCode> {
             let (config, overrides) = flying.split();
             let check = if frames { check::frames::check } else { check::check };
             let findings = check(&config, overrides, wait);
-            write_json(json.as_deref(), &findings)?;
             check::print(&findings, frames);
+            write_json(json.as_deref(), &findings)?;
             Ok(if findings.ready { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Command::Replay { log, policy, from: Some(from_s), lasts: for_s, set, out, json } => {
             let alteration = goshawk_replay::Alteration { from_s, for_s, set, policy, out };
+            apart(json.as_deref(), &log)?;
             let altered = goshawk_replay::alter(&log, &alteration)?;
-            write_json(json.as_deref(), &altered)?;
             goshawk_replay::print_altered(&altered);
+            write_json(json.as_deref(), &altered)?;
             Ok(ExitCode::SUCCESS)
         }
         Command::Replay { policy: None, out: Some(_), .. } => Err(eyre!("--out needs --policy, --from or both")),
         Command::Replay { log, policy, out, json, .. } => {
+            apart(json.as_deref(), &log)?;
             let outcome = goshawk_replay::replay(&log, &goshawk_replay::Options { policy, out })?;
-            write_json(json.as_deref(), &outcome)?;
             goshawk_replay::print(&outcome);
+            write_json(json.as_deref(), &outcome)?;
             Ok(if outcome.same() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Command::Schema { file } => {
@@ -199,6 +201,14 @@ fn start(visitors: Visitors) -> Result<ExitCode> {
             print!("{}", reference::markdown());
             Ok(ExitCode::SUCCESS)
         }
+    }
+}
+
+/// Refuses to write the figures over the log.
+fn apart(json: Option<&Path>, log: &Path) -> Result<()> {
+    match json.map(|json| (json.canonicalize(), log.canonicalize())) {
+        Some((Ok(json), Ok(log))) if json == log => Err(eyre!("--json names the log itself: give another file")),
+        _ => Ok(()),
     }
 }
 

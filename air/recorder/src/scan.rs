@@ -79,6 +79,8 @@ pub(crate) fn scan(file: &[u8]) -> Contents {
         (whole_to, from, broken) = (chunk.end, chunk.end, false);
         found.chunks.push(chunk);
     }
+    // What looks like an end may lie within the last chunk.
+    found.closed &= whole_to + FOOTER <= file.len();
     // What was cut off ends within a record; a damaged file has its end, or a whole chunk's length that is wrong.
     let rest = if found.closed { whole_to..file.len() - mcap::MAGIC.len() } else { whole_to..file.len() };
     let whole = is_chain(&file[rest.clone()], &mut found.channels);

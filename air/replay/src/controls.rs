@@ -71,8 +71,12 @@ impl<'a> Again<'a> {
 pub(super) fn again(recording: &Recording, plans: &BTreeMap<u64, Plan>, outcome: &mut Outcome) -> Result<()> {
     let control = key_channel(Key::Control)?;
     let mut again = Again::new(recording, plans)?;
+    let mut unanswered = None;
     for entry in recording.log.entries() {
         if again.take(&entry, &mut outcome.missing).is_some() {
+            // The last one of a log that was cut off may be without.
+            outcome.missing.extend(unanswered.take().map(lacks));
+            unanswered = again.last;
             continue;
         }
         let Some(logged) = entry.decode::<v1::Control>(control) else { continue };
@@ -83,6 +87,7 @@ pub(super) fn again(recording: &Recording, plans: &BTreeMap<u64, Plan>, outcome:
         if logged.disturbance_limit_mps2 == 0.0 {
             again.answer.disturbance_limit_mps2 = 0.0; // a log from before it was told
         }
+        unanswered = None;
         if let Some([field, said, replayed]) = outcome.controls.compare(&logged, &again.answer) {
             let (stamp_ns, at_s) = (logged.stamp_ns, recording.since_begin(logged.stamp_ns));
             let what = format!("control {}", logged.seq);
@@ -90,5 +95,10 @@ pub(super) fn again(recording: &Recording, plans: &BTreeMap<u64, Plan>, outcome:
             keep_first(&mut outcome.first_difference, found);
         }
     }
+    outcome.missing.extend(unanswered.filter(|_| recording.log.is_closed()).map(lacks));
     Ok(())
+}
+
+fn lacks(seq: u64) -> String {
+    format!("the answer of controller step {seq}")
 }

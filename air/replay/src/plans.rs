@@ -23,6 +23,8 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
     let (plan_channel, target_channel) = (key_channel(Key::Plan)?, key_channel(Key::Target)?);
     let mut plans = BTreeMap::new();
     let mut last: Option<u64> = None;
+    let mut unanswered: Option<u64> = None;
+    let lacks = |seq: u64| format!("the plan of input {seq}");
     let first = &mut outcome.first_difference;
     for entry in recording.log.entries() {
         let mut differs = |what: String, [field, logged, replayed]: [String; 3]| {
@@ -39,11 +41,14 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
             }
             plans.insert(message.seq, asked.answer(&logged.network));
             last = Some(message.seq);
+            // The last one of a log that was cut off may be without.
+            outcome.missing.extend(unanswered.replace(message.seq).map(lacks));
         } else if let Some(logged) = entry.decode::<v1::Plan>(plan_channel) {
             let Some(plan) = plans.get(&logged.seq) else {
                 outcome.missing.push(format!("the input of plan {}", logged.seq));
                 continue;
             };
+            unanswered = unanswered.filter(|seq| *seq != logged.seq);
             if let Some(field) = outcome.plans.compare(&logged, &convert::plan(plan, Time(logged.ready_ns))) {
                 differs(format!("plan {}", logged.seq), field);
             }
@@ -58,6 +63,7 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
             }
         }
     }
+    outcome.missing.extend(unanswered.filter(|_| recording.log.is_closed()).map(lacks));
     Ok(plans)
 }
 

@@ -89,7 +89,7 @@ impl Recording {
     /// Length of the flight, s.
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        (self.span_ns.1 - self.span_ns.0) as f64 * 1e-9
+        self.span_ns.1.saturating_sub(self.span_ns.0) as f64 * 1e-9
     }
 
     /// From the log's begin to `stamp_ns`, s, as the review counts it.

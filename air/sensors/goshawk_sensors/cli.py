@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
+import math
 import signal
 import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -94,7 +95,8 @@ def run(
         with publisher(fed.name, connect or fed.endpoint, ending, say) as sending:
             told_s = begun_s = time.monotonic()
             said, sent, total = set[tuple[str, str]](), tally.Tally(), 0
-            for source, frame in keeping.frames(first, opening, ending, say, loop=loop):
+            until_s = math.inf if seconds is None else begun_s + seconds
+            for source, frame in keeping.frames(first, opening, ending, say, loop=loop, until_s=until_s):
                 message, depth_mm = images.message(source, frame)
                 if sending is not None:  # else Ctrl-C came first, and so this ends
                     sending.put(message.SerializeToString())
@@ -107,8 +109,6 @@ def run(
                 if now_s - told_s >= TELL_S:
                     typer.echo(sent.line())
                     told_s, sent = now_s, tally.Tally()
-                if seconds is not None and now_s - begun_s >= seconds:
-                    break
             if sent.count:
                 typer.echo(sent.line())
             typer.echo(f"{total} images sent")
@@ -133,7 +133,7 @@ def check(
         opening = _opening(chosen, serial, play, None)
         first = opening()
         images.of(first)
-        for source, frame in keeping.frames(first, opening, ending, say):
+        for source, frame in keeping.frames(first, opening, ending, say, again=False):
             if begun_s is None:
                 typer.echo(f"{'camera':14}{source.name}")
                 typer.echo(f"{'view':14}{tally.view(images.of(source))}")
@@ -203,15 +203,17 @@ def _opening(chosen: profile.Profile, serial: str | None, play: Path | None, rec
         return functools.partial(oak.open_live, chosen, serial)
     from goshawk_sensors.cameras import realsense
 
-    times = count(1)
-
     def open_live() -> realsense.RealSense:
-        # A camera that comes back begins a file of its own: the one before stays as it is.
-        time_opened = next(times) if record is not None else 1
-        file = record if record is None or time_opened == 1 else record.with_stem(f"{record.stem}-{time_opened}")
-        return realsense.open_live(chosen, serial, file)
+        # Whoever starts again, or a camera that comes back, begins a file of its own: no recording is overwritten.
+        return realsense.open_live(chosen, serial, None if record is None else unused(record))
 
     return open_live
+
+
+def unused(file: Path) -> Path:
+    """It, or the first of `walk-2`, `walk-3` and so on that does not exist."""
+    others = (file.with_stem(f"{file.stem}-{number}") for number in count(2))
+    return next(each for each in chain((file,), others) if not each.exists())
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,14 +23,22 @@ def begun(opening: Opening, ending: threading.Event, say: Say, *, wait: bool) ->
 
 
 def frames(
-    source: Source | None, opening: Opening, ending: threading.Event, say: Say, *, loop: bool = False
+    source: Source | None,
+    opening: Opening,
+    ending: threading.Event,
+    say: Say,
+    *,
+    loop: bool = False,
+    again: bool = True,
+    until_s: float = math.inf,
 ) -> Iterator[tuple[Source, Frame]]:
-    """Each pair, and the source that it is of, until ``ending`` is set or a recording has been played once.
+    """Each pair, and the source that it is of, until ``ending`` is set, a recording has been played once, or it is
+    ``until_s`` by the monotonic clock.
 
-    A source that is gone is opened again; what is open at the end is closed.
+    A source that is gone is opened ``again``, or raises NoCameraError; what is open at the end is closed.
     """
     try:
-        while source is not None and not ending.is_set():
+        while source is not None and not ending.is_set() and time.monotonic() < until_s:
             try:
                 frame = source.read()
             except EndOfRecordingError:
@@ -38,9 +47,11 @@ def frames(
                 source.close()
                 source = opening()
             except NoCameraError as error:
+                if not again:
+                    raise
                 say(f"{error}: looking for it")
                 source.close()
-                source = _waited(opening, ending, say)
+                source = _waited(opening, ending, say, until_s)
             else:
                 if frame is not None:
                     yield source, frame
@@ -49,10 +60,10 @@ def frames(
             source.close()
 
 
-def _waited(opening: Opening, ending: threading.Event, say: Say) -> Source | None:
+def _waited(opening: Opening, ending: threading.Event, say: Say, until_s: float = math.inf) -> Source | None:
     """The camera, however long it takes; None: ended before it came."""
     say_at_s = time.monotonic()
-    while not ending.is_set():
+    while not ending.is_set() and time.monotonic() < until_s:
         try:
             source = opening()
         except CameraError as error:  # not only NoCameraError: one that has just been plugged in may not answer yet

@@ -47,15 +47,23 @@ class Shot:
 class SoftwareCamera:
     """Two sensors, their streams and whatever options the test gives it."""
 
-    def __init__(self, rig: Rig, serial: str = "0815", rate_hz: int = 30, options: Iterable[Handle] = ()) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        serial: str = "0815",
+        rate_hz: int = 30,
+        options: Iterable[Handle] = (),
+        colour: Handle = rs.format.rgb8,
+    ) -> None:
         self.device = rs.software_device()
         self.device.register_info(rs.camera_info.name, "Software D455")
         self.device.register_info(rs.camera_info.serial_number, serial)
         self._depth = self.device.add_sensor("Stereo Module")
         self._colour = self.device.add_sensor("RGB Camera")
         depth = self._depth.add_video_stream(_stream(rs.stream.depth, 0, rs.format.z16, 2, rig.depth, rate_hz), True)
+        bytes_each = 4 if colour == rs.format.rgba8 else 3
         colour = self._colour.add_video_stream(
-            _stream(rs.stream.color, 1, rs.format.rgb8, 3, rig.colour, rate_hz), True
+            _stream(rs.stream.color, 1, colour, bytes_each, rig.colour, rate_hz), True
         )
         self._profiles = depth.as_video_stream_profile(), colour.as_video_stream_profile()
         _join(depth, colour, rig.rotation_33, rig.translation_3)

@@ -163,6 +163,63 @@ def test_a_camera_that_is_unplugged_is_looked_for_and_goes_on_when_it_is_back() 
     assert looked[0] == 1 and looked[1] == 0
 
 
+def test_a_camera_that_refuses_what_it_is_asked_is_gone_and_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(*_: object) -> None:
+        raise RuntimeError("hwmon command 0x10 failed")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(realsense, "_set_up", refuses)
+        with pytest.raises(NoCameraError, match="does not answer: hwmon command"):
+            opened(SoftwareCamera(rig(SIZE)))
+    source = opened(SoftwareCamera(rig(SIZE)))
+    # As librealsense leaves it where it could not start again what was pulled out.
+    source._stream._pipeline.stop()  # pyright: ignore[reportPrivateUsage,reportOptionalMemberAccess]
+    with pytest.raises(NoCameraError, match="it is gone"):
+        source.read()
+    source.close()
+
+
+def test_who_only_looks_waits_for_no_camera_and_a_time_ends_without_images() -> None:
+    source, said = opened(SoftwareCamera(rig(SIZE))), list[str]()
+    frames = keeping.frames(source, opened, threading.Event(), said.append, until_s=time.monotonic() + 0.3)
+    assert list(frames) == []
+    source = opened(SoftwareCamera(rig(SIZE)))
+    with pytest.raises(NoCameraError, match="is silent"):
+        next(keeping.frames(source, opened, threading.Event(), said.append, again=False))
+    assert said == []
+
+
+def recorded_as(form: Handle, pixel: tuple[int, ...], file: Path) -> Path:
+    """Ten images of one colour, as another program writes them."""
+    colour = np.broadcast_to(np.array(pixel, np.uint8), (192, 320, len(pixel))).copy()
+    depth = np.full((192, 320), 3000, np.uint16)
+    shots = [Shot(colour_HW3=colour, depth_HW=depth, wall_ms=1000.0 + 33.0 * k) for k in range(10)]
+    return SoftwareCamera(rig(SIZE), colour=form).record(file, shots)
+
+
+@pytest.mark.parametrize(("form", "sent"), [(rs.format.bgr8, (30, 20, 200)), (rs.format.rgb8, (200, 20, 30))])
+def test_a_recording_of_another_program_keeps_its_colours(
+    form: Handle, sent: tuple[int, int, int], tmp_path: Path
+) -> None:
+    played = realsense.open_recording(recorded_as(form, (200, 20, 30), tmp_path / "other.db3"), PROFILE)
+    assert tuple(next_frame(played).colour_HW3[0, 0]) == sent
+    played.close()
+
+
+def test_pixels_that_nobody_reads_are_refused_with_what_to_record(tmp_path: Path) -> None:
+    file = recorded_as(rs.format.rgba8, (200, 20, 30, 255), tmp_path / "other.db3")
+    with pytest.raises(CameraError, match="its colour is rgba8: record rgb8 or bgr8"):
+        realsense.open_recording(file, PROFILE)
+
+
+def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
+    file = tmp_path / "walk.db3"
+    assert cli.unused(file) == file
+    file.touch()
+    (tmp_path / "walk-2.db3").touch()
+    assert cli.unused(file) == tmp_path / "walk-3.db3"
+
+
 def test_waiting_for_a_camera_ends_when_it_is_told_to() -> None:
     ending, said = threading.Event(), list[str]()
 

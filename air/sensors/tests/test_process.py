@@ -235,7 +235,9 @@ def test_a_vehicle_file_or_a_policy_that_is_not_there_is_one_line(recording: Pat
     config = tmp_path / "vehicle.toml"
     assert f"vehicle file {config}: " in refused("check", "--config", config, "--play", recording)
     config.write_text('name = "goshawk"\n')
-    assert "has no 'policy'" in refused("check", "--config", config, "--play", recording)
+    assert "missing required field `policy`" in refused("check", "--config", config, "--play", recording)
+    config.write_text('name = "goshawk"\npolicy.model = 3\nnetwork.listen = []\n')
+    assert "`int` - at `$.policy.model`" in refused("check", "--config", config, "--play", recording)
     config.write_text(VEHICLE.read_text())  # beside which there is no ../models
     assert "track.onnx is not there" in refused("check", "--config", config, "--play", recording)
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use color_eyre::eyre::Report;
-use goshawk_core::Planner;
+use goshawk_core::{GRAVITY, Planner};
 use goshawk_policy::library::{Places, find};
 use goshawk_policy::{Policy, Provider, golden};
 use goshawk_vehicle::clock;
@@ -24,6 +24,23 @@ const PLENTY_MB: f64 = 3000.0;
 const SLOWEST_INFERENCE_MS: f64 = 15.0;
 /// The network is timed over so many runs. Chosen by eye.
 const INFERENCES: usize = 50;
+
+/// Whether the tilt gives what the tuning counts on to get out of somebody's way.
+pub(super) fn tilt(vehicle: &Vehicle, findings: &mut Findings) {
+    let (tuning, tilt_deg) = (vehicle.tuning(), vehicle.airframe.max_tilt_deg);
+    let gives = GRAVITY * tilt_deg.to_radians().tan();
+    let wanted = [
+        ("planner.max_acc_mps2, with which it brakes to keep the least distance", tuning.planner.max_acc_mps2),
+        ("planner.evasion.acc_mps2", tuning.planner.evasion.acc_mps2),
+        ("separation.aside_acc_mps2", tuning.separation.aside_acc_mps2),
+        ("hold.max_acc_horizontal_mps2", tuning.hold.max_acc_horizontal_mps2),
+    ];
+    let beyond: Vec<_> =
+        wanted.iter().filter(|(_, acc)| *acc > gives).map(|(key, acc)| format!("{acc} of {key}")).collect();
+    if !beyond.is_empty() {
+        findings.warn("tilt", format!("{tilt_deg} degrees give {gives:.1} m/s², less than {}", beyond.join(", ")));
+    }
+}
 
 /// The library, the policy, what runs it, and how fast.
 pub(super) fn policy(vehicle: &Vehicle, model: &Path, findings: &mut Findings) -> Option<Policy> {

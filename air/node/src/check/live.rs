@@ -38,12 +38,14 @@ struct Stream<T> {
     /// Samples that are the one before again.
     repeated: u64,
     refused: u64,
+    /// Why the newest of those was.
+    why: String,
     newest: Option<T>,
 }
 
 impl<T> Default for Stream<T> {
     fn default() -> Self {
-        Stream { first: None, last: None, count: 0, repeated: 0, refused: 0, newest: None }
+        Stream { first: None, last: None, count: 0, repeated: 0, refused: 0, why: String::new(), newest: None }
     }
 }
 
@@ -54,6 +56,11 @@ impl<T> Stream<T> {
         self.count += 1;
         self.repeated += u64::from(self.newest.as_ref().is_some_and(|newest| same(newest, &sample)));
         self.newest = Some(sample);
+    }
+
+    fn refuse(&mut self, why: &impl ToString) {
+        self.refused += 1;
+        self.why = why.to_string();
     }
 
     fn rate_hz(&self) -> f64 {
@@ -153,7 +160,7 @@ fn take_odometry(odometry: &Mutex<Stream<Odometry>>, now: Time, newest: Odometry
     if stream.newest.is_none_or(|held| newest.stamp > held.stamp) {
         match sensors::plausible(newest) {
             Ok(sample) => stream.take(now, sample, |_, _| false),
-            Err(_) => stream.refused += 1,
+            Err(why) => stream.refuse(&why),
         }
     }
 }
@@ -198,7 +205,7 @@ fn network(
             let now = clock::now();
             match sensors::frame(payload, now) {
                 Ok(frame) => lock(&stream).take(now, frame, |a, b| a.rgb == b.rgb && a.depth_mm == b.depth_mm),
-                Err(_) => lock(&stream).refused += 1,
+                Err(why) => lock(&stream).refuse(&why),
             }
         };
         bus.subscribe(Key::Rgbd, receive).map_err(|e| e.to_string())?;
@@ -208,7 +215,7 @@ fn network(
                 let now = clock::now();
                 match sensors::odometry(payload, now) {
                     Ok(sample) => take_odometry(&stream, now, sample),
-                    Err(_) => lock(&stream).refused += 1,
+                    Err(why) => lock(&stream).refuse(&why),
                 }
             };
             bus.subscribe(Key::Odometry, receive).map_err(|e| e.to_string())?;
@@ -236,7 +243,7 @@ fn camera_problem(stream: &Stream<Frame>, policy: Option<&Policy>) -> Result<Str
     let Some(frame) = &stream.newest else {
         let key = Key::Rgbd.row().suffix;
         return Err(if refused > 0 {
-            format!("{refused} images were refused: size, clock or field of view are not plausible; mend the driver")
+            format!("{refused} images were refused; of the last, {}: mend the driver", stream.why)
         } else {
             format!("no image has come on {key}: start the camera's driver")
         });
@@ -286,7 +293,9 @@ fn motion(stream: &Stream<Odometry>, source: OdometrySource, findings: &mut Find
     findings.judge(
         "odometry",
         match &stream.newest {
-            None if stream.refused > 0 => Err(format!("{} samples of {from} were not finite", stream.refused)),
+            None if stream.refused > 0 => {
+                Err(format!("{} samples of {from} were refused; of the last, {}", stream.refused, stream.why))
+            }
             None => Err(format!("none has come from {from}: see that it has a position (GPS, flow, VIO)")),
             Some(_) if hz < LEAST_ODOMETRY_HZ => {
                 Err(format!("{hz:.1} Hz from {from}, at least {LEAST_ODOMETRY_HZ} are needed: raise its stream's rate"))

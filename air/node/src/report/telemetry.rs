@@ -144,6 +144,7 @@ impl Telemetry {
                 warm_up_failed: identity.warm_up_failed.clone(),
                 source: identity.source,
                 mounting: identity.mounting.clone(),
+                recorder_failed: Some("the log folder is being tried".to_owned()),
                 ..Facts::default()
             },
             identity,

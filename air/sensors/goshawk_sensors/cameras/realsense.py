@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from goshawk_sensors.cameras import clock
 from goshawk_sensors.cameras.librealsense import Handle, rs
@@ -29,8 +30,11 @@ _DISTORTIONS: dict[Handle, Distortion] = {
 
 
 def cameras(context: Handle | None = None) -> list[Handle]:
-    """Those that are plugged in."""
-    return list((context or rs.context()).query_devices())
+    """Those that are plugged in. Raises NoCameraError where they cannot be asked."""
+    try:
+        return list((context or rs.context()).query_devices())
+    except RuntimeError as error:
+        raise NoCameraError(f"the cameras cannot be listed: {' '.join(str(error).split())}") from error
 
 
 def describe(device: Handle) -> str:
@@ -49,7 +53,13 @@ def open_live(
 
     Raises NoCameraError if it is not there, CameraError if it cannot do what the profile asks.
     """
-    found = find()
+    try:
+        return _open_live(profile, wanted_serial, record, find())
+    except RuntimeError as error:  # one that has just been plugged in, or pulled out, refuses whatever it is asked
+        raise NoCameraError(f"the camera does not answer: {' '.join(str(error).split())}") from error
+
+
+def _open_live(profile: Profile, wanted_serial: str | None, record: Path | None, found: list[Handle]) -> RealSense:
     chosen = [device for device in found if wanted_serial in (None, serial(device))]
     there = ", ".join(describe(device) for device in found)
     if not chosen:
@@ -93,7 +103,7 @@ class RealSense:
             return None
         self._silent_at_s = time.monotonic() + SILENT_S
         arrival = clock.now()
-        return _frame(pair, clock.stamp(_told(pair[1]), arrival, self._latency_ms), arrival.monotonic_ns)
+        return _frame(self._stream, pair, clock.stamp(_told(pair[1]), arrival, self._latency_ms), arrival.monotonic_ns)
 
     def close(self) -> None:
         self._stream.close()
@@ -128,7 +138,7 @@ class Recording:
                 raise EndOfRecordingError
             return None
         arrival_ns = time.monotonic_ns()
-        return _frame(pair, self._replayed.stamp(pair[1].get_timestamp(), arrival_ns), arrival_ns)
+        return _frame(self._stream, pair, self._replayed.stamp(pair[1].get_timestamp(), arrival_ns), arrival_ns)
 
     def close(self) -> None:
         self._stream.close()
@@ -147,6 +157,8 @@ class _Stream:
         try:
             started = pipeline.start(config)
             colour, depth = (started.get_stream(which) for which in (rs.stream.color, rs.stream.depth))
+            _check_formats(colour.format(), depth.format())
+            self._swapped = colour.format() == rs.format.bgr8
             self.rig = _rig(device, colour.as_video_stream_profile(), depth.as_video_stream_profile())
         except (RuntimeError, CameraError) as error:
             self.close()
@@ -154,11 +166,19 @@ class _Stream:
 
     def read(self) -> Pair | None:
         assert self._pipeline is not None
-        arrived, frames = self._pipeline.try_wait_for_frames(MOMENT_MS)
+        try:
+            arrived, frames = self._pipeline.try_wait_for_frames(MOMENT_MS)
+        except RuntimeError as error:  # pulled out, and librealsense could not start it again
+            raise NoCameraError(f"it is gone: {' '.join(str(error).split())}") from error
         if not arrived:
             return None
         colour, depth = frames.get_color_frame(), frames.get_depth_frame()
         return (colour, depth) if colour and depth else None
+
+    def rgb(self, colour: Handle) -> NDArray[np.uint8]:
+        """A colour frame's pixels, (height, width, 3)."""
+        pixels_HW3 = np.asanyarray(colour.get_data())
+        return np.ascontiguousarray(pixels_HW3[:, :, ::-1]) if self._swapped else pixels_HW3
 
     def close(self) -> None:
         pipeline, self._pipeline = self._pipeline, None
@@ -169,10 +189,18 @@ class _Stream:
                 return  # it never started, or the camera was pulled out
 
 
-def _frame(pair: Pair, stamp: clock.Stamp, arrival_ns: int) -> Frame:
+def _check_formats(colour: Handle, depth: Handle) -> None:
+    """Raises CameraError for pixels that nobody here reads; another program may have recorded any."""
+    if colour not in (rs.format.rgb8, rs.format.bgr8):
+        raise CameraError(f"its colour is {colour.name}: record rgb8 or bgr8")
+    if depth != rs.format.z16:
+        raise CameraError(f"its depth is {depth.name}: record z16")
+
+
+def _frame(stream: _Stream, pair: Pair, stamp: clock.Stamp, arrival_ns: int) -> Frame:
     colour, depth = pair
     return Frame(
-        colour_HW3=np.asanyarray(colour.get_data()),
+        colour_HW3=stream.rgb(colour),
         depth_HW=np.asanyarray(depth.get_data()),
         stamp=stamp,
         arrival_ns=arrival_ns,

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from goshawk_sensors.setup.errors import CameraError
 
 CONTRACT = "goshawk_contract"
@@ -34,18 +36,35 @@ class Vehicle:
     wanted: Wanted
 
 
+class _Policy(msgspec.Struct):
+    model: str
+
+
+class _Network(msgspec.Struct):
+    listen: list[str]
+
+
+class _File(msgspec.Struct):
+    """What is read of a vehicle file."""
+
+    name: str
+    policy: _Policy
+    network: _Network
+
+
 def load(path: Path) -> Vehicle:
     """Raises CameraError if the file or its policy cannot be read, or says nothing of an image."""
     try:
-        facts: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        name, model, listen = facts["name"], path.parent / facts["policy"]["model"], facts["network"]["listen"]
+        facts = msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), _File)
     except OSError as error:
         raise CameraError(f"vehicle file {path}: {error.strerror}") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise CameraError(f"vehicle file {path}: {error}") from error
-    except KeyError as error:
-        raise CameraError(f"vehicle file {path} has no {error}: goshawk-air check says what it needs") from error
-    return Vehicle(name=name, endpoint=endpoint(listen), wanted=_wanted(model))
+    except msgspec.ValidationError as error:
+        raise CameraError(f"vehicle file {path}: {error}; goshawk-air check says what it needs") from error
+    return Vehicle(
+        name=facts.name, endpoint=endpoint(facts.network.listen), wanted=_wanted(path.parent / facts.policy.model)
+    )
 
 
 def endpoint(listen: list[str]) -> str:

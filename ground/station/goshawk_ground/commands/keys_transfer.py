@@ -65,7 +65,8 @@ def pair(
         typer.echo(f"  install -d -m 700 {there} && tar -xf {file.name} -C {there} --strip-components=1")
         typer.echo(f"  chown -R goshawk {there}   # or who else runs goshawk-air")
     typer.echo(f'in the vehicle\'s file: name = "{name}", and under [network]:')
-    typer.echo(f'  listen = ["tls/0.0.0.0:7447"]\n  identity = "{there}"')
+    typer.echo('  listen = ["tls/0.0.0.0:7447", "unixsock-stream//run/goshawk/sensors.sock"]  # the ground; sensors')
+    typer.echo(f'  identity = "{there}"')
     typer.echo("then restart goshawk-air there, and here:")
     typer.echo(f"  goshawk status --vehicle {name} --connect tls/{host}:7447")
 

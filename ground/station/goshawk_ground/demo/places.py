@@ -10,7 +10,7 @@ BUILT = Path("target/release")
 """What `make build` fills, from a checkout's root."""
 CHECKOUT = Path("air/vehicles")
 PACKAGED = Path("/usr/share/goshawk/vehicles")
-"""Vehicle files as the package goshawk-air brings them, policies beside them in `models`."""
+"""Vehicle files as the package goshawk-air brings them, policies beside that folder in `models`."""
 
 
 def in_checkout() -> bool:
@@ -39,4 +39,4 @@ def goal_of(vehicle: Path) -> tuple[float, float]:
 
 def policies() -> list[Path]:
     """The shipped policies."""
-    return sorted((CHECKOUT.parent / "models" if in_checkout() else PACKAGED / "models").glob("*.onnx"))
+    return sorted(((CHECKOUT if in_checkout() else PACKAGED).parent / "models").glob("*.onnx"))
