@@ -51,8 +51,8 @@ def test_planner_controller_and_network_answer_as_they_did(flight: Path, tmp_pat
         assert outcome[part]["of"] == outcome[part]["same"] > 100, part
 
 
-def with_a_flip(flight: Path, out: Path, topic: str, flip: Callable[[bytes], bytes]) -> Path:
-    """The log again, the payload in the middle of `topic` changed."""
+def with_a_flip(flight: Path, out: Path, topic: str, flip: Callable[[bytes], bytes | None]) -> Path:
+    """The log again, the payload in the middle of `topic` changed, or left out."""
     with flight.open("rb") as source:
         messages = list(make_reader(source).iter_messages(log_time_order=False))
     places = [place for place, (_, channel, _) in enumerate(messages) if channel.topic == topic]
@@ -67,6 +67,8 @@ def with_a_flip(flight: Path, out: Path, topic: str, flip: Callable[[bytes], byt
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
                 channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
             data = flip(message.data) if place == middle else message.data
+            if data is None:
+                continue
             writer.add_message(channels[channel.topic], message.log_time, data, message.publish_time)
         writer.finish()
     return out
@@ -112,6 +114,25 @@ def test_one_changed_input_is_found_with_its_time(
     assert status == 1, printed
     assert "first difference at" in printed
     assert "no difference" not in printed
+
+
+@pytest.mark.parametrize(
+    ("topic", "words"), [("tel/control", "the answer of controller step"), ("tel/plan", "the plan")]
+)
+def test_an_answer_that_a_log_lacks_is_named_and_is_no_success(
+    flight: Path, tmp_path: Path, topic: str, words: str
+) -> None:
+    status, printed = replay(with_a_flip(flight, tmp_path / "without.mcap", topic, lambda _: None))
+    assert status == 1, printed
+    assert f"missing from the log: {words}" in printed
+
+
+def test_figures_are_never_written_over_the_log(flight: Path, tmp_path: Path) -> None:
+    log = tmp_path / "flight.mcap"
+    log.write_bytes(flight.read_bytes())
+    status, _ = replay(log, "--json", log)
+    assert status == 1
+    assert log.read_bytes() == flight.read_bytes()
 
 
 def test_a_log_of_another_protocol_is_refused_in_one_line(flight: Path, tmp_path: Path) -> None:
