@@ -178,3 +178,8 @@ def test_outside_a_checkout_the_packages_programs_and_files_are_used(
     monkeypatch.chdir(tmp_path)
     assert places.programs() == bin_dir
     assert places.vehicle_file("sim.toml") == places.PACKAGED / "sim.toml"
+    monkeypatch.setattr(places, "PACKAGED", tmp_path / "share" / "vehicles")
+    policy = tmp_path / "share" / "models" / "track.onnx"  # where the package puts it
+    policy.parent.mkdir(parents=True)
+    policy.touch()
+    assert places.policies() == [policy]
