@@ -133,3 +133,18 @@ def test_an_autopilot_that_is_mounted_backwards_is_named_with_what_to_set(rig: R
     checked.append(one)
     one.follow(until="FAILED   nose up")
     assert "it says 20° nose down" in one.said[-1] and "SENS_BOARD_ROT" in one.said[-1], one.said
+
+
+def test_a_stamp_that_cannot_be_written_is_told_before_the_first_move(rig: Rig) -> None:
+    (rig.folder / "alpha.mounting.part").mkdir()  # stands where the stamp is made
+    command = [str(BIN / "goshawk-air"), "check", "--frames", "--config", str(vehicle(rig)), "--listen", rig.endpoint]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "the stamp cannot be written beside" in done.stdout
+    assert "Propellers off" not in done.stdout
+
+
+def test_the_hand_checks_take_no_option_that_they_do_not_use(rig: Rig) -> None:
+    command = [str(BIN / "goshawk-air"), "check", "--frames", "--config", str(vehicle(rig)), "--log-dir", "logs"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "cannot be used with" in done.stderr

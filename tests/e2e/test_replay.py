@@ -51,8 +51,10 @@ def test_planner_controller_and_network_answer_as_they_did(flight: Path, tmp_pat
         assert outcome[part]["of"] == outcome[part]["same"] > 100, part
 
 
-def with_a_flip(flight: Path, out: Path, topic: str, flip: Callable[[bytes], bytes | None]) -> Path:
-    """The log again, the payload in the middle of `topic` changed, or left out."""
+def with_a_flip(
+    flight: Path, out: Path, topic: str, flip: Callable[[bytes], bytes | None], *, ends: bool = False
+) -> Path:
+    """The log again, the payload in the middle of `topic` changed, or left out; with `ends` nothing comes after it."""
     with flight.open("rb") as source:
         messages = list(make_reader(source).iter_messages(log_time_order=False))
     places = [place for place, (_, channel, _) in enumerate(messages) if channel.topic == topic]
@@ -69,6 +71,8 @@ def with_a_flip(flight: Path, out: Path, topic: str, flip: Callable[[bytes], byt
             data = flip(message.data) if place == middle else message.data
             if data is None:
                 continue
+            if ends and place > middle:
+                break
             writer.add_message(channels[channel.topic], message.log_time, data, message.publish_time)
         writer.finish()
     return out
@@ -125,6 +129,37 @@ def test_an_answer_that_a_log_lacks_is_named_and_is_no_success(
     status, printed = replay(with_a_flip(flight, tmp_path / "without.mcap", topic, lambda _: None))
     assert status == 1, printed
     assert f"missing from the log: {words}" in printed
+
+
+def test_a_frame_that_the_network_failed_on_is_seen_and_not_answered(flight: Path, tmp_path: Path) -> None:
+    """The flight ends with such a frame: what the planner was given is there, without an answer and a plan."""
+
+    def unanswered(data: bytes) -> bytes:
+        message = goshawk_pb2.PlannerInput.FromString(data)
+        del message.prediction[:]
+        return message.SerializeToString()
+
+    log = with_a_flip(flight, tmp_path / "failed.mcap", "log/planner_input", unanswered, ends=True)
+    status, printed = replay(log)
+    assert status == 0, printed
+    assert "no difference" in printed
+
+
+def test_an_input_that_lacks_a_part_is_named_and_the_rest_is_replayed(flight: Path, tmp_path: Path) -> None:
+    def partly(data: bytes) -> bytes:
+        message = goshawk_pb2.PlannerInput.FromString(data)
+        message.ClearField("odometry")
+        return message.SerializeToString()
+
+    figures = tmp_path / "replay.json"
+    log = with_a_flip(flight, tmp_path / "partly.mcap", "log/planner_input", partly)
+    status, printed = replay(log, "--json", figures)
+    assert status == 1, printed
+    assert "missing from the log: a part of the input of plan" in printed
+    whole = tmp_path / "whole.json"
+    replay(flight, "--json", whole)
+    of, before = (json.loads(path.read_text())["controls"]["of"] for path in (figures, whole))
+    assert of == before, "every step is there yet"
 
 
 def test_figures_are_never_written_over_the_log(flight: Path, tmp_path: Path) -> None:

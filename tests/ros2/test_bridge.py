@@ -274,15 +274,15 @@ def test_every_bad_message_is_one_line_a_kind_and_good_ones_still_pass(bridge: B
         time.sleep(0.02)
     bridge.ros.publish(INFO, CAMERA_INFO, camera_info(now(), distortion_model="equidistant", d=np.ones(4)))
     for line in [
-        r"colour refused: (not of this type|1 bytes)", r"colour refused: its stamp is 3600\.\d\d s old",
-        r'colour refused: encoding "yuv422" is no colour',
-        r"depth refused: it is 100 x 384, and camera_info says 640 x 384",
+        r"colour image refused: (not of this type|1 bytes)", r"colour image refused: its stamp is 3600\.\d\d s old",
+        r'colour image refused: encoding "yuv422" is no colour',
+        r"depth image refused: it is 100 x 384, and camera_info says 640 x 384",
         r"odometry refused: its position cannot be", r"odometry refused: not of this type",
         r'camera_info refused: the camera has distortion model "equidistant"',
     ]:  # fmt: skip
         until(lambda line=line: re.search(line, bridge.said()), line)
     lines = [line for line in bridge.said().splitlines() if " refused: " in line and " × " not in line]
-    kinds = {"colour": 4, "depth": 3, "odometry": 3, "camera_info": 1}  # a busy computer may add an old stamp
+    kinds = {"colour image": 4, "depth image": 3, "odometry": 3, "camera_info": 1}  # a busy computer may add an old stamp
     assert all(sum(f"{what} refused" in line for line in lines) <= most for what, most in kinds.items()), lines
     assert vehicle.motions == []
     vehicle.images.clear()
@@ -302,8 +302,23 @@ def test_a_lens_that_sees_too_little_is_named(bridge: BridgeRig, vehicle: Vehicl
 
 def test_silence_says_which_topic_is_missing(bridge: BridgeRig) -> None:
     bridge.start()
-    until(lambda: f"no image in 10 s: see that {COLOUR} is published" in bridge.said(), bridge.said())
-    assert f"no odometry in 10 s: see that {ODOMETRY} is published" in bridge.said()
+    until_sent(
+        lambda: bridge.ros.publish(COLOUR, IMAGE, image(time.time_ns(), "bgr8", colours())),
+        lambda: f"no odometry in 10 s: see that {ODOMETRY} is published" in bridge.said(),
+        bridge,
+    )
+    assert f"no depth image in 10 s: see that {DEPTH} is published" in bridge.said()
+    assert "no colour image" not in bridge.said(), "one came, though it was no good one"
+
+
+def test_no_vehicle_that_listens_is_told(bridge: BridgeRig) -> None:
+    bridge.start()
+
+    def send() -> None:
+        now = time.time_ns()
+        bridge.ros.publish(ODOMETRY, MOTION, odometry(now, (0, 0, 0), LEVEL, (0, 0, 0), (0, 0, 0)))
+
+    until_sent(send, lambda: "messages not sent: no vehicle goshawk at tcp/" in bridge.said(), bridge)
 
 
 def ran(*arguments: object) -> tuple[int, str]:

@@ -86,7 +86,7 @@ enum Command {
         wait: f64,
         /// Walk through the hand checks of the frames instead, and judge each; then Start is no longer refused for want
         /// of them.
-        #[arg(long)]
+        #[arg(long, conflicts_with_all = ["policy", "log_dir"])]
         frames: bool,
         /// Write the findings to a file.
         #[arg(long, value_name = "FILE")]

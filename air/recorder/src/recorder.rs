@@ -6,6 +6,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, ErrorKind, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -89,7 +90,8 @@ impl Recorder {
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
-                if let Err(why) = work() {
+                let done = catch_unwind(AssertUnwindSafe(work));
+                if let Err(why) = done.unwrap_or_else(|_| Err(PANICKED.to_owned())) {
                     tracing::error!("recording stopped: {why}");
                     *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
                 }
@@ -130,9 +132,7 @@ impl Recorder {
     /// Why the recording ended early; none while all is well.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
-        let told = self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let ended = self.sender.is_some() && self.thread.as_ref().is_some_and(JoinHandle::is_finished);
-        told.or_else(|| ended.then(|| PANICKED.to_owned()))
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Has the thread write what is queued and the summary, and waits for neither; see [`Self::is_finished`].
@@ -149,10 +149,8 @@ impl Recorder {
     /// Writes what is queued and the summary, and waits for it. Also done on drop.
     pub fn close(&mut self) {
         self.finish();
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(PANICKED.to_owned());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join(); // what it failed of, it told
         }
     }
 

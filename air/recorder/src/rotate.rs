@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 /// Removes the oldest logs of `folder` until those that are left hold at most `keep_bytes`; returns what it removed.
-/// A log is a file named `prefix….mcap`; names begin with the time, so the first by name is the oldest. Nothing else
-/// is touched, and what cannot be read or removed is passed over.
+/// A log is a file named `prefixTIME.mcap`, so the first by name is the oldest. Nothing else is touched: no log of another
+/// vehicle whose name begins alike. What cannot be read or removed is passed over.
 #[must_use]
 pub fn rotate(folder: &Path, prefix: &str, keep_bytes: u64) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
@@ -13,7 +13,7 @@ pub fn rotate(folder: &Path, prefix: &str, keep_bytes: u64) -> Vec<PathBuf> {
         .filter(|entry| {
             let name = entry.file_name();
             let name = name.to_string_lossy();
-            name.starts_with(prefix) && name.ends_with(".mcap")
+            name.strip_prefix(prefix).and_then(|name| name.strip_suffix(".mcap")).is_some_and(is_time)
         })
         .filter_map(|entry| Some((entry.path(), entry.metadata().ok().filter(std::fs::Metadata::is_file)?.len())))
         .collect();
@@ -30,4 +30,11 @@ pub fn rotate(folder: &Path, prefix: &str, keep_bytes: u64) -> Vec<PathBuf> {
         }
     }
     removed
+}
+
+/// As `2026-08-30T101112123Z` begins: a date.
+fn is_time(name: &str) -> bool {
+    const DATE: &[u8] = b"dddd-dd-ddT";
+    let fits = |(byte, form): (u8, &u8)| if *form == b'd' { byte.is_ascii_digit() } else { byte == *form };
+    name.len() > DATE.len() && name.bytes().zip(DATE).all(fits)
 }

@@ -157,6 +157,14 @@ fn a_panic_on_the_recorders_thread_is_a_failure_and_no_more() {
     assert_eq!(recorder.dropped(), 1);
     recorder.close();
     assert!(recorder.failure().unwrap().contains("panicked"));
+
+    let mut last = Recorder::over(Vec::new(), Box::new(|| Ok(())), Path::new("panic")).unwrap();
+    last.record(events(), 0, Box::new(|| panic!("on purpose")));
+    last.finish();
+    while !last.is_finished() {
+        std::thread::yield_now();
+    }
+    assert!(last.failure().unwrap().contains("panicked"), "also where nothing more is to be recorded");
 }
 
 #[test]
@@ -269,14 +277,19 @@ fn a_compressed_image_comes_back_as_it_was() {
 fn the_oldest_logs_make_room_and_nothing_else_does() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str| std::fs::write(folder.path().join(name), [0; 100]).unwrap();
-    for name in ["kite-2026-03.mcap", "kite-2026-01.mcap", "kite-2026-02.mcap", "kite-2026.txt", "hawk-2025.mcap"] {
+    let [first, second, third] = ["01", "02", "03"].map(|month| format!("kite-2026-{month}-02T101112123Z.mcap"));
+    for name in [&third, &first, &second] {
+        write(name);
+    }
+    let others = ["kite-2026-01-02T101112123Z.txt", "kite-2-2025-01-02T101112123Z.mcap", "kite-2025.mcap"];
+    for name in others.into_iter().chain(["hawk-2025-01-02T101112123Z.mcap"]) {
         write(name);
     }
     assert_eq!(goshawk_recorder::rotate(folder.path(), "kite-", 300), Vec::<std::path::PathBuf>::new());
     let removed = goshawk_recorder::rotate(folder.path(), "kite-", 250);
-    assert_eq!(removed, [folder.path().join("kite-2026-01.mcap")]);
+    assert_eq!(removed, [folder.path().join(first)]);
     let _ = goshawk_recorder::rotate(folder.path(), "kite-", 0);
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
     assert!(goshawk_recorder::rotate(&folder.path().join("none"), "kite-", 0).is_empty());
 }
 

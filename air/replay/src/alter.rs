@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use color_eyre::eyre::{Result, WrapErr, bail, eyre};
-use goshawk_core::{FrameRecord, Plan, Planner, Time};
+use goshawk_core::{NetworkOutput, Plan, Planner, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
@@ -20,7 +20,7 @@ use super::choices::{Agreement, Choices};
 use super::compare::{Count, Difference, keep_first};
 use super::controls::Again;
 use super::out::PlansLog;
-use super::plans::{key_channel, whole};
+use super::plans::{Logged, key_channel};
 use super::policy::Seeing;
 
 /// What is altered, and when.
@@ -265,7 +265,8 @@ impl<'a> Replanning<'a> {
                 seeing.keep(&entry);
             }
             if let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) {
-                last = Some(self.plan(Time(entry.time_ns), &whole(&message)?)?);
+                let Some(logged) = Logged::of(&message) else { continue };
+                last = self.plan(Time(entry.time_ns), &logged)?;
             } else if let Some(logged) = entry.decode::<v1::Plan>(plan_channel)
                 && let Some(plan) = last.as_ref().filter(|plan| plan.seq == logged.seq)
             {
@@ -275,17 +276,24 @@ impl<'a> Replanning<'a> {
         Ok(())
     }
 
-    /// Both planners' answers to a frame; gives the flight's own.
-    fn plan(&mut self, ready: Time, logged: &FrameRecord) -> Result<Plan> {
+    /// Both planners' answers to a frame; gives the flight's own. None: the network had failed.
+    fn plan(&mut self, ready: Time, logged: &Logged) -> Result<Option<Plan>> {
         if ready.0 >= self.span.0 && self.other.is_none() {
             let policy =
                 self.seeing.as_ref().map_or_else(|| self.recording.contract.model(), |s| s.policy.contract().model());
             self.other = Some(self.flown.clone().with_config(self.altered.planner_config(policy))?);
         }
-        let flown = self.flown.see(&logged.frame).answer(&logged.network);
+        let asked = self.flown.see(&logged.frame);
+        let Some(network) = &logged.network else {
+            if let Some(other) = &mut self.other {
+                let _ = other.see(&logged.frame);
+            }
+            return Ok(None);
+        };
+        let flown = asked.answer(network);
         if self.other.is_none() {
             self.plans.insert(flown.seq, flown.clone());
-        } else if let Some(plan) = self.replan(logged)? {
+        } else if let Some(plan) = self.replan(logged, network)? {
             let choice = Choice::of(self.recording.since_begin(ready.0), &flown, &plan);
             self.choices.count(&flown, &plan);
             self.first.get_or_insert(choice);
@@ -295,11 +303,11 @@ impl<'a> Replanning<'a> {
             self.times.push((ready, plan.seq));
             self.plans.insert(plan.seq, plan);
         }
-        Ok(flown)
+        Ok(Some(flown))
     }
 
     /// The altered planner's answer; none: the log has no image for it.
-    fn replan(&mut self, logged: &FrameRecord) -> Result<Option<Plan>> {
+    fn replan(&mut self, logged: &Logged, logged_network: &NetworkOutput) -> Result<Option<Plan>> {
         let Some(planner) = &mut self.other else { return Ok(None) };
         let stamp = logged.frame.odometry.stamp;
         // The logged answer counts wherever the network that flew is asked the same.
@@ -312,7 +320,7 @@ impl<'a> Replanning<'a> {
             && asked.state().len() == logged.state.len()
             && asked.state().iter().zip(logged.state.iter()).all(|(a, b)| a.to_bits() == b.to_bits());
         if same {
-            return Ok(Some(asked.answer(&logged.network)));
+            return Ok(Some(asked.answer(logged_network)));
         }
         let Some(seeing) = &mut self.seeing else {
             let sha256 = self.recording.header.policy_sha256.get(..12).unwrap_or_default();

@@ -16,10 +16,25 @@ use prost::Message;
 use super::Recording;
 use super::plans::key_channel;
 
-/// The flight's header but for what is altered, then plans at the stamps of those that were flown.
+/// The flight's header but for what is altered, then plans at the stamps of those that were flown. One that is not
+/// finished leaves no file.
 pub(super) struct PlansLog {
-    path: PathBuf,
+    file: Made,
     writer: LogWriter<BufWriter<File>>,
+}
+
+/// A file of ours, which goes again unless it is finished.
+struct Made {
+    path: PathBuf,
+    finished: bool,
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        if !self.finished {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
 }
 
 impl PlansLog {
@@ -32,6 +47,7 @@ impl PlansLog {
     ) -> Result<Self> {
         let name = || format!("cannot write {}", path.display());
         let file = OpenOptions::new().write(true).create_new(true).open(path).wrap_err_with(name)?;
+        let made = Made { path: path.to_owned(), finished: false };
         let mut writer = LogWriter::new(BufWriter::new(file)).wrap_err_with(name)?;
         let mut header = recording.header.clone();
         if let Some(policy) = policy {
@@ -42,7 +58,7 @@ impl PlansLog {
             tuning.clone_into(&mut header.tuning_toml);
         }
         writer.write(Channel::HEADER, header.stamp_ns, &header.encode_to_vec()).wrap_err_with(name)?;
-        Ok(PlansLog { path: path.to_owned(), writer })
+        Ok(PlansLog { file: made, writer })
     }
 
     pub(super) fn plan(&mut self, ready: Time, plan: &Plan) -> Result<()> {
@@ -60,12 +76,14 @@ impl PlansLog {
     fn write(&mut self, key: Key, stamp: Time, message: &impl Message) -> Result<()> {
         self.writer
             .write(key_channel(key)?, stamp.0, &message.encode_to_vec())
-            .wrap_err_with(|| format!("cannot write {}", self.path.display()))
+            .wrap_err_with(|| format!("cannot write {}", self.file.path.display()))
     }
 
     pub(super) fn finish(self) -> Result<()> {
-        let PlansLog { path, writer } = self;
-        let name = || format!("cannot write {}", path.display());
-        writer.finish().wrap_err_with(name)?.flush().wrap_err_with(name)
+        let PlansLog { mut file, writer } = self;
+        let name = || format!("cannot write {}", file.path.display());
+        writer.finish().wrap_err_with(name)?.flush().wrap_err_with(name)?;
+        file.finished = true;
+        Ok(())
     }
 }

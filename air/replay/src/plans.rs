@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use color_eyre::eyre::{Result, eyre};
-use goshawk_core::{FrameRecord, Plan, Planner, Time};
+use goshawk_core::{ANCHORS, FrameInput, FrameRecord, MAX_CHANNELS, NetworkOutput, NetworkState, Plan, Planner, Time};
 use goshawk_proto::keys::Key;
 use goshawk_proto::v1;
 use goshawk_recorder::Channel;
@@ -32,14 +32,18 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
             keep_first(first, Difference { stamp_ns, at_s, what, field, logged, replayed });
         };
         if let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) {
-            let logged = whole(&message)?;
+            let Some(logged) = Logged::of(&message) else {
+                outcome.missing.push(format!("a part of the input of plan {}", message.seq));
+                continue;
+            };
             let asked = planner.see(&logged.frame);
             let same = asked.state().len() == logged.state.len()
                 && asked.state().iter().zip(logged.state.iter()).all(|(a, b)| a.to_bits() == b.to_bits());
             if !same {
                 differs(format!("network state of plan {}", message.seq), first_field(&logged.state, asked.state()));
             }
-            plans.insert(message.seq, asked.answer(&logged.network));
+            let Some(network) = &logged.network else { continue };
+            plans.insert(message.seq, asked.answer(network));
             last = Some(message.seq);
             // The last one of a log that was cut off may be without.
             outcome.missing.extend(unanswered.replace(message.seq).map(lacks));
@@ -67,7 +71,22 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
     Ok(plans)
 }
 
-/// A planner's input with all that a plan needs.
-pub(super) fn whole(message: &v1::PlannerInput) -> Result<FrameRecord> {
-    frame_record(message).ok_or_else(|| eyre!("frame {}: input cut", message.seq))
+/// A frame that the planner saw.
+pub(super) struct Logged {
+    pub(super) frame: FrameInput,
+    /// What it told the network.
+    pub(super) state: NetworkState,
+    /// What the network answered; none: it failed.
+    pub(super) network: Option<NetworkOutput>,
+}
+
+impl Logged {
+    /// None: a part is missing.
+    pub(super) fn of(message: &v1::PlannerInput) -> Option<Self> {
+        let failed = message.prediction.is_empty();
+        let zeros = || v1::PlannerInput { prediction: vec![0.0; MAX_CHANNELS * ANCHORS], ..message.clone() };
+        let FrameRecord { frame, state, network } =
+            if failed { frame_record(&zeros())? } else { frame_record(message)? };
+        Some(Logged { frame, state, network: (!failed).then_some(network) })
+    }
 }

@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::choices::{Agreement, Choices};
 use super::compare::{Count, Difference, first_field, keep_first};
 use super::out::PlansLog;
-use super::plans::whole;
+use super::plans::Logged;
 use super::{Outcome, Recording};
 
 /// What another policy would have chosen.
@@ -100,22 +100,23 @@ pub(super) fn again(recording: &Recording, path: &Path, out: Option<&Path>, outc
     for entry in recording.log.entries() {
         seeing.keep(&entry);
         let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) else { continue };
-        let logged = whole(&message)?;
+        let Some(logged) = Logged::of(&message) else { continue }; // which was told
         let stamp = logged.frame.odometry.stamp;
         if !seeing.has(stamp) {
             continue;
         }
-        let asked = planner.see(&logged.frame);
+        let (asked, flown_asked) = (planner.see(&logged.frame), flown.see(&logged.frame));
+        let Some(logged_network) = &logged.network else { continue };
         let answer = seeing.answer(stamp, asked.state())?;
         let plan = asked.answer(&answer);
-        choices.count(&flown.see(&logged.frame).answer(&logged.network), &plan);
+        choices.count(&flown_asked.answer(logged_network), &plan);
         if same_policy {
             network.of += 1;
             let bits = |network: &NetworkOutput| network.values.map(f32::to_bits);
-            if bits(&answer) == bits(&logged.network) {
+            if bits(&answer) == bits(logged_network) {
                 network.same += 1;
             } else {
-                let [field, logged, replayed] = first_field(&logged.network, &answer);
+                let [field, logged, replayed] = first_field(logged_network, &answer);
                 let (stamp_ns, at_s) = (entry.time_ns, recording.since_begin(entry.time_ns));
                 let what = format!("network's answer for plan {}", plan.seq);
                 keep_first(&mut outcome.first_difference, Difference { stamp_ns, at_s, what, field, logged, replayed });

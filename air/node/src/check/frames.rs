@@ -53,6 +53,10 @@ pub fn check(config: &Path, overrides: Overrides, wait_s: f64) -> Findings {
 }
 
 fn walk(vehicle: &Vehicle, wait_s: f64, findings: &mut Findings) {
+    let no_stamp = |error| format!("the stamp cannot be written beside {}: {error}", vehicle.path.display());
+    if let Err(error) = can_stamp(vehicle) {
+        return findings.fail("stamp", no_stamp(error));
+    }
     let ears = Ears::open(vehicle, findings);
     if let Err(why) = senses(&ears, wait_s) {
         return findings.fail("sensors", why);
@@ -80,12 +84,18 @@ fn walk(vehicle: &Vehicle, wait_s: f64, findings: &mut Findings) {
     if findings.ready {
         let now = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
         let written = mounting::write(vehicle, now);
-        let text = |error| format!("the stamp cannot be written beside {}: {error}", vehicle.path.display());
-        findings.judge("stamp", written.map(|path| path.display().to_string()).map_err(text));
+        findings.judge("stamp", written.map(|path| path.display().to_string()).map_err(no_stamp));
     }
     for told in &findings.conditions[before..] {
         println!("{told}");
     }
+}
+
+/// A person does not move the vehicle for a stamp that cannot be written.
+fn can_stamp(vehicle: &Vehicle) -> std::io::Result<()> {
+    let trial = mounting::stamp_path(&vehicle.path).with_extension("part");
+    std::fs::File::create(&trial)?;
+    std::fs::remove_file(&trial)
 }
 
 /// Waits until there is something to judge by.

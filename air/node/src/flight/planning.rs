@@ -4,13 +4,15 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use goshawk_core::{FrameInput, FrameRecord, Plan, Planner, PlanningDemand, Time};
+use goshawk_core::{
+    ANCHORS, FrameInput, FrameRecord, MAX_CHANNELS, NetworkOutput, Plan, Planner, PlanningDemand, Time,
+};
 use goshawk_policy::{AnswerMonitor, Policy, Preprocessor};
 use goshawk_vehicle::sensors::Frame;
 use goshawk_vehicle::{clock, convert};
 
 use crate::flight::realtime::Schedule;
-use crate::flight::shared::{Planned, Report, Shared, lock};
+use crate::flight::shared::{PlanFailed, Planned, Report, Shared, lock};
 
 /// What is remembered about the vehicle is told so often, s: it is for people.
 const MAP_PERIOD_S: f64 = 1.0;
@@ -70,19 +72,19 @@ impl Planning {
                         shared.report(Report::Map(map));
                     }
                 }
-                Err(why) => shared.report(Report::PlanFailed(why)),
+                Err(failed) => shared.report(Report::PlanFailed(failed)),
             }
             seq += 1;
         }
     }
 
-    fn plan(&mut self, shared: &Shared, frame: &Frame, seq: u64) -> Result<(Plan, FrameRecord, f64), String> {
+    fn plan(&mut self, shared: &Shared, frame: &Frame, seq: u64) -> Result<(Plan, FrameRecord, f64), Box<PlanFailed>> {
         let flight = shared.flight.load(Ordering::Acquire);
         let (odometry, acc_world) = {
             let history = lock(&shared.history);
             (history.odometry_at(frame.stamp), history.acceleration_at(frame.stamp))
         };
-        let odometry = odometry.ok_or("no odometry around the frame's stamp")?;
+        let odometry = odometry.ok_or_else(|| "no odometry around the frame's stamp".to_owned())?;
         let demand = shared.demand.latest().unwrap_or(self.idle_demand);
         let source = frame.source();
         let preprocessor = match self.preprocessor.take().filter(|p| p.source() == source) {
@@ -98,7 +100,14 @@ impl Planning {
         let begun = clock::now();
         let asked = self.planner.see(&frame);
         let state = *asked.state();
-        let network = self.policy.infer(image, &state).map_err(|e| e.to_string())?;
+        let network = match self.policy.infer(image, &state) {
+            Ok(network) => network,
+            Err(error) => {
+                let network = NetworkOutput { values: [0.0; MAX_CHANNELS * ANCHORS] };
+                let seen = Some(FrameRecord { frame, state, network });
+                return Err(Box::new(PlanFailed { why: error.to_string(), seen }));
+            }
+        };
         let inference_s = clock::now().since(begun);
         let plan = asked.answer(&network);
         Ok((plan, FrameRecord { frame, state, network }, inference_s))

@@ -86,6 +86,20 @@ pub struct Planned {
     pub fault: Option<AnswerFault>,
 }
 
+/// A frame without a plan.
+pub struct PlanFailed {
+    /// Why.
+    pub why: String,
+    /// What the planner had seen by then, and remembers; the network's answer is all zeros, for it gave none.
+    pub seen: Option<FrameRecord>,
+}
+
+impl From<String> for Box<PlanFailed> {
+    fn from(why: String) -> Self {
+        Box::new(PlanFailed { why, seen: None })
+    }
+}
+
 /// One fact for telemetry, log and health.
 #[allow(clippy::large_enum_variant, reason = "the controller's reports lie in the queue itself: boxes are allocated")]
 pub enum Report {
@@ -93,8 +107,8 @@ pub enum Report {
     Frame(Arc<Frame>),
     /// The planner answered one.
     Plan(Box<Planned>),
-    /// The planner could not answer a frame, and why.
-    PlanFailed(String),
+    /// The planner could not answer a frame.
+    PlanFailed(Box<PlanFailed>),
     /// What the planner remembers.
     Map(v1::ObstacleMap),
     /// Odometry was taken.

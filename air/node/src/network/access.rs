@@ -21,8 +21,9 @@ pub const INSECURE: &str = "INSECURE: whoever reaches the vehicle's port may sta
                             insecure = true; make identities with `goshawk keys pair`";
 /// A handshake that is not over by then is given up, ms: two round trips of a slow link take 2 s.
 const HANDSHAKE_MS: u32 = 5000;
-/// The largest message, bytes: an image of 1280 x 720 has 4.6 MB. A larger one is given up while it comes.
-const LARGEST_MESSAGE: usize = 8 << 20;
+/// The largest message, bytes: the largest image that is looked at, 1920 x 1200, has 11.5 MB. A larger message is given
+/// up while it comes.
+const LARGEST_MESSAGE: usize = 16 << 20;
 /// The largest command or ping, bytes.
 const LARGEST_QUESTION: usize = 4096;
 /// Most questions of a kind that one peer is listened to for, Hz: a ground repeats a command twice a second.

@@ -16,7 +16,7 @@ use goshawk_vehicle::config::{OdometrySource, Switch};
 use goshawk_vehicle::sensors::Frame;
 use goshawk_vehicle::{clock, convert, inputs, switch};
 
-use crate::flight::shared::{Planned, REPORT_QUEUE, Report, Shared, Started, lock};
+use crate::flight::shared::{PlanFailed, Planned, REPORT_QUEUE, Report, Shared, Started, lock};
 use crate::network::access::INSECURE;
 use crate::network::memory::Memory;
 use crate::network::visitors::Visitors;
@@ -188,7 +188,7 @@ impl Telemetry {
                 self.publishers.map.put(&map);
                 self.log.record(Key::Map, Time(map.stamp_ns), map);
             }
-            Report::PlanFailed(why) => self.facts.plan_failed = Some(why),
+            Report::PlanFailed(failed) => self.take_failed(*failed),
             Report::Odometry(odometry) => {
                 self.facts.odometry = Some(odometry.stamp);
                 self.facts.odometry_rate.tick();
@@ -270,6 +270,15 @@ impl Telemetry {
                 self.log.record(Key::Target, *ready, message);
             }
         }
+    }
+
+    /// The planner remembers what it saw, so that a replay needs it, too.
+    fn take_failed(&mut self, failed: PlanFailed) {
+        if let Some(record) = failed.seen.filter(|record| record.frame.flight == self.flight) {
+            let input = v1::PlannerInput { prediction: Vec::new(), ..inputs::planner_input(&record) };
+            self.log.record_on(Channel::PLANNER_INPUT, clock::now(), input);
+        }
+        self.facts.plan_failed = Some(failed.why);
     }
 
     fn take_frame(&mut self, frame: &Arc<Frame>) {

@@ -26,6 +26,9 @@ use crate::tally::{Refused, Tally};
 const IMAGES_WAITING: usize = 2;
 /// Odometry samples that may wait: none is left out, for the vehicle judges their course.
 const MOTIONS_WAITING: usize = 16;
+const COLOUR: &str = "colour image";
+const DEPTH: &str = "depth image";
+const ODOMETRY: &str = "odometry";
 /// How often it is told what went through, s.
 const REPORT_S: u64 = 10;
 
@@ -76,23 +79,39 @@ fn report(config: &Config, camera: Option<&Camera>, tally: &Tally) {
         "in {REPORT_S} s: {images} images and {motions} odometry samples in, {lost} images without their other half; \
          {told} messages out"
     );
-    for (name, topic, count) in [
-        ("image", config.camera.as_ref().map(|camera| &camera.colour), images),
-        ("odometry", config.odometry.as_ref().map(|odometry| &odometry.topic), motions),
+    for (name, topic) in [
+        (COLOUR, config.camera.as_ref().map(|camera| &camera.colour)),
+        (DEPTH, config.camera.as_ref().map(|camera| &camera.depth)),
+        (ODOMETRY, config.odometry.as_ref().map(|odometry| &odometry.topic)),
     ] {
-        if let Some(topic) = topic.filter(|_| count == 0 && report.refused.is_empty()) {
+        if let Some(topic) = topic.filter(|_| !report.heard.contains_key(name)) {
             let router = &config.ros.connect;
             tracing::warn!("no {name} in {REPORT_S} s: see that {topic} is published, and rmw_zenohd is at {router}");
         }
     }
+    if report.untaken > 0 {
+        let config::Vehicle { name, connect } = &config.vehicle;
+        tracing::warn!(
+            "{} messages not sent: no vehicle {name} at {connect} listens for them. See that goshawk-air runs there, and \
+             for odometry that its file says odometry = \"zenoh\"",
+            report.untaken
+        );
+    }
 }
 
-/// Calls `take` with each message on a thread of its own.
-fn on_each(name: &str, subscription: Subscription, mut take: impl FnMut(&[u8]) + Send + 'static) -> Result<()> {
+/// Counts each message, and calls `take` with it, on a thread of its own.
+fn on_each(
+    name: &'static str,
+    subscription: Subscription,
+    tally: &Arc<Tally>,
+    mut take: impl FnMut(&[u8]) + Send + 'static,
+) -> Result<()> {
+    let tally = Arc::clone(tally);
     thread::Builder::new()
         .name(name.to_owned())
         .spawn(move || {
             while let Ok(sample) = subscription.recv() {
+                tally.heard(name);
                 take(&sample.payload().to_bytes());
             }
         })
@@ -103,28 +122,31 @@ fn on_each(name: &str, subscription: Subscription, mut take: impl FnMut(&[u8]) +
 fn take_images(camera: &config::Camera, bus: &Bus, node: &mut RosNode, tally: &Arc<Tally>) -> Result<Arc<Camera>> {
     let shared = Arc::new(Camera::new(camera));
     let (lens, counted) = (Arc::clone(&shared), Arc::clone(tally));
-    on_each("info", node.subscribe::<CameraInfo>(&camera.info, 1)?, move |bytes| {
+    on_each("camera_info", node.subscribe::<CameraInfo>(&camera.info, 1)?, tally, move |bytes| {
         if let Err(why) = lens.info(bytes) {
             counted.refuse("camera_info", why);
         }
     })?;
     let vehicle = Arc::new(Mutex::new((bus.publisher(Key::Rgbd)?, 0)));
-    for (side, name, topic) in [(Side::Colour, "colour", &camera.colour), (Side::Depth, "depth", &camera.depth)] {
+    for (side, name, topic) in [(Side::Colour, COLOUR, &camera.colour), (Side::Depth, DEPTH, &camera.depth)] {
         let packing = Packing::of(topic);
         let subscription = match packing {
             Packing::Raw => node.subscribe::<Image<'_>>(topic, IMAGES_WAITING)?,
             Packing::Compressed => node.subscribe::<CompressedImage<'_>>(topic, IMAGES_WAITING)?,
         };
-        let (camera, tally, vehicle) = (Arc::clone(&shared), Arc::clone(tally), Arc::clone(&vehicle));
-        on_each(name, subscription, move |bytes| match camera.take(side, packing, bytes, &Clocks::now()) {
-            Err(why) => tally.refuse(name, why),
+        let (camera, counted, vehicle) = (Arc::clone(&shared), Arc::clone(tally), Arc::clone(&vehicle));
+        on_each(name, subscription, tally, move |bytes| match camera.take(side, packing, bytes, &Clocks::now()) {
+            Err(why) => counted.refuse(name, why),
             Ok(None) => {}
             Ok(Some(rgbd)) => {
                 let mut vehicle = vehicle.lock().unwrap_or_else(PoisonError::into_inner);
+                if !vehicle.0.is_wanted() {
+                    return counted.untaken();
+                }
                 vehicle.1 += 1;
                 let seq = vehicle.1;
                 if vehicle.0.put(&v1::Rgbd { seq, ..rgbd }).is_some() {
-                    tally.image();
+                    counted.image();
                 }
             }
         })?;
@@ -138,13 +160,15 @@ fn take_motion(odometry: &config::Odometry, bus: &Bus, node: &mut RosNode, tally
         Kind::Pose => node.subscribe::<PoseStamped>(&odometry.topic, MOTIONS_WAITING)?,
     };
     let (mut motion, mut vehicle) = (Motion::new(odometry), bus.publisher(Key::Odometry)?);
-    let (kind, tally) = (odometry.message, Arc::clone(tally));
-    on_each("odometry", subscription, move |bytes| match moved(&mut motion, kind, bytes, &Clocks::now()) {
-        Err(why) => tally.refuse("odometry", why),
+    let (kind, counted) = (odometry.message, Arc::clone(tally));
+    on_each(ODOMETRY, subscription, tally, move |bytes| match moved(&mut motion, kind, bytes, &Clocks::now()) {
+        Err(why) => counted.refuse(ODOMETRY, why),
         Ok(None) => {}
         Ok(Some(sample)) => {
-            if vehicle.put(&sample).is_some() {
-                tally.motion();
+            if !vehicle.is_wanted() {
+                counted.untaken();
+            } else if vehicle.put(&sample).is_some() {
+                counted.motion();
             }
         }
     })

@@ -16,6 +16,7 @@ use crate::tally::Refused;
 /// Takes the three topics of a camera.
 pub struct Camera {
     view: View,
+    rectified: bool,
     lens: Mutex<Option<(CameraInfo, Arc<Map>)>>,
     pairs: Mutex<Pairs>,
 }
@@ -44,7 +45,7 @@ impl Camera {
         let (hfov, vfov) = (camera.hfov_deg.to_radians(), camera.vfov_deg.to_radians());
         let view = View { width: camera.width, height: camera.height, hfov, vfov };
         let within = (camera.pair_within_ms * 1e6) as u64;
-        Camera { view, lens: Mutex::new(None), pairs: Mutex::new(Pairs::new(within)) }
+        Camera { view, rectified: camera.rectified, lens: Mutex::new(None), pairs: Mutex::new(Pairs::new(within)) }
     }
 
     /// Takes a `camera_info`; what is looked up is worked out when it is another one than before.
@@ -58,7 +59,7 @@ impl Camera {
             return Ok(());
         }
         *lens = None;
-        let map = Arc::new(Map::new(&info, &self.view)?);
+        let map = Arc::new(Map::new(&info, self.rectified, &self.view)?);
         *lens = Some((info, map));
         Ok(())
     }

@@ -84,7 +84,9 @@ pub struct Camera {
     pub depth: String,
     /// The lens of both.
     pub info: String,
-    /// Two images of stamps nearer than this are one, ms.
+    /// Both are rectified: the lens is `info`'s P, and has no distortion.
+    pub rectified: bool,
+    /// Two images are one if their stamps are no farther apart, ms.
     pub pair_within_ms: f64,
     /// What is sent on, px.
     pub width: u32,

@@ -69,7 +69,8 @@ struct Lens {
 }
 
 impl Lens {
-    fn new(info: &CameraInfo) -> Result<Self, LensError> {
+    /// Of the images as they come, or rectified.
+    fn new(info: &CameraInfo, rectified: bool) -> Result<Self, LensError> {
         let pixels = info.width.checked_mul(info.height).filter(|&n| n > 0 && n <= MOST_PIXELS);
         if pixels.is_none() || info.width > 65_535 || info.height > 65_535 {
             return Err(LensError::Uncalibrated("no image has that size"));
@@ -80,12 +81,18 @@ impl Lens {
             return Err(LensError::Part);
         }
         let [fx, _, cx, _, fy, cy, ..] = info.k;
-        let all = info.k.iter().chain(&info.d).all(|x| x.is_finite());
+        let [rectified_fx, _, rectified_cx, _, _, rectified_fy, rectified_cy, ..] = info.p;
+        let (fx, fy, cx, cy, unlike) = if rectified {
+            (rectified_fx, rectified_fy, rectified_cx, rectified_cy, "its P is not a pinhole's")
+        } else {
+            (fx, fy, cx, cy, "its K is not a pinhole's")
+        };
+        let all = [fx, fy, cx, cy].iter().chain(&info.d).all(|x| x.is_finite());
         if !all || fx < 1.0 || fy < 1.0 || cx <= 0.0 || cy <= 0.0 {
-            return Err(LensError::Uncalibrated("its K is not a pinhole's"));
+            return Err(LensError::Uncalibrated(unlike));
         }
         let mut d = [0.0; 5];
-        if info.d.iter().any(|&x| x != 0.0) {
+        if !rectified && info.d.iter().any(|&x| x != 0.0) {
             if info.distortion_model != "plumb_bob" || info.d.len() > 5 {
                 return Err(LensError::Model(info.distortion_model.chars().take(40).collect()));
             }
@@ -106,12 +113,12 @@ impl Lens {
 }
 
 impl Map {
-    /// Of the camera that `info` describes, distortion undone.
+    /// Of the camera that `info` describes, distortion undone unless its images are `rectified` already.
     ///
     /// # Errors
     /// It cannot give that picture.
-    pub fn new(info: &CameraInfo, view: &View) -> Result<Self, LensError> {
-        let lens = Lens::new(info)?;
+    pub fn new(info: &CameraInfo, rectified: bool, view: &View) -> Result<Self, LensError> {
+        let lens = Lens::new(info, rectified)?;
         let narrow = || LensError::Narrow { hfov_deg: view.hfov.to_degrees(), vfov_deg: view.vfov.to_degrees() };
         let (right, down) = ((view.hfov / 2.0).tan(), (view.vfov / 2.0).tan());
         let at = |column: f64, row: f64| {
@@ -160,10 +167,10 @@ pub(crate) mod tests {
 
     #[test]
     fn a_pinhole_of_that_view_is_taken_pixel_by_pixel() {
-        let map = Map::new(&pinhole(1), &VIEW).unwrap();
+        let map = Map::new(&pinhole(1), false, &VIEW).unwrap();
         let wanted: Vec<(u16, u16)> = (0..2).flat_map(|row| (0..4).map(move |column| (column, row))).collect();
         assert_eq!(map.depth, wanted);
-        let fine = Map::new(&pinhole(2), &VIEW).unwrap();
+        let fine = Map::new(&pinhole(2), false, &VIEW).unwrap();
         assert_eq!(fine.colour[5], [(2, 2), (3, 2), (2, 3), (3, 3)]);
     }
 
@@ -172,10 +179,10 @@ pub(crate) mod tests {
         let mut info = pinhole(100);
         info.k[0] *= 0.8;
         info.k[4] *= 0.8;
-        let map = Map::new(&info, &VIEW).unwrap();
+        let map = Map::new(&info, false, &VIEW).unwrap();
         assert_eq!(map.depth[0], (80, 60));
         info.k[0] *= 1.5;
-        assert!(matches!(Map::new(&info, &VIEW), Err(LensError::Narrow { .. })));
+        assert!(matches!(Map::new(&info, false, &VIEW), Err(LensError::Narrow { .. })));
     }
 
     // By OpenCV's formula at x = -0.75, y = -0.25, worked out by hand.
@@ -183,16 +190,28 @@ pub(crate) mod tests {
     fn plumb_bob_is_undone_and_every_other_distortion_refused() {
         let mut info = CameraInfo { distortion_model: "plumb_bob".to_owned(), ..pinhole(100) };
         info.d = vec![-0.1, 0.01, 0.001, -0.002, 0.0];
-        let map = Map::new(&info, &VIEW).unwrap();
+        let map = Map::new(&info, false, &VIEW).unwrap();
         let r2 = 0.75_f64 * 0.75 + 0.25 * 0.25;
         let radial = 1.0 - 0.1 * r2 + 0.01 * r2 * r2;
         let u = -0.75 * radial + 0.002 * 0.75 * 0.25 - 0.002 * (r2 + 2.0 * 0.75 * 0.75);
         let v = -0.25 * radial + 0.001 * (r2 + 2.0 * 0.25 * 0.25) - 0.004 * 0.75 * 0.25;
         assert_eq!(map.depth[0], ((200.0 * u + 199.5).round() as u16, (200.0 * v + 99.5).round() as u16));
         info.distortion_model = "equidistant".to_owned();
-        assert!(matches!(Map::new(&info, &VIEW), Err(LensError::Model(model)) if model == "equidistant"));
+        assert!(matches!(Map::new(&info, false, &VIEW), Err(LensError::Model(model)) if model == "equidistant"));
         info.d = vec![0.0; 8];
-        assert!(Map::new(&info, &VIEW).is_ok(), "without distortion the model's name does not matter");
+        assert!(Map::new(&info, false, &VIEW).is_ok(), "without distortion the model's name does not matter");
+    }
+
+    #[test]
+    fn a_rectified_image_is_taken_by_p_and_its_distortion_is_gone() {
+        let [fx, _, cx, _, fy, cy, ..] = pinhole(100).k;
+        let p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let mut info = CameraInfo { distortion_model: "plumb_bob".to_owned(), p, ..pinhole(100) };
+        info.d = vec![-0.1, 0.01, 0.001, -0.002, 0.0];
+        info.k[0] *= 1.2; // of the raw image, which another lens than P's shows
+        assert_eq!(Map::new(&info, true, &VIEW), Map::new(&pinhole(100), false, &VIEW));
+        info.p = [0.0; 12];
+        assert_eq!(Map::new(&info, true, &VIEW), Err(LensError::Uncalibrated("its P is not a pinhole's")));
     }
 
     #[test]
@@ -211,8 +230,8 @@ pub(crate) mod tests {
             CameraInfo { width: u32::MAX, height: u32::MAX, ..good.clone() },
             CameraInfo { d: vec![f64::NAN], ..good.clone() },
         ] {
-            assert!(matches!(Map::new(&bad, &VIEW), Err(LensError::Uncalibrated(_))), "{bad:?}");
+            assert!(matches!(Map::new(&bad, false, &VIEW), Err(LensError::Uncalibrated(_))), "{bad:?}");
         }
-        assert_eq!(Map::new(&CameraInfo { binning_x: 2, ..good }, &VIEW), Err(LensError::Part));
+        assert_eq!(Map::new(&CameraInfo { binning_x: 2, ..good }, false, &VIEW), Err(LensError::Part));
     }
 }

@@ -10,6 +10,10 @@ use crate::messages::{self, Twist};
 const MOST_STEP_S: f64 = 0.2;
 /// Nor are those over a shorter one, s: two stamps of the same pose.
 const LEAST_STEP_S: f64 = 0.001;
+/// A pose may be this far from where the motion before leads to: the noise of positions, m, and an acceleration, m/s².
+/// What is farther off is a jump of the estimator: it closed a loop, or begins anew. Chosen by eye.
+const JUMP_M: f64 = 0.1;
+const JUMP_ACC: f64 = 50.0;
 /// After such a pause the estimator may have begun anew, in another frame, s.
 const PAUSE_S: f64 = 1.0;
 /// A quaternion's length may be off by this.
@@ -34,6 +38,8 @@ pub enum MotionError {
 struct Last {
     stamp: u64,
     odom_from_child: Isometry3<f64>,
+    /// The difference that led here, in the odometry's frame; none: it is the first since a jump or a pause.
+    vel_odom: Option<Vector3<f64>>,
 }
 
 /// What is kept from sample to sample.
@@ -81,8 +87,15 @@ impl Motion {
         if step.is_some_and(|step| step > PAUSE_S) {
             self.resets += 1;
         }
-        let difference = last.zip(step.filter(|step| (LEAST_STEP_S..=MOST_STEP_S).contains(step)));
-        self.last = Some(Last { stamp, odom_from_child });
+        let mut difference = last.zip(step.filter(|step| (LEAST_STEP_S..=MOST_STEP_S).contains(step)));
+        // With a twist the vehicle itself compares positions with velocities.
+        let poses = self.velocity == Velocity::Pose;
+        if poses && difference.is_some_and(|(last, step)| jumped(&last, &odom_from_child, step)) {
+            self.resets += 1;
+            difference = None;
+        }
+        let vel_odom = difference.map(|(last, step)| difference_of(&last, &odom_from_child, step));
+        self.last = Some(Last { stamp, odom_from_child, vel_odom });
         let Some((vel_odom, rate_child)) = self.moving(&odom_from_child, twist, difference) else {
             return Ok(None);
         };
@@ -117,8 +130,7 @@ impl Motion {
         let vel = match self.velocity {
             Velocity::Child => now.rotation * linear,
             Velocity::Odom => linear,
-            Velocity::Pose => difference
-                .map(|(last, step)| (now.translation.vector - last.odom_from_child.translation.vector) / step)?,
+            Velocity::Pose => difference.map(|(last, step)| difference_of(&last, now, step))?,
         };
         let rate = match self.rates {
             Rates::Twist => angular,
@@ -127,6 +139,17 @@ impl Motion {
         };
         Some((vel, rate))
     }
+}
+
+/// The velocity between two poses, in the odometry's frame.
+fn difference_of(last: &Last, now: &Isometry3<f64>, step: f64) -> Vector3<f64> {
+    (now.translation.vector - last.odom_from_child.translation.vector) / step
+}
+
+/// The pose is not where the motion before leads to.
+fn jumped(last: &Last, now: &Isometry3<f64>, step: f64) -> bool {
+    last.vel_odom
+        .is_some_and(|vel| (difference_of(last, now, step) - vel).norm() * step > JUMP_M + JUMP_ACC * step * step)
 }
 
 fn vector(v: &messages::Vector3) -> Vector3<f64> {
@@ -248,6 +271,21 @@ mod tests {
         let sample = motion.take(1_050_000_000, &pose([0.1, 0.0, -0.05], yaw(0.1)), &none).unwrap().unwrap();
         assert!(near(sample.vel_world, [2.0, 0.0, -1.0]) && near(sample.ang_vel_body, [0.0, 0.0, 2.0]));
         assert_eq!(motion.take(1_500_000_000, &pose([0.2, 0.0, 0.0], yaw(0.1)), &none), Ok(None), "too long ago");
+    }
+
+    #[test]
+    fn a_jump_of_poses_alone_is_a_new_beginning_and_no_velocity() {
+        let poses = Setup { message: Kind::Pose, velocity: Velocity::Pose, rates: Rates::Pose, ..setup() };
+        let mut motion = Motion::new(&poses);
+        let mut take = |ms: u64, x: f64| motion.take(ms * 1_000_000, &pose([x, 0.0, 0.0], yaw(0.0)), &Twist::default());
+        assert_eq!(take(1000, 0.0), Ok(None));
+        assert!(near(take(1033, 0.1).unwrap().unwrap().vel_world, [0.1 / 0.033, 0.0, 0.0]));
+        assert_eq!(take(1066, 0.7), Ok(None), "it closed a loop");
+        let after = take(1099, 0.8).unwrap().unwrap();
+        assert!(near(after.vel_world, [0.1 / 0.033, 0.0, 0.0]));
+        assert_eq!(after.reset_counter, 1);
+        let braking = take(1132, 0.85).unwrap().unwrap();
+        assert_eq!(braking.reset_counter, 1, "45 m/s² is motion");
     }
 
     #[test]

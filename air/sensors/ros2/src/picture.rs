@@ -171,7 +171,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn map() -> Map {
-        Map::new(&pinhole(1), &VIEW).unwrap()
+        Map::new(&pinhole(1), false, &VIEW).unwrap()
     }
 
     fn image<'a>(encoding: &str, step: u32, data: &'a [u8]) -> Image<'a> {

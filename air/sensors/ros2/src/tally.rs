@@ -40,6 +40,8 @@ pub struct Tally {
     images: AtomicU64,
     motions: AtomicU64,
     told: AtomicU64,
+    untaken: AtomicU64,
+    heard: Mutex<HashMap<&'static str, u64>>,
     refused: Mutex<HashMap<(&'static str, Discriminant<Refused>), Line>>,
 }
 
@@ -52,11 +54,25 @@ pub struct Report {
     pub motions: u64,
     /// Messages of the vehicle that ROS 2 got.
     pub told: u64,
+    /// Images and samples that no vehicle listened for.
+    pub untaken: u64,
+    /// Messages that came on each topic, good or not.
+    pub heard: HashMap<&'static str, u64>,
     /// One line a kind.
     pub refused: Vec<String>,
 }
 
 impl Tally {
+    /// A message of `what` came.
+    pub fn heard(&self, what: &'static str) {
+        *self.heard.lock().unwrap_or_else(PoisonError::into_inner).entry(what).or_default() += 1;
+    }
+
+    /// No vehicle listens for what was to go there.
+    pub fn untaken(&self) {
+        self.untaken.fetch_add(1, Ordering::Relaxed);
+    }
+
     /// Counts a message of `what`; the first of a kind is told.
     pub fn refuse(&self, what: &'static str, why: Refused) {
         let mut refused = self.refused.lock().unwrap_or_else(PoisonError::into_inner);
@@ -94,7 +110,10 @@ impl Tally {
             .collect();
         refused.values_mut().for_each(|line| line.since = 0);
         lines.sort();
-        Report { images: count(&self.images), motions: count(&self.motions), told: count(&self.told), refused: lines }
+        let (images, motions, told, untaken) =
+            (count(&self.images), count(&self.motions), count(&self.told), count(&self.untaken));
+        let heard = std::mem::take(&mut *self.heard.lock().unwrap_or_else(PoisonError::into_inner));
+        Report { images, motions, told, untaken, heard, refused: lines }
     }
 }
 
@@ -110,12 +129,15 @@ mod tests {
         }
         tally.refuse("depth", Refused::NoLens);
         tally.image();
+        tally.heard("colour");
+        tally.untaken();
         let report = tally.take();
         assert_eq!(
             report.refused,
             ["1 × depth refused: no camera_info came yet", "1000 × colour refused: 999 bytes are no CDR message"]
         );
-        assert_eq!((report.images, report.motions), (1, 0));
+        assert_eq!((report.images, report.motions, report.untaken), (1, 0, 1));
+        assert_eq!(report.heard.get("colour"), Some(&1));
         assert_eq!(tally.take(), Report::default());
     }
 }
