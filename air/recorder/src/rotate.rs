@@ -2,6 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+/// How a log's time begins; a `d` is any digit.
+const DATE: &[u8] = b"dddd-dd-ddT";
+
 /// Removes the oldest logs of `folder` until those that are left hold at most `keep_bytes`; returns what it removed.
 /// A log is a file named `prefixTIME.mcap`, so the first by name is the oldest. Nothing else is touched: no log of another
 /// vehicle whose name begins alike. What cannot be read or removed is passed over.
@@ -32,9 +35,7 @@ pub fn rotate(folder: &Path, prefix: &str, keep_bytes: u64) -> Vec<PathBuf> {
     removed
 }
 
-/// As `2026-08-30T101112123Z` begins: a date.
 fn is_time(name: &str) -> bool {
-    const DATE: &[u8] = b"dddd-dd-ddT";
     let fits = |(byte, form): (u8, &u8)| if *form == b'd' { byte.is_ascii_digit() } else { byte == *form };
     name.len() > DATE.len() && name.bytes().zip(DATE).all(fits)
 }

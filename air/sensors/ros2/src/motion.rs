@@ -10,9 +10,10 @@ use crate::messages::{self, Twist};
 const MOST_STEP_S: f64 = 0.2;
 /// Nor are those over a shorter one, s: two stamps of the same pose.
 const LEAST_STEP_S: f64 = 0.001;
-/// A pose may be this far from where the motion before leads to: the noise of positions, m, and an acceleration, m/s².
-/// What is farther off is a jump of the estimator: it closed a loop, or begins anew. Chosen by eye.
+/// A pose may be this far from where the motion before leads to, by the noise of positions, m. What is farther off is a
+/// jump of the estimator: it closed a loop, or begins anew. Chosen by eye.
 const JUMP_M: f64 = 0.1;
+/// And this far by an acceleration, m/s²: no vehicle has more. Chosen by eye.
 const JUMP_ACC: f64 = 50.0;
 /// After such a pause the estimator may have begun anew, in another frame, s.
 const PAUSE_S: f64 = 1.0;
