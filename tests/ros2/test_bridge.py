@@ -282,7 +282,12 @@ def test_every_bad_message_is_one_line_a_kind_and_good_ones_still_pass(bridge: B
     ]:  # fmt: skip
         until(lambda line=line: re.search(line, bridge.said()), line)
     lines = [line for line in bridge.said().splitlines() if " refused: " in line and " × " not in line]
-    kinds = {"colour image": 4, "depth image": 3, "odometry": 3, "camera_info": 1}  # a busy computer may add an old stamp
+    kinds = {
+        "colour image": 4,
+        "depth image": 3,
+        "odometry": 3,
+        "camera_info": 1,
+    }  # a busy computer may add an old stamp
     assert all(sum(f"{what} refused" in line for line in lines) <= most for what, most in kinds.items()), lines
     assert vehicle.motions == []
     vehicle.images.clear()
@@ -333,6 +338,11 @@ def test_a_bad_file_is_one_line_that_says_what_to_do(bridge: BridgeRig) -> None:
     code, said = ran("--config", config)
     assert code == 1 and said.count("\n") == 1, said
     assert said.startswith(f"goshawk-ros2: {config}: unknown field `color`")
+    config.write_text(SHIPPED.read_text().replace("tcp/127.0.0.1:7447", "foo"))
+    code, said = ran("--config", config)
+    assert code == 1 and said.endswith(
+        "cannot dial ros.connect foo: it is no endpoint; an endpoint is such as tcp/127.0.0.1:7447\n"
+    )
     code, said = ran("--config", bridge.rig.folder / "none.toml")
     assert code == 1 and said.count("\n") == 1 and "air/sensors/ros2/ros2.toml is one to begin with" in said
     assert ran("--config", SHIPPED, "--check") == (0, f"{SHIPPED} is good\n")

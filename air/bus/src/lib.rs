@@ -265,9 +265,18 @@ fn open(own: &[(&str, &str)]) -> Result<zenoh::Session, String> {
         ("transport/shared_memory/enabled", "false"),
     ];
     for (path, value) in common.iter().chain(own) {
-        config.insert_json5(path, value).map_err(|e| format!("{path}: {e}"))?;
+        config.insert_json5(path, value).map_err(|e| refused(path, &e.to_string()))?;
     }
     zenoh::open(config).wait().map_err(|e| without_source_places(&without_settings(&e.to_string())))
+}
+
+/// Of an endpoint Zenoh shows where it stands in its own settings, which nobody wrote.
+fn refused(path: &str, cause: &str) -> String {
+    if path.ends_with("/endpoints") {
+        "it is no endpoint".to_owned()
+    } else {
+        format!("{path}: {}", without_source_places(cause))
+    }
 }
 
 /// Zenoh's errors name an endpoint with all its settings (`tls/…#so_sndbuf=16384;…`).
@@ -315,6 +324,16 @@ fn priority(priority: KeyPriority) -> Priority {
 mod tests {
     use super::*;
     use goshawk_proto::v1;
+
+    #[test]
+    fn what_is_no_endpoint_is_one_line_without_zenohs_settings() {
+        let vehicle = || "kite".parse::<VehicleName>().unwrap();
+        let said = Bus::dial(vehicle(), "foo").err().unwrap().to_string();
+        assert_eq!(said, "cannot dial foo: it is no endpoint; an endpoint is such as tls/192.168.1.7:7447");
+        let listed = [("listen/endpoints", r#"["foo"]"#.to_owned())];
+        let said = Bus::listen(vehicle(), "foo", &listed).err().unwrap().to_string();
+        assert!(said.starts_with("cannot listen on foo: it is no endpoint; "), "{said}");
+    }
 
     #[test]
     fn a_message_that_comes_under_another_key_is_known_by_its_name_and_left_out() {

@@ -51,6 +51,7 @@ impl RosNode {
     /// The endpoint is malformed.
     pub fn open(ros: &config::Ros) -> Result<Self, NodeError> {
         let error = |cause: String| NodeError::Dial { endpoint: ros.connect.clone(), cause };
+        ros.connect.parse::<zenoh::config::EndPoint>().map_err(|_| error("it is no endpoint".to_owned()))?;
         let endpoints = serde_json::to_string(&[&ros.connect]).map_err(|e| error(e.to_string()))?;
         let mut settings = zenoh::Config::default();
         // As rmw_zenoh's own nodes: peers that learn of each other by the router and then talk without it.
