@@ -101,7 +101,7 @@ wheel: | $(UV) ## the ground half as one Python package, in dist: for pipx or uv
 	@rm -rf build # what an earlier one left would be packed too
 	@ls dist/*.whl
 
-deb: build | $(UV) ## the onboard process and the simulator as Debian packages, in dist (ARCH=amd64 or arm64)
+deb: build | $(UV) ## onboard process, ROS 2 bridge and simulator as Debian packages, in dist (ARCH=amd64 or arm64)
 	air/deb/build.sh $(ARCH) $(BUILT) dist
 
 image: deb ## the onboard half as a container image, from its package (needs buildah)

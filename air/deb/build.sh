@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Puts what `make build` built into two Debian packages: goshawk-air for the vehicle, goshawk-sim for those who simulate.
-# A vehicle carries nothing of the simulator; a laptop that runs the demo installs both. `make deb` calls this.
+# Puts what `make build` built into Debian packages: goshawk-air for the vehicle, goshawk-ros2 for one that ROS 2 feeds,
+# goshawk-sim for those who simulate. A vehicle carries nothing of the simulator; a laptop that runs the demo installs it
+# beside goshawk-air. `make deb` calls this.
 #   air/deb/build.sh amd64 target/release dist     # or arm64, with where its programs are
 set -euo pipefail
 shopt -s extglob
 cd "$(dirname "$0")/../.."
-[[ $# == 3 ]] || { sed -n '2,4s/^# *//p' "$0"; exit 2; }
+[[ $# == 3 ]] || { sed -n '2,5s/^# *//p' "$0"; exit 2; }
 arch=$1 programs=$2 dist=$3
 case $arch in
   amd64) triple=x86_64-linux-gnu platform=x86_64-manylinux_2_28 ;;
@@ -65,6 +66,13 @@ install -D -m 644 air/systemd/goshawk-air.tmpfiles "$work/goshawk-air/usr/lib/tm
 install -D -t "$work/goshawk-air/DEBIAN" air/deb/postinst air/deb/prerm
 pack goshawk-air ", adduser" "Onboard half of Goshawk, which chases a target through a forest
  The onboard process, its policies, ONNX Runtime, vehicle files and a systemd unit."
+
+# It speaks with the vehicle over the network alone, so it needs nothing of the vehicle's package.
+install_program goshawk-ros2
+install -D -m 644 -t "$work/goshawk-ros2/usr/share/goshawk" air/sensors/ros2/ros2.toml
+install -D -m 644 -t "$work/goshawk-ros2/usr/share/doc/goshawk-ros2" docs/how-to/ros2.md
+pack goshawk-ros2 "" "Bridge between ROS 2 and a vehicle of Goshawk
+ It speaks what rmw_zenoh speaks, without ROS 2: images and odometry in, what the vehicle tells out."
 
 # What only the simulator flies, to be compared with, is not for a vehicle.
 install_program goshawk-sim

@@ -40,9 +40,9 @@ mount -t proc proc /proc
 mount -t sysfs sysfs /sys
 mount -t tmpfs tmpfs /dev/shm
 say() { echo "== $*"; }
-say "apt installs the two packages"
+say "apt installs the packages"
 apt-get install -qq -o Dpkg::Use-Pty=0 /dist/*.deb > /dev/null
-dpkg -l goshawk-air goshawk-sim | tail -2
+dpkg -l goshawk-air goshawk-ros2 goshawk-sim | tail -3
 id goshawk
 say "pip installs the wheel from the pins alone"
 python3 -m venv /opt/goshawk
@@ -53,10 +53,12 @@ say "goshawk doctor"
 fly goshawk doctor --offline --role laptop
 say "goshawk-air check, of the packaged policy, with nothing connected"
 fly 'goshawk-air check --config /usr/share/goshawk/vehicles/sim.toml --log-dir logs --wait 1 || test $? = 1'
+say "goshawk-ros2 reads the packaged file"
+fly goshawk-ros2 --config /usr/share/goshawk/ros2.toml --check
 say "goshawk demo"
 fly goshawk demo --headless
 say "what is left after apt has removed them"
-apt-get remove -qq -o Dpkg::Use-Pty=0 goshawk-air goshawk-sim > /dev/null
+apt-get remove -qq -o Dpkg::Use-Pty=0 goshawk-air goshawk-ros2 goshawk-sim > /dev/null
 test ! -e /usr/lib/goshawk && test ! -e /usr/bin/goshawk-air && echo "nothing of the programs"
 EOF
 chmod +x "$root/install-and-fly"

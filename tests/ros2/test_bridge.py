@@ -9,16 +9,19 @@ import re
 import signal
 import struct
 import subprocess
+import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bridge_rig import SHIPPED, TOPICS, BridgeRig, VehicleEnd
+from goshawk_ground.keys.chosen import demo_identities
 from goshawk_proto import goshawk_pb2 as pb
 from pictures import FOCAL_PX, HEIGHT, WIDTH, camera_info, compressed, image, odometry
 from PIL import Image
-from rig import BIN, ROOT
+from rig import BIN, ROOT, copied
 from ros_peer import HUMBLE, STORE, RosPeer, new, until
 
 COLOUR, DEPTH, INFO = (TOPICS["camera"][name] for name in ("colour", "depth", "info"))
@@ -359,3 +362,43 @@ def test_the_estimators_of_the_how_to_page_are_good_files(bridge: BridgeRig) -> 
         text, changed = re.subn(r"\[odometry\].*?\n\n", section + "\n", SHIPPED.read_text(), flags=re.DOTALL)
         config.write_text(text)
         assert (changed, ran("--config", config, "--check")) == (1, (0, f"{config} is good\n"))
+
+
+def test_a_vehicle_with_an_identity_is_fed_by_the_socket_as_the_how_to_page_has_it(
+    bridge: BridgeRig, tmp_path: Path
+) -> None:
+    page = (ROOT / "docs/how-to/ros2.md").read_text().partition("## A vehicle with an identity")[2]
+    rig, (flown, _) = bridge.rig, demo_identities(tmp_path / "keys")
+    here = {
+        "tls/0.0.0.0:7448": f"tls/127.0.0.1:{rig.zenoh_port}", "unixsock-stream//run/goshawk/sensors.sock": rig.socket,
+        '"hawk"': '"goshawk"',
+    }  # fmt: skip
+    for page_has, here_is in here.items():
+        assert page_has in page, page_has
+        page = page.replace(page_has, here_is)
+    listen, name, connect = (
+        next(line for line in page.splitlines() if line.startswith(key))
+        for key in ("listen = ", "name = ", "connect = ")
+    )
+    vehicle = tmp_path / "vehicle.toml"
+    text = re.sub(r"^listen = .*$", f'{listen}\nidentity = "{flown}"', copied(), flags=re.MULTILINE)
+    vehicle.write_text(text.replace('odometry = "autopilot"', 'odometry = "zenoh"'))
+    bridge.start(('name = "goshawk"', name), (f'connect = "{rig.endpoint}"', connect))
+    ending = threading.Event()
+
+    def send() -> None:
+        while not ending.wait(0.02):
+            now = time.time_ns()
+            bridge.ros.publish(ODOMETRY, MOTION, odometry(now, (0, 0, 0), LEVEL, (0, 0, 0), (0, 0, 0)))
+
+    sending = threading.Thread(target=send)
+    sending.start()
+    checked = subprocess.run(
+        [BIN / "goshawk-air", "check", "--config", vehicle, "--log-dir", tmp_path / "logs", "--wait", "4",
+         "--mavlink-bind", f"127.0.0.1:{rig.mavlink_port}"],
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    ending.set()
+    sending.join()
+    assert "listening on tls/" in checked.stdout, checked.stdout
+    assert re.search(r"odometry +[\d.]+ Hz from in/odometry", checked.stdout), checked.stdout + bridge.said()

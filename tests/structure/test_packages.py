@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,15 @@ PINS = dict(re.findall(r"^([\w.-]+)==([\w.]+)", (ROOT / "tests/requirements.txt"
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
 RANGES = [Requirement(text) for some in (PROJECT["dependencies"], *EXTRAS.values()) for text in some]
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+
+
+BUILD = (ROOT / "air/deb/build.sh").read_text()
+CRATES = [file.parent for file in ROOT.glob("[agp]*/**/Cargo.toml")]
+"""Those of the workspace that are not tests."""
+
+
+def _tracked(*folders: str) -> list[str]:
+    return subprocess.check_output(["git", "ls-files", *folders], cwd=ROOT, text=True).splitlines()
 
 
 def test_all_packages_have_one_version() -> None:
@@ -67,6 +77,40 @@ def test_the_wheel_holds_every_file_of_its_packages(tmp_path: Path) -> None:
         if name.startswith(f"{room}/")
     }
     assert held == wanted
+
+
+def test_every_program_that_is_built_is_packed() -> None:
+    programs = {
+        tomllib.loads((crate / "Cargo.toml").read_text())["package"]["name"]
+        for crate in CRATES
+        if (crate / "src/main.rs").is_file()
+    }
+    assert len(programs) >= 3
+    assert set(re.findall(r"^install_program (\S+)$", BUILD, re.MULTILINE)) == programs
+    assert set(re.findall(r"^pack (\S+) ", BUILD, re.MULTILINE)) == programs
+
+
+def test_a_change_to_whatever_is_packed_runs_the_workflow_that_packs_it() -> None:
+    workflow = (ROOT / ".github/workflows/packages.yml").read_text()
+    patterns: list[str] = re.findall(r'^      - "?([^"\n]+?)"?$', workflow.partition("jobs:")[0], re.MULTILINE)
+    assert len(patterns) > 5
+    scripts = BUILD + (ROOT / "tests/install/clean_root.sh").read_text()
+    named: list[str] = re.findall(r"(?<![\w/$])(?:air|docs|ground|tests)/[\w./-]+", scripts)
+    assert "docs/how-to/ros2.md" in named
+    packed = [
+        *(name for crate in CRATES for name in _tracked(f"{crate.relative_to(ROOT)}")),
+        *_tracked("proto/python", "dashboards", "ground/station"),
+        *_tracked(*(f"{name}*" for name in named)),
+        *_tracked(".cargo", "Cargo.*", "LICENSE", "Makefile", "pyproject.toml", "rust-toolchain.toml"),
+        *_tracked("*/Cargo.toml", ".github/workflows/packages.yml", "ground/bootstrap", "ground/requirements.txt"),
+    ]
+
+    def runs(file: str) -> bool:  # as GitHub has it, the last pattern that fits decides
+        fits = [each for each in patterns if fnmatchcase(file, each.removeprefix("!").replace("**", "*"))]
+        return bool(fits) and not fits[-1].startswith("!")
+
+    assert sorted({file for file in packed if not runs(file)}) == []
+    assert not runs("ground/train/goshawk_train/config.py") and not runs("docs/how-to/field.md")
 
 
 @pytest.mark.parametrize("workflow", WORKFLOWS, ids=[path.name for path in WORKFLOWS])

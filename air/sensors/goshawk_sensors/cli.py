@@ -9,17 +9,17 @@ import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
 from goshawk_sensors import keeping, tally
+from goshawk_sensors.cameras.recorder import Recorder
 from goshawk_sensors.feed import Images, publisher
 from goshawk_sensors.keeping import Opening
-from goshawk_sensors.setup import profile, vehicle
-from goshawk_sensors.setup.errors import CameraError
+from goshawk_sensors.setup import address, profile, vehicle
+from goshawk_sensors.setup.errors import CameraError, RecordingError
 
 TELL_S = 10.0
 """How often `run` says how it goes."""
@@ -88,11 +88,13 @@ def run(
     """
     with told(), interrupted() as ending:
         chosen, fed = profile.load(profile_name), vehicle.load(config)
-        images, opening = Images(fed.wanted, chosen), _opening(chosen, serial, play, record)
+        endpoint = address.checked(fed.endpoint if connect is None else connect)
+        recorder = None if record is None else Recorder(record, say)
+        images, opening = Images(fed.wanted, chosen), _opening(chosen, serial, play, recorder)
         first = keeping.begun(opening, ending, say, wait=wait)
         if first is not None:
             images.of(first)  # its tables take longer than an image lasts
-        with publisher(fed.name, connect or fed.endpoint, ending, say) as sending:
+        with publisher(fed.name, endpoint, ending, say) as sending:
             told_s = begun_s = time.monotonic()
             said, sent, total = set[tuple[str, str]](), tally.Tally(), 0
             until_s = math.inf if seconds is None else begun_s + seconds
@@ -112,6 +114,8 @@ def run(
             if sent.count:
                 typer.echo(sent.line())
             typer.echo(f"{total} images sent")
+        if recorder is not None and recorder.incomplete is not None:
+            fail(recorder.incomplete)
 
 
 @app.command()
@@ -187,10 +191,10 @@ def interrupted() -> Generator[threading.Event]:
     yield ending
 
 
-def _opening(chosen: profile.Profile, serial: str | None, play: Path | None, record: Path | None) -> Opening:
+def _opening(chosen: profile.Profile, serial: str | None, play: Path | None, recorder: Recorder | None) -> Opening:
     """How the camera is opened, as often as it must be. What drives it is imported here: `--help` needs none of it."""
     if play is not None:
-        if record is not None:
+        if recorder is not None:
             raise CameraError("a recording is not recorded again: leave out --play or --record")
         from goshawk_sensors.cameras import realsense
 
@@ -198,22 +202,26 @@ def _opening(chosen: profile.Profile, serial: str | None, play: Path | None, rec
     if chosen.driver == "oak":
         from goshawk_sensors.cameras import oak
 
-        if record is not None:
+        if recorder is not None:
             raise CameraError("an OAK-D is not recorded: leave out --record")
         return functools.partial(oak.open_live, chosen, serial)
     from goshawk_sensors.cameras import realsense
 
+    if recorder is None:
+        return functools.partial(realsense.open_live, chosen, serial, None)
+
     def open_live() -> realsense.RealSense:
         # Whoever starts again, or a camera that comes back, begins a file of its own: no recording is overwritten.
-        return realsense.open_live(chosen, serial, None if record is None else unused(record))
+        file = recorder.next_file()
+        try:
+            return realsense.open_live(chosen, serial, file)
+        except RecordingError as error:
+            if file is None or not recorder.begun:
+                raise
+            recorder.gave_up(file.path, "could not be begun", str(error))
+            return realsense.open_live(chosen, serial, None)
 
     return open_live
-
-
-def unused(file: Path) -> Path:
-    """It, or the first of `walk-2`, `walk-3` and so on that does not exist."""
-    others = (file.with_stem(f"{file.stem}-{number}") for number in count(2))
-    return next(each for each in chain((file,), others) if not each.exists())
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from goshawk_sensors.cameras.source import Frame, Source
-from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
+from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError, RecordingError
 
 AGAIN_S, SAY_S = 1.0, 10.0
 """How often a camera that is gone is looked for, and how often a person is told that it still is."""
@@ -18,7 +18,7 @@ Say = Callable[[str], None]
 
 
 def begun(opening: Opening, ending: threading.Event, say: Say, *, wait: bool) -> Source | None:
-    """The open camera; None: ended before it was there. Raises CameraError, with ``wait`` never."""
+    """The open camera; None: ended before it was there. Raises CameraError, with ``wait`` RecordingError alone."""
     return _waited(opening, ending, say) if wait else opening()
 
 
@@ -66,6 +66,8 @@ def _waited(opening: Opening, ending: threading.Event, say: Say, until_s: float 
     while not ending.is_set() and time.monotonic() < until_s:
         try:
             source = opening()
+        except RecordingError:
+            raise  # no camera that comes mends that
         except CameraError as error:  # not only NoCameraError: one that has just been plugged in may not answer yet
             if time.monotonic() >= say_at_s:
                 say(f"{error}; still looking")

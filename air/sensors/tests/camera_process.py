@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 from collections.abc import Generator
@@ -16,6 +17,8 @@ VEHICLE = ROOT / "air/vehicles/sim.toml"
 X500 = ROOT / "air/vehicles/x500.toml"
 SHOTS = 30
 COMMAND = (sys.executable, "-c", "from goshawk_sensors.cli import main; main()")
+PLUGGED = (sys.executable, str(Path(__file__).with_name("software_process.py")))
+"""The same, where a camera is plugged in."""
 
 
 def colour_of(k: int) -> Colour:
@@ -34,17 +37,25 @@ def depth_of() -> Millimetres:
     return image
 
 
-def camera(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def camera(*arguments: str | Path, command: tuple[str, ...] = COMMAND) -> subprocess.CompletedProcess[str]:
     """`goshawk-camera` to its end."""
-    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
 
 @contextmanager
-def running(*arguments: str | Path) -> Generator[subprocess.Popen[str]]:
-    """`goshawk-camera` in the background; it is ended with the block."""
+def running(
+    *arguments: str | Path, command: tuple[str, ...] = COMMAND, disk_bytes: int | None = None
+) -> Generator[subprocess.Popen[str]]:
+    """`goshawk-camera` in the background; it is ended with the block. ``disk_bytes``: no file gets larger."""
+
+    def small_disk() -> None:
+        if disk_bytes is not None:  # Python ignores SIGXFSZ: the write fails, as on a full disk
+            resource.setrlimit(resource.RLIMIT_FSIZE, (disk_bytes, resource.RLIM_INFINITY))
+
     process = subprocess.Popen(
-        [*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+        [*command, *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=small_disk,
+    )  # fmt: skip
     try:
         yield process
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 from collections.abc import Callable, Generator
@@ -15,6 +16,7 @@ from camera_process import VEHICLE
 from goshawk_sensors import cli, keeping
 from goshawk_sensors.cameras import realsense
 from goshawk_sensors.cameras.librealsense import Handle, rs
+from goshawk_sensors.cameras.recorder import RecordedFile, Recorder, unused
 from goshawk_sensors.cameras.source import Frame
 from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
 from goshawk_sensors.setup.profile import Depth, Image, Profile
@@ -63,10 +65,15 @@ def filming(camera: SoftwareCamera, *, metadata: bool = True) -> Generator[Calla
         unplug()
 
 
+def said_by_nobody(text: str) -> None:
+    raise AssertionError(text)
+
+
 def opened(
     *cameras: SoftwareCamera, profile: Profile = PROFILE, serial: str | None = None, record: Path | None = None
 ) -> realsense.RealSense:
-    return realsense.open_live(profile, serial, record, lambda: [camera.device for camera in cameras])
+    file = None if record is None else RecordedFile(record, Recorder(record, said_by_nobody))
+    return realsense.open_live(profile, serial, file, lambda: [camera.device for camera in cameras])
 
 
 def next_frame(source: realsense.RealSense | realsense.Recording) -> Frame:
@@ -214,10 +221,10 @@ def test_pixels_that_nobody_reads_are_refused_with_what_to_record(tmp_path: Path
 
 def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "walk.db3"
-    assert cli.unused(file) == file
+    assert unused(file) == file
     file.touch()
     (tmp_path / "walk-2.db3").touch()
-    assert cli.unused(file) == tmp_path / "walk-3.db3"
+    assert unused(file) == tmp_path / "walk-3.db3"
 
 
 def test_waiting_for_a_camera_ends_when_it_is_told_to() -> None:
@@ -250,6 +257,28 @@ def test_what_is_recorded_while_it_is_sent_can_be_played_from_its_first_image(tm
     # It plays in real time, so a busy machine may leave some out.
     assert numbers == sorted(set(numbers))
     assert numbers[0] < sent[-1]
+
+
+def test_a_camera_that_comes_back_sends_on_where_nothing_can_be_recorded_any_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, said, plugged = tmp_path / "stick", list[str](), [SoftwareCamera(rig(SIZE))]
+    monkeypatch.setattr(realsense, "cameras", lambda: [camera.device for camera in plugged])
+    recorder = Recorder(folder / "walk.db3", said.append)
+    opening = cli._opening(PROFILE, None, None, recorder)  # pyright: ignore[reportPrivateUsage]
+    folder.mkdir()
+    opening().close()
+    shutil.rmtree(folder)
+    for _ in range(2):
+        plugged[:] = [SoftwareCamera(rig(SIZE))]
+        source = opening()
+        with filming(plugged[0]):
+            while source.read() is None:
+                pass
+            source.close()
+    assert len(said) == 1
+    assert said[0].startswith(f"the recording is incomplete: {folder}/walk.db3 could not be begun (")
+    assert recorder.incomplete is not None
 
 
 def test_a_recording_in_another_format_is_refused_with_the_one_that_can_be_written(tmp_path: Path) -> None:

@@ -15,10 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from camera_process import ROOT, SHOTS, VEHICLE, X500, camera, colour_of, running
+from camera_process import PLUGGED, ROOT, SHOTS, VEHICLE, X500, camera, colour_of, running
 from goshawk_proto import goshawk_pb2, key_expression
+from goshawk_sensors.cameras import realsense
 from goshawk_sensors.cli import LEAST_RATE
-from goshawk_sensors.setup.vehicle import endpoint
+from goshawk_sensors.setup import profile
+from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError
+from goshawk_sensors.setup.vehicle import endpoint, load
 from software_camera import Shot, SoftwareCamera, d435
 
 POLICY = (160, 96)
@@ -240,6 +243,98 @@ def test_a_vehicle_file_or_a_policy_that_is_not_there_is_one_line(recording: Pat
     assert "`int` - at `$.policy.model`" in refused("check", "--config", config, "--play", recording)
     config.write_text(VEHICLE.read_text())  # beside which there is no ../models
     assert "track.onnx is not there" in refused("check", "--config", config, "--play", recording)
+
+
+@pytest.mark.parametrize(
+    ("dialled", "said"),
+    [
+        ("nope", "'nope' is not an endpoint"),
+        ("", "'' is not an endpoint"),
+        ("tcp/127.0.0.1", "with a port from 1 to 65535"),
+        ("tcp/127.0.0.1:99999", "with a port from 1 to 65535"),
+        ("tcp/[::1:7447", "with a port from 1 to 65535"),
+        ("tcp/a..b:7447", "names no host: dial tcp/127.0.0.1:7447"),
+        ("tcp/vehicle.invalid:7447", "names a host that is not known"),
+        ("tls/127.0.0.1:7447", "a camera has none: leave out --connect"),
+        ("tls/127.0.0.1:7447#root_ca_certificate=/none.pem", "a camera has none: leave out --connect"),
+        (f"unixsock-stream/{'s' * 120}", "a socket's name has at most 107 bytes"),
+    ],
+)
+def test_an_address_that_nobody_can_ever_answer_is_one_line(recording: Path, dialled: str, said: str) -> None:
+    assert said in refused("run", "--config", VEHICLE, "--play", recording, "--connect", dialled)
+
+
+def test_an_address_of_the_vehicle_file_that_nobody_can_answer_is_one_line(recording: Path, tmp_path: Path) -> None:
+    config = tmp_path / "vehicle.toml"
+    text = VEHICLE.read_text().replace("../models", str(ROOT / "air/models"))
+    config.write_text(re.sub(r"^listen = .*$", 'listen = ["tcp/127.0.0.1:744700"]', text, flags=re.MULTILINE))
+    assert "with a port from 1 to 65535" in refused("run", "--config", config, "--play", recording)
+
+
+def test_a_name_with_a_nul_character_is_one_line_that_shows_it(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match=r"the profile's name 'd4\\x0055' has a NUL character"):
+        profile.load("d4\x0055")
+    with pytest.raises(CameraError, match=r"vehicle file's name 'a\\x00b' has a NUL character"):
+        load(Path("a\0b"))
+    config, text = tmp_path / "vehicle.toml", VEHICLE.read_text()
+    config.write_text(re.sub(r"^model = .*$", r'model = "track\\u0000.onnx"', text, flags=re.MULTILINE))
+    assert r"the policy's name 'track\x00.onnx' has a NUL character" in refused("check", "--config", config)
+    config.write_text(
+        re.sub(r"^listen = .*$", r'listen = ["unixsock-stream//run/s\\u0000"]', text, flags=re.MULTILINE).replace(
+            "../models", str(ROOT / "air/models")
+        )
+    )
+    assert r"s\x00' has a NUL character" in refused("run", "--config", config)
+
+
+NOISE = """
+driver = "realsense"
+rate_hz = 30
+align = "depth"
+latency_ms = 30.0
+depth = { size = [320, 192], clip_m = [0.2, 12.0] }
+colour = { size = [320, 192] }
+"""
+
+
+def test_a_full_disk_ends_the_recording_with_a_word_and_the_images_go_on(vehicle: Heard, tmp_path: Path) -> None:
+    noise, file = tmp_path / "noise.toml", tmp_path / "walk.db3"
+    noise.write_text(NOISE)
+    with running(
+        "run", "--config", VEHICLE, "--profile", noise, "--record", file, "--connect", vehicle.endpoint,
+        command=PLUGGED, disk_bytes=3_000_000,
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        told = next(line for line in iter(process.stderr.readline, "") if "recording" in line)
+        before = len(vehicle.images)
+        vehicle.wait_for(before + 30)
+        process.send_signal(signal.SIGINT)
+        out, rest = process.communicate(timeout=20)
+    assert re.fullmatch(
+        rf"goshawk-camera: the recording is incomplete: {file} keeps the first \d+\.\d s \(Failed to write .*\)\. "
+        r"Images are sent on\. Make room on its disk, and record anew\n",
+        told,
+    ), told
+    assert process.returncode == 1
+    assert "images sent" in out
+    assert re.fullmatch(rf"goshawk-camera: the recording is incomplete: {file} keeps the first \d+\.\d s\n", rest), rest
+    played, count = realsense.open_recording(file, profile.load(str(noise))), 0
+    with pytest.raises(EndOfRecordingError):
+        while True:
+            count += played.read() is not None
+    played.close()
+    assert 0 < count < len(vehicle.images)
+
+
+def test_a_recording_that_cannot_be_begun_is_one_line(tmp_path: Path) -> None:
+    noise, file = tmp_path / "noise.toml", tmp_path / "none/walk.db3"
+    noise.write_text(NOISE)
+    for wait in ([], ["--wait"]):
+        done = camera("run", "--config", VEHICLE, "--profile", noise, "--record", file, *wait, command=PLUGGED)
+        assert done.returncode == 1, done.stderr
+        (line,) = done.stderr.splitlines()
+        assert line.startswith(f"goshawk-camera: the recording {file} cannot be written: ")
+        assert line.endswith("see whether its folder is there and its disk has room")
 
 
 def test_no_camera_is_one_line_that_says_where_to_look() -> None:

@@ -167,6 +167,21 @@ def test_missing_binaries_are_one_clear_line(tmp_path: Path) -> None:
     assert "make setup" in output and "the package goshawk-sim" in output
 
 
+@pytest.mark.parametrize(("flag", "firmware"), [("--px4", "PX4"), ("--ardupilot", "ArduPilot")])
+def test_firmware_that_is_not_there_is_one_clear_line_before_anything_starts(
+    tmp_path: Path, flag: str, firmware: str
+) -> None:
+    binaries, logs = stand_ins(tmp_path / "bin", air=flying_air("--not-ready")), tmp_path / "logs"
+    file = tmp_path / "file"
+    file.touch()
+    for folder, what in ((tmp_path / "none", "does not exist"), (file, "is not a folder")):
+        process = demo(tmp_path, binaries, "--headless", flag, str(folder))
+        output, _ = process.communicate(timeout=30)
+        assert process.returncode == 1
+        assert output == f"goshawk: {flag} {folder} {what}: name that of {firmware}'s sources, or of its build\n"
+        assert not logs.exists()
+
+
 def test_outside_a_checkout_the_packages_programs_and_files_are_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -217,6 +217,23 @@ def test_torn_checkpoint_is_named(tmp_path: Path) -> None:
         checkpoint.load(path)
 
 
+def test_a_run_that_is_not_there_is_one_line_that_says_how_it_is_made(tmp_path: Path) -> None:
+    empty, file, missing = tmp_path / "empty", tmp_path / "file", tmp_path / "missing"
+    empty.mkdir()
+    file.touch()
+
+    def refused(run: Path) -> str:
+        done = goshawk("train", "export", "--run", run, "--data", tmp_path, "--out", tmp_path / "policy.onnx")
+        assert done.exit_code == 2, done.output
+        (line,) = done.output.splitlines()
+        return line.partition(": ")[2]
+
+    makes = "name that of a run; `goshawk train run --out {}` makes one"
+    assert refused(missing) == f"there is no folder {missing}: {makes.format(missing)}"
+    assert refused(empty) == f"the folder {empty} holds no checkpoint.pt: {makes.format(empty)}"
+    assert refused(file) == f"{file} is no folder: name that of a run, in which its checkpoint.pt lies"
+
+
 def test_schedule_warms_up_and_ends_at_one_percent() -> None:
     rates = [train.learning_rate(s, total=1000, warm_up=100, peak=1e-3, final_fraction=0.01) for s in range(1001)]
     assert rates[0] == pytest.approx(1e-5)

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from goshawk_sensors.cameras import clock
+from goshawk_sensors.cameras import clock, recording
 from goshawk_sensors.cameras.librealsense import Handle, rs
+from goshawk_sensors.cameras.recorder import RecordedFile
 from goshawk_sensors.cameras.source import Frame
-from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
+from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError, RecordingError
 from goshawk_sensors.setup.profile import Depth, Image, Profile
 from goshawk_sensors.view.pinhole import Distortion, Lens, Rig
 
@@ -47,19 +48,25 @@ def serial(device: Handle) -> str:
 
 
 def open_live(
-    profile: Profile, wanted_serial: str | None, record: Path | None, find: Callable[[], list[Handle]] = cameras
+    profile: Profile,
+    wanted_serial: str | None,
+    record: RecordedFile | None,
+    find: Callable[[], list[Handle]] | None = None,
 ) -> RealSense:
     """The camera with this serial number, or the only one. ``record``: a file that gets all that it sends.
 
-    Raises NoCameraError if it is not there, CameraError if it cannot do what the profile asks.
+    Raises NoCameraError if it is not there, CameraError if it cannot do what the profile asks, RecordingError if the
+    file cannot be written.
     """
     try:
-        return _open_live(profile, wanted_serial, record, find())
+        return _open_live(profile, wanted_serial, record, (find or cameras)())
     except RuntimeError as error:  # one that has just been plugged in, or pulled out, refuses whatever it is asked
         raise NoCameraError(f"the camera does not answer: {' '.join(str(error).split())}") from error
 
 
-def _open_live(profile: Profile, wanted_serial: str | None, record: Path | None, found: list[Handle]) -> RealSense:
+def _open_live(
+    profile: Profile, wanted_serial: str | None, record: RecordedFile | None, found: list[Handle]
+) -> RealSense:
     chosen = [device for device in found if wanted_serial in (None, serial(device))]
     there = ", ".join(describe(device) for device in found)
     if not chosen:
@@ -80,22 +87,22 @@ def open_recording(path: Path, profile: Profile) -> Recording:
 class RealSense:
     """A camera that streams. Frees it with `close`."""
 
-    def __init__(self, device: Handle, profile: Profile, record: Path | None = None) -> None:
+    def __init__(self, device: Handle, profile: Profile, record: RecordedFile | None = None) -> None:
         self.name = describe(device)
-        self._latency_ms = profile.latency_ms
+        self._latency_ms, self._record = profile.latency_ms, record
         for sensor in device.query_sensors():
             _set_up(sensor, profile)
         config = rs.config()
         config.enable_stream(rs.stream.depth, *profile.depth.size, rs.format.z16, profile.rate_hz)
         config.enable_stream(rs.stream.color, *profile.colour.size, rs.format.rgb8, profile.rate_hz)
-        if record is not None:
-            config.enable_record_to_file(str(record))
-        self._stream = _Stream(device, config, f"{self.name} does not start as the profile says")
+        self._stream = _Stream(device, config, f"{self.name} does not start as the profile says", record)
         self.rig = self._stream.rig
         self._silent_at_s = time.monotonic() + FIRST_S
 
     def read(self) -> Frame | None:
         """The next pair, a moment's silence, or NoCameraError after a long one."""
+        if self._record is not None:
+            self._record.look()
         pair = self._stream.read()
         if pair is None:
             if time.monotonic() > self._silent_at_s:
@@ -106,7 +113,9 @@ class RealSense:
         return _frame(self._stream, pair, clock.stamp(_told(pair[1]), arrival, self._latency_ms), arrival.monotonic_ns)
 
     def close(self) -> None:
-        self._stream.close()
+        self._stream.close()  # it writes what it has yet to write
+        if self._record is not None:
+            self._record.look()
 
 
 class Recording:
@@ -150,16 +159,21 @@ Pair = tuple[Handle, Handle]
 class _Stream:
     """Pairs of colour and depth that belong together, from librealsense's own pipeline."""
 
-    def __init__(self, device: Handle, config: Handle, complaint: str) -> None:
+    def __init__(self, device: Handle, config: Handle, complaint: str, record: RecordedFile | None = None) -> None:
         pipeline = rs.pipeline()
         self._pipeline: Handle | None = pipeline
         pipeline.set_device(device)
         try:
+            if record is not None:
+                recording.begin(config, pipeline, record)
             started = pipeline.start(config)
             colour, depth = (started.get_stream(which) for which in (rs.stream.color, rs.stream.depth))
             _check_formats(colour.format(), depth.format())
             self._swapped = colour.format() == rs.format.bgr8
             self.rig = _rig(device, colour.as_video_stream_profile(), depth.as_video_stream_profile())
+        except RecordingError:
+            self.close()
+            raise
         except (RuntimeError, CameraError) as error:
             self.close()
             raise CameraError(f"{complaint}: {' '.join(str(error).split())}") from error

@@ -11,5 +11,9 @@ class NoCameraError(CameraError):
     """The camera is not there, or not any more: it may come."""
 
 
+class RecordingError(CameraError):
+    """The file that the camera is to be recorded in cannot be written."""
+
+
 class EndOfRecordingError(Exception):
     """A recording has been played to its end."""

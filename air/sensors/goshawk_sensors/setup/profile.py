@@ -74,6 +74,8 @@ def shipped() -> list[str]:
 
 def load(name: str) -> Profile:
     """A shipped profile by its name, or a file. Raises CameraError: one line that names file and key."""
+    if "\0" in name:  # no file has such a name, and no terminal shows it
+        raise CameraError(f"the profile's name {name!r} has a NUL character: take it out")
     path = Path(str(files("goshawk_sensors") / f"profiles/{name}.toml")) if name in shipped() else Path(name)
     try:
         return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), Profile)

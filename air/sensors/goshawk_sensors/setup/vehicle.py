@@ -54,6 +54,8 @@ class _File(msgspec.Struct):
 
 def load(path: Path) -> Vehicle:
     """Raises CameraError if the file or its policy cannot be read, or says nothing of an image."""
+    if "\0" in str(path):
+        raise CameraError(f"the vehicle file's name {str(path)!r} has a NUL character: take it out")
     try:
         facts = msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), _File)
     except OSError as error:
@@ -62,6 +64,8 @@ def load(path: Path) -> Vehicle:
         raise CameraError(f"vehicle file {path}: {error}") from error
     except msgspec.ValidationError as error:
         raise CameraError(f"vehicle file {path}: {error}; goshawk-air check says what it needs") from error
+    if "\0" in facts.policy.model:
+        raise CameraError(f"vehicle file {path}: the policy's name {facts.policy.model!r} has a NUL character")
     return Vehicle(
         name=facts.name, endpoint=endpoint(facts.network.listen), wanted=_wanted(path.parent / facts.policy.model)
     )

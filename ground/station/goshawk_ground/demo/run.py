@@ -109,6 +109,10 @@ def _check(options: DemoOptions) -> None:
         if not needed.is_file():
             todo = "run from the repository's root after `make setup`, or install the package goshawk-sim"
             raise DemoError(f"{needed} is missing: {todo}")
+    for flag, firmware, folder in (("--px4", "PX4", options.px4), ("--ardupilot", "ArduPilot", options.ardupilot)):
+        if folder is not None and not folder.is_dir():
+            what = "is not a folder" if folder.exists() else "does not exist"
+            raise DemoError(f"{flag} {folder} {what}: name that of {firmware}'s sources, or of its build")
 
 
 def _prepare(options: DemoOptions, console: Console, sockets: str) -> tuple[dict[str, list[str]], str, Path, Path]:

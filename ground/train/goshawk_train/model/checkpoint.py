@@ -76,17 +76,30 @@ def save(path: Path, checkpoint: Checkpoint) -> None:
 
 
 def load(path: Path) -> Checkpoint:
-    """Read a checkpoint; raises `CheckpointError`."""
+    """Read a run's checkpoint; raises `CheckpointError`."""
+    _check_there(path)
     try:
         content = torch.load(path, weights_only=True)
     except Exception as error:
         raise CheckpointError(
-            f"{path} cannot be read as a checkpoint ({error}); start again without --resume"
+            f"{path} cannot be read as a checkpoint ({' '.join(str(error).split())}); name another run, or remove the "
+            "file and train anew"
         ) from error
     if content.pop("format", None) != 1:
         raise CheckpointError(f"{path} has another format than this version's")
     content["config"] = config_from_dict(content["config"])
     return Checkpoint(**content)
+
+
+def _check_there(path: Path) -> None:
+    folder = path.parent
+    trains = f"`goshawk train run --out {folder}` makes one"
+    if not folder.exists():
+        raise CheckpointError(f"there is no folder {folder}: name that of a run; {trains}")
+    if not folder.is_dir():
+        raise CheckpointError(f"{folder} is no folder: name that of a run, in which its {FILE} lies")
+    if not path.exists():
+        raise CheckpointError(f"the folder {folder} holds no {FILE}: name that of a run; {trains}")
 
 
 def load_weights(network: nn.Module, checkpoint: Checkpoint) -> None:
