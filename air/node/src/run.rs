@@ -110,7 +110,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     };
     let kept = Arc::clone(&memory);
     let telemetry = Telemetry::new(&bus, Arc::clone(&link), log, visitors.clone(), identity, kept)?;
-    visitors.watch(&bus, access.clone())?;
+    visitors.watch(&bus)?;
     let _alive = bus.declare_alive()?;
     tracing::info!("listening on {}; policy {}", access.endpoints(), model.display());
 

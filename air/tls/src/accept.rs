@@ -14,7 +14,7 @@ use zenoh_link_commons::{LinkUnicast, LinkUnicastTrait, NewLinkChannelSender};
 use zenoh_result::ZResult;
 
 use crate::REFUSED;
-use crate::certificate::Claim;
+use crate::certificate::{Claim, NOT_ADMITTED};
 use crate::link::Link;
 use crate::settings::Identity;
 
@@ -73,10 +73,15 @@ async fn admit(stream: TcpStream, from: SocketAddr, identity: Identity, links: N
     };
     match tokio::time::timeout(within, TlsAcceptor::from(server).accept(stream)).await {
         Err(_) => refuse("no handshake came"),
+        Ok(Err(why)) if is_not_admitted(&why) => refuse("it is not admitted"),
         Ok(Err(why)) => refuse(&why.to_string()),
         Ok(Ok(stream)) => match Link::new(stream, local, from) {
             Ok(link) => drop(links.send_async(LinkUnicast::from(link as Arc<dyn LinkUnicastTrait>)).await),
             Err(why) => refuse(&why.to_string()),
         },
     }
+}
+
+fn is_not_admitted(why: &std::io::Error) -> bool {
+    why.get_ref().and_then(|cause| cause.downcast_ref()) == Some(&NOT_ADMITTED)
 }

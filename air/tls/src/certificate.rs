@@ -30,17 +30,24 @@ impl Claim {
     }
 }
 
+/// Whose certificate is good, but who is not one of those that are let in.
+pub(crate) const NOT_ADMITTED: Error = Error::InvalidCertificate(CertificateError::ApplicationVerificationFailure);
+
+/// The names that are let in; none: whoever has a good certificate.
+pub(crate) type Admitted = Option<Arc<[String]>>;
+
 /// A verifier that hears the name before it judges the certificate.
 #[derive(Debug)]
 pub(crate) struct Listening {
     judge: Arc<dyn ClientCertVerifier>,
     claim: Claim,
+    admitted: Admitted,
 }
 
 impl Listening {
-    /// `judge` decides.
-    pub(crate) fn new(judge: Arc<dyn ClientCertVerifier>, claim: Claim) -> Self {
-        Listening { judge, claim }
+    /// `judge` decides whose certificate is good.
+    pub(crate) fn new(judge: Arc<dyn ClientCertVerifier>, claim: Claim, admitted: Admitted) -> Self {
+        Listening { judge, claim, admitted }
     }
 }
 
@@ -66,7 +73,9 @@ impl ClientCertVerifier for Listening {
         if let Ok(Holder { name, .. }) = holder(Some(std::slice::from_ref(shown))) {
             let _ = self.claim.0.set(name);
         }
-        self.judge.verify_client_cert(shown, between, now).map_err(without_times)
+        let good = self.judge.verify_client_cert(shown, between, now).map_err(without_times)?;
+        let admits = |names: &[String]| self.claim.name().is_some_and(|name| names.iter().any(|one| one == name));
+        if self.admitted.as_deref().is_none_or(admits) { Ok(good) } else { Err(NOT_ADMITTED) }
     }
 
     fn verify_tls12_signature(

@@ -7,7 +7,8 @@
 //!
 //! - reads and writes of a link take turns (`link`);
 //! - handshakes run beside each other, each in bounded time, and so many at most: the oldest gives way (`accept`);
-//! - who is refused is told by address and by the name that it claims, under the target [`REFUSED`].
+//! - who is refused is told by address and by the name that it claims, under the target [`REFUSED`];
+//! - an endpoint may say whose certificates are let in ([`ADMITTED`]): nobody else gets as far as Zenoh.
 //!
 //! The wire is Zenoh's own: any Zenoh client that has a certificate connects. Drop this crate when Zenoh's is sound.
 
@@ -24,7 +25,7 @@ use zenoh_link_commons::{
 use zenoh_protocol::core::{EndPoint, Locator};
 use zenoh_result::{ZResult, bail, zerror};
 
-pub use settings::TlsConfigurator;
+pub use settings::{ADMITTED, TlsConfigurator};
 
 /// The scheme of its endpoints.
 pub const TLS_LOCATOR_PREFIX: &str = "tls";

@@ -18,12 +18,14 @@ use zenoh_protocol::core::endpoint::Config;
 use zenoh_protocol::core::parameters;
 use zenoh_result::{ZResult, bail, zerror};
 
-use crate::certificate::{Claim, Listening};
+use crate::certificate::{Admitted, Claim, Listening};
 
 const CA: &str = "root_ca_certificate_file";
 const CERTIFICATE: &str = "listen_certificate_file";
 const KEY: &str = "listen_private_key_file";
 const SEND_BUFFER: &str = "so_sndbuf";
+/// Of an endpoint: common names of those that are let in, `|` between them. Absent: whoever has a good certificate.
+pub const ADMITTED: &str = "admitted";
 const HANDSHAKE_MS: &str = "tls_handshake_timeout_ms";
 /// A handshake may take so long where the endpoint does not say, ms. Chosen by eye.
 const DEFAULT_HANDSHAKE_MS: u64 = 5000;
@@ -65,12 +67,13 @@ pub(crate) struct Identity {
     provider: Arc<CryptoProvider>,
     clients: Arc<dyn ClientCertVerifier>,
     shown: Arc<SingleCertAndKey>,
+    admitted: Admitted,
 }
 
 impl Identity {
     /// For one connection; who it says that it is, known before that is verified, goes to `claim`.
     pub(crate) fn server(&self, claim: &Claim) -> ZResult<Arc<ServerConfig>> {
-        let clients = Listening::new(Arc::clone(&self.clients), claim.clone());
+        let clients = Listening::new(Arc::clone(&self.clients), claim.clone(), self.admitted.clone());
         let mut server = ServerConfig::builder_with_provider(Arc::clone(&self.provider))
             .with_protocol_versions(&[&TLS13])
             .map_err(|e| zerror!("{e}"))?
@@ -100,7 +103,9 @@ pub(crate) fn read(config: &Config<'_>) -> ZResult<Settings> {
     let clients = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider));
     let clients = clients.build().map_err(|e| bad(CA, &e))?;
     let shown = CertifiedKey::from_der(chain, key, &provider).map_err(|e| bad(KEY, &e))?;
-    let identity = Identity { provider, clients, shown: Arc::new(SingleCertAndKey::from(shown)) };
+    let admitted =
+        config.get(ADMITTED).map(|names| names.split('|').filter(|name| !name.is_empty()).map(str::to_owned).collect());
+    let identity = Identity { provider, clients, shown: Arc::new(SingleCertAndKey::from(shown)), admitted };
     identity.server(&Claim::default())?;
     Ok(Settings {
         identity,

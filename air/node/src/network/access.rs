@@ -13,6 +13,7 @@ use goshawk_bus::{Bus, BusError};
 use goshawk_proto::keys::VehicleName;
 use goshawk_vehicle::config::Vehicle;
 use serde_json::{Value, json};
+use zenoh_link_tls::ADMITTED;
 
 pub use identity::{Identity, IdentityError};
 
@@ -99,22 +100,6 @@ impl Access {
         self.listen.join(", ")
     }
 
-    /// What to call a peer of this certificate's name and address, and whether anything of it is taken. None: it is
-    /// this host's own and showed no certificate.
-    pub(super) fn visitor(&self, name: Option<&str>, address: &str) -> Option<(String, bool)> {
-        if name.is_none() && local(address) {
-            return None;
-        }
-        // The port is another one each time.
-        let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
-        let admitted = match (&self.guard, name) {
-            (Guard::Identity(identity), Some(name)) => identity.admits(name),
-            (Guard::Identity(_), None) => false,
-            _ => true,
-        };
-        Some((name.map_or_else(|| host.to_owned(), |name| format!("{name} ({host})")), admitted))
-    }
-
     /// Opens the session that listens so.
     ///
     /// # Errors
@@ -126,8 +111,9 @@ impl Access {
 
     /// Zenoh's settings, path and JSON.
     fn settings(&self) -> Vec<(&'static str, Value)> {
+        let identity = if let Guard::Identity(identity) = &self.guard { Some(identity) } else { None };
         let mut settings = vec![
-            ("listen/endpoints", json!(self.listen.iter().map(|e| endpoint(e)).collect::<Vec<_>>())),
+            ("listen/endpoints", json!(self.listen.iter().map(|e| endpoint(e, identity)).collect::<Vec<_>>())),
             ("connect/endpoints", json!([])),
             ("transport/unicast/accept_timeout", json!(2 * HANDSHAKE_MS)),
             ("transport/unicast/accept_pending", json!(4096)),
@@ -183,12 +169,25 @@ fn local(endpoint: &str) -> bool {
     }
 }
 
-/// A stranger's half-open handshake is soon forgotten.
-fn endpoint(endpoint: &str) -> String {
-    match protocol(endpoint) {
-        "tls" if !endpoint.contains('#') => format!("{endpoint}#tls_handshake_timeout_ms={HANDSHAKE_MS}"),
-        _ => endpoint.to_owned(),
+/// What to call a peer of this certificate's name and address. None: it is this host's own and showed no certificate.
+pub(super) fn visitor(name: Option<&str>, address: &str) -> Option<String> {
+    if name.is_none() && local(address) {
+        return None;
     }
+    // The port is another one each time.
+    let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
+    Some(name.map_or_else(|| host.to_owned(), |name| format!("{name} ({host})")))
+}
+
+/// A stranger's half-open handshake is soon forgotten, and who is not admitted gets no session.
+fn endpoint(endpoint: &str, identity: Option<&Identity>) -> String {
+    if protocol(endpoint) != "tls" {
+        return endpoint.to_owned();
+    }
+    let (address, own) = endpoint.split_once('#').unwrap_or((endpoint, ""));
+    let own = if own.is_empty() { format!("tls_handshake_timeout_ms={HANDSHAKE_MS}") } else { own.to_owned() };
+    let admitted = identity.map(|identity| format!(";{ADMITTED}={}", identity.admitted().join("|")));
+    format!("{address}#{own}{}", admitted.unwrap_or_default())
 }
 
 #[cfg(test)]

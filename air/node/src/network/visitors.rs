@@ -20,7 +20,7 @@ use tracing_subscriber::layer::Context;
 use zenoh_link_tls::REFUSED;
 
 use crate::flight::shared::lock;
-use crate::network::access::Access;
+use crate::network::access;
 
 /// Different lines that are told apart at a time; further ones share one.
 const KEPT: usize = 64;
@@ -52,8 +52,8 @@ struct Note {
 #[derive(Clone, Default)]
 pub struct Visitors {
     table: Arc<Mutex<Vec<Note>>>,
-    /// Zenoh's number of a peer, what to call it, and whether anything of it is taken.
-    peers: Arc<Mutex<HashMap<String, (String, bool)>>>,
+    /// Zenoh's number of a peer, and what to call it.
+    peers: Arc<Mutex<HashMap<String, String>>>,
 }
 
 thread_local! {
@@ -91,35 +91,30 @@ impl Visitors {
     ///
     /// # Errors
     /// Zenoh refused the declaration.
-    pub fn watch(&self, bus: &Bus, access: Access) -> Result<(), BusError> {
+    pub fn watch(&self, bus: &Bus) -> Result<(), BusError> {
         let (came, went) = (self.clone(), self.clone());
         bus.watch_links(
             move |link| {
-                if let Some((who, admitted)) = access.visitor(link.name, link.address) {
-                    came.came(link.id, &who, admitted, clock::now());
+                if let Some(who) = access::visitor(link.name, link.address) {
+                    came.came(link.id, &who, clock::now());
                 }
             },
             move |id| went.went(id, clock::now()),
         )
     }
 
-    /// A peer is connected; Zenoh's words of it name only its number. `admitted`: something of it is taken.
-    pub fn came(&self, id: String, who: &str, admitted: bool, now: Time) {
-        let (severity, text) = if admitted {
-            (v1::Severity::Info, format!("{who} is connected"))
-        } else {
-            (v1::Severity::Warning, not_admitted(who))
-        };
-        self.note(severity, who, &text, now);
+    /// A peer is connected; Zenoh's words of it name only its number.
+    pub fn came(&self, id: String, who: &str, now: Time) {
+        self.note(v1::Severity::Info, who, &format!("{who} is connected"), now);
         let mut peers = lock(&self.peers);
         if peers.len() < NAMED || peers.contains_key(&id) {
-            peers.insert(id, (who.to_owned(), admitted));
+            peers.insert(id, who.to_owned());
         }
     }
 
     /// It is not any more.
     pub fn went(&self, id: &str, now: Time) {
-        if let Some((who, true)) = lock(&self.peers).remove(id) {
+        if let Some(who) = lock(&self.peers).remove(id) {
             self.note(v1::Severity::Info, &who, &format!("{who} is gone"), now);
         }
     }
@@ -144,9 +139,8 @@ impl Visitors {
             return None;
         }
         let id = who.split(' ').next().unwrap_or(who);
-        let (who, admitted) = lock(&self.peers).get(id).cloned().unwrap_or_else(|| (format!("peer {id}"), true));
-        let text =
-            if admitted { format!("{who} may not {} on {key}", action.to_lowercase()) } else { not_admitted(&who) };
+        let who = lock(&self.peers).get(id).cloned().unwrap_or_else(|| format!("peer {id}"));
+        let text = format!("{who} may not {} on {key}", action.to_lowercase());
         Some((who, text))
     }
 
@@ -193,10 +187,6 @@ impl Visit for Message {
     }
 }
 
-fn not_admitted(who: &str) -> String {
-    format!("{who} is not admitted: nothing of it is taken")
-}
-
 /// A connection that showed no certificate, or one that is not good: `ADDRESS was refused: REASON`.
 fn failed(message: &str) -> (String, String) {
     let (who, _) = message.split_once(' ').unwrap_or(("", message));
@@ -210,7 +200,7 @@ mod tests {
     #[test]
     fn a_refusal_names_the_peer_by_its_certificate() {
         let visitors = Visitors::default();
-        visitors.came("3fa".to_owned(), "observer.bob", true, Time(0));
+        visitors.came("3fa".to_owned(), "observer.bob", Time(0));
         let refused = "observer.bob may not query on goshawk/kite/cmd/start";
         let message =
             "3fa on CertCommonName(observer.bob)+tls is unauthorized to Query (ingress) on goshawk/kite/cmd/start";
@@ -219,16 +209,6 @@ mod tests {
         assert_eq!(visitors.denied(cached).unwrap().1, refused);
         assert_eq!(visitors.denied("3fa on tls is authorized to Put (ingress) on goshawk/kite/in/rgbd"), None);
         assert_eq!(visitors.denied("3fa on tls is unauthorized to Put (egress) on goshawk/kite/in/rgbd"), None);
-    }
-
-    #[test]
-    fn a_peer_that_is_not_admitted_is_one_line_whatever_it_tries() {
-        let visitors = Visitors::default();
-        visitors.came("3fa".to_owned(), "vehicle.other", false, Time(0));
-        for key in ["one/key", "another/key"] {
-            let message = format!("Using cached result: 3fa is unauthorized to Query (ingress) on goshawk/kite/{key}");
-            assert_eq!(visitors.denied(&message).unwrap().1, not_admitted("vehicle.other"));
-        }
     }
 
     #[test]
