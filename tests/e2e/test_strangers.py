@@ -219,7 +219,11 @@ def test_a_ground_believes_no_vehicle_of_another_name(flown: tuple[Rig, People])
 
 def test_a_ground_whose_certificate_is_refused_says_so(flown: tuple[Rig, People]) -> None:
     rig, people = flown
-    for who, words in (("operator.carol", "expired"), ("forged.alice", "another owner"), ("operator.mallory", "denied")):
+    for who, words in (
+        ("operator.carol", "expired"),
+        ("forged.alice", "another owner"),
+        ("operator.mallory", "denied"),
+    ):
         with rig.link(people.of(who)) as link:
             assert link.wait_for(lambda s: s.health is not None, 2.0) is None
             assert words in link.why_silent(2.0)
