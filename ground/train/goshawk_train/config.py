@@ -255,14 +255,20 @@ class Config:
             "costs.potential_scale_m": self.costs.potential_scale_m,
             "costs.ground_scale_m": self.costs.ground_scale_m,
             "sampling.agility_min": self.sampling.agility_min,
+            "sampling.norm_max": self.sampling.norm_max,
             "training.batch": self.training.batch,
             "training.states": self.training.states,
             "training.samples": self.training.samples,
             "training.threads": self.training.threads,
+            "training.validate_frames": self.training.validate_frames,
         }
         for name, value in positive.items():
             if not value > 0:
                 raise ConfigError(f"{name} must be above 0")
+        if not self.sampling.velocity_limit > self.sampling.velocity_mean:
+            raise ConfigError("sampling.velocity_limit must be above sampling.velocity_mean")
+        if self.seed < 0:
+            raise ConfigError("seed must not be below 0")
         if self.assign.ignored_m < self.assign.positive_m:
             raise ConfigError("assign.ignored_m must not be below assign.positive_m")
 
@@ -332,7 +338,7 @@ def load_config(path: Path) -> Config:
         return config_from_dict(tomllib.loads(path.read_text()))
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, ConfigError) as error:
+    except (ConfigError, ValueError) as error:
         raise ConfigError(f"{path}: {error}") from error
 
 

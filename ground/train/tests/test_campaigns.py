@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -324,10 +325,64 @@ def test_an_ablation_changes_a_field_that_there_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["flights", "robustness", "ablations"])
-def test_a_bad_table_is_one_clear_line(command: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", [b"trials = 'many'", b"trials = \xff", b"sweep = 3\nspeeds_mps = 4\nrow = 5"])
+def test_a_bad_table_is_one_clear_line(command: str, text: bytes, tmp_path: Path) -> None:
     bad = tmp_path / "bad.toml"
-    bad.write_text("trials = 'many'")
+    bad.write_bytes(text)
     option = {"flights": "--table", "robustness": "--sweeps", "ablations": "--plan"}[command]
     done = goshawk("campaign", command, option, bad, "--out", tmp_path / "out")
     assert done.exit_code == 2
     assert done.stderr.startswith(f"goshawk campaign {command}: {bad} ") and done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("trials = 1", "trials = 0", "trials must be a whole number of 1 or more"),
+        ("trials = 1", "trials = true", "trials must be a whole number"),
+        ("trials = 1", "trials = 1\ntrails = 2", "no key trails"),
+        ("[[row]]", "[row]", "double brackets"),
+        ("speeds = [6]", "speeds = []", "Navigation, slow: 6 m/s needs speeds"),
+        ("speeds = [6]", "speeds = [6, 6]", "each speed and spacing once"),
+        ("speeds = [6]", "speeds = 6", "speeds of Navigation, slow: 6 m/s must be a list of numbers"),
+        ("target = 0.5", "target = 'half'", "target of Navigation, slow: 6 m/s must not be 'half'"),
+        ("target = 0.5", "options = ['--wind', 5]", "options of Navigation, slow: 6 m/s must be a list of words"),
+        ("target = 0.5", "options = ['--wind=5']", "write the option and its value as two words"),
+        ("target = 0.5", TABLE.split("trials = 1")[1], "two rows of one name"),
+    ],
+)
+def test_what_is_wrong_with_a_row_is_said(old: str, new: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "t.toml").write_text(TABLE.replace(old, new))
+    with pytest.raises(flights.FlightsError, match=re.escape(said)):
+        flights.load(tmp_path / "t.toml")
+
+
+def test_two_changes_or_sweeps_of_one_name_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text(PLAN.format(config=ROOT / "ground/train/configs/track.toml").replace("Half as wide, one", "None"))
+    path.write_text(path.read_text().replace("None scene", "None"))
+    with pytest.raises(flights.FlightsError, match="two changes of one name"):
+        ablations.load(path)
+    path.write_text(SWEEPS.replace("values = [0, 20]", "values = [0, 0]"))
+    with pytest.raises(flights.FlightsError, match="two rows of one name"):
+        robustness.load(path)
+
+
+@pytest.mark.parametrize("torn", ["", '{"flown": {', "[]", "{}"])
+def test_a_damaged_result_is_named_and_no_table_is_written(torn: str, tmp_path: Path) -> None:
+    table = Table(tmp_path)
+    table.kept.parent.mkdir()
+    table.kept.write_text(torn)
+    before = table.markdown.read_text()
+    done = goshawk(*table.arguments)
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1
+    assert f"{table.kept} is damaged: remove it, and run the same again" in done.stderr
+    assert table.markdown.read_text() == before
+
+
+def test_what_cannot_be_written_whole_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "R.md"
+    path.write_text("old")
+    with pytest.raises(UnicodeEncodeError):
+        flights.write_whole(path, "new \ud800")
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]

@@ -205,6 +205,8 @@ def test_a_query_shows_duckdbs_answer_and_a_wrong_one_is_one_line(flown: Path) -
     assert asked.exit_code == 0 and "flown" in asked.stdout and "18" in asked.stdout
     wrong = goshawk("campaign", "query", "select colour from flights", "--campaign", flown)
     assert wrong.exit_code == 2 and len(wrong.stderr.splitlines()) == 1 and "colour" in wrong.stderr
+    row = goshawk("campaign", "query", "select\n cast(row as int) from flights", "--campaign", flown)
+    assert row.exit_code == 2 and len(row.stderr.splitlines()) == 1 and "select cast(row as int)" in row.stderr
     nothing = goshawk("campaign", "query", "select 1", "--campaign", flown / "nowhere")
     assert nothing.exit_code == 2 and "holds no finished campaign" in nothing.stderr
 
@@ -250,6 +252,33 @@ def test_a_flight_that_is_another_one_again_is_refused(flown: Path, tmp_path: Pa
     assert refused.exit_code == 2 and "is another flight on this machine" in refused.stderr
 
 
+@pytest.mark.parametrize(("name", "said"), [("plan.json", "is no file of a campaign"), ("flights.parquet", "damaged")])
+def test_a_damaged_file_of_a_campaign_is_named(name: str, said: str, flown: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    subprocess.run(["cp", "-r", flown, copy], check=True)
+    for text in ("[]", "{}"):
+        (copy / name).write_text(text)
+        refused = goshawk("campaign", "worst", "-n", 1, "--campaign", copy)
+        assert refused.exit_code == 2 and refused.stderr.count("\n") == 1
+        assert said in refused.stderr and str(copy / name) in refused.stderr
+
+
+def test_the_worst_of_a_campaign_that_had_fewer_trials_first_is_found_in_its_unit(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    row = PLAN[: PLAN.rindex("[[row]]")].replace("[5, 7]", "[5]")
+    for trials in (2, 3):
+        run(tmp_path, out, "--trials", trials, text=row)
+    done = goshawk("campaign", "worst", "-n", 3, "--campaign", out)
+    assert done.exit_code == 0 and len(done.stdout.splitlines()) == 3, done.output
+
+
+def test_a_plan_of_which_nothing_was_flown_may_change(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    refused = goshawk("campaign", "run", plan(tmp_path, PLAN.replace('"10"', '"-1"')), "--out", out)
+    assert refused.exit_code == 2 and "--length" in refused.stderr and "--help" not in refused.stderr
+    run(tmp_path, out, "--trials", 1)
+
+
 def test_another_plan_or_another_policy_needs_another_folder(flown: Path, tmp_path: Path) -> None:
     other = plan(tmp_path, PLAN.replace("speeds = [5]", "speeds = [6]"))
     refused = goshawk("campaign", "run", other, "--out", flown)
@@ -288,7 +317,10 @@ def running_from(folder: Path) -> list[str]:
     ("text", "words"),
     [
         ("trials = 1", "is no plan"),
-        (PLAN.replace("trials = 6", "trials = 0"), "nothing to fly"),
+        (PLAN.replace("trials = 6", "trials = 0"), "trials must be a whole number of 1 or more"),
+        (PLAN.replace("seed = 5", "seed = -5"), "seed must be a whole number of 0 or more"),
+        (PLAN.replace('"tuning"', '"free"'), "seeds must be table or tuning, not 'free'"),
+        ("row = []\n" + PLAN.split("[[row]]")[0], "nothing to fly"),
         (PLAN + "[other]\n", "it has no key other"),
         (PLAN.replace("Chase in wind", "Navigation"), "two rows of one name"),
         (PLAN.replace('"--wind", "5"', '"--autopilot", "px4"'), "firmware flies with goshawk-sim fly only"),

@@ -150,6 +150,26 @@ def missing_file(folder: Path) -> None:
     (folder / "environment.ply").unlink()
 
 
+def endless_point(folder: Path) -> None:
+    points = ply.read_ply(folder / "environment.ply")
+    points[5, 1] = np.nan
+    ply.write_ply(folder / "environment.ply", points)
+
+
+def words_for_heights(folder: Path) -> None:
+    np.save(folder / "ground.npy", np.full((4, 4), "low"))
+
+
+def several_arrays(folder: Path) -> None:
+    with (folder / "ground.npy").open("wb") as file:
+        np.savez(file, heights=np.zeros((4, 4)))
+
+
+def labels_of_another_alphabet(folder: Path) -> None:
+    path = folder / "labels.csv"
+    path.write_bytes(path.read_bytes() + b"\xff\xfe")
+
+
 DAMAGES: list[tuple[Callable[[Path], None], str]] = [
     (black_image, "image-black"),
     (grey_image, "image-constant"),
@@ -170,6 +190,10 @@ DAMAGES: list[tuple[Callable[[Path], None], str]] = [
     (wrong_type, "file-broken"),
     (fewer_labels, "file-broken"),
     (empty_box, "file-broken"),
+    (endless_point, "file-broken"),
+    (words_for_heights, "file-broken"),
+    (several_arrays, "file-broken"),
+    (labels_of_another_alphabet, "file-broken"),
     (missing_file, "file-missing"),
 ]
 

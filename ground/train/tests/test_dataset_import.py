@@ -17,7 +17,7 @@ from goshawk_train.data.foreign import importer, yopo
 from goshawk_train.data.foreign.ground import estimate_ground
 from goshawk_train.data.foreign.resample import OURS, Intrinsics, Resampler
 from goshawk_train.data.foreign.yopo import Format
-from goshawk_train.data.layout import Bounds
+from goshawk_train.data.layout import Bounds, alone
 from goshawk_train.data.ply import read_ply, write_ply
 from goshawk_train.model import geometry
 from numpy.typing import NDArray
@@ -107,6 +107,19 @@ def test_a_failed_scene_leaves_nothing_and_the_next_try_goes_on(copy: Path, tmp_
     assert importer.import_scenes(copy, out, Format()).imported == 1
 
 
+def test_two_imports_at_once_are_kept_apart(source: Path, tmp_path: Path) -> None:
+    with alone(tmp_path / "out"), pytest.raises(DataError, match="another command fills it now"):
+        importer.import_scenes(source, tmp_path / "out", Format())
+
+
+def test_a_scene_of_another_name_is_named(source: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    importer.import_scenes(source, out, Format())
+    (out / "scene_0001").rename(out / "scene_old")
+    with pytest.raises(DataError, match="scene_old is none of the import's scenes"):
+        importer.import_scenes(source, out, Format())
+
+
 def test_other_options_are_refused_in_a_begun_data_set(source: Path, imported: Path) -> None:
     with pytest.raises(DataError, match="other origin or options"):
         importer.import_scenes(source, imported, Format(tilt_deg=10))
@@ -185,9 +198,27 @@ def missing_labels(scene: Path) -> None:
     (scene / "labels.csv").unlink()
 
 
+def labels_of_another_alphabet(scene: Path) -> None:
+    path = scene / "labels.csv"
+    path.write_bytes(path.read_bytes() + b"\xff\xfe")
+
+
+def ground_of_words(scene: Path) -> None:
+    np.save(scene / "ground.npy", np.full((3, 4), "low"))
+    (scene / "ground.json").write_text('{"cell_m": 10.0, "min_xy": [-15, -15]}')
+
+
+def ground_of_no_size(scene: Path) -> None:
+    np.save(scene / "ground.npy", np.zeros((3, 4)))
+    (scene / "ground.json").write_text('{"cell_m": 0, "min_xy": [-15, -15]}')
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
+        (labels_of_another_alphabet, r"scene-0/labels\.csv: not a table"),
+        (ground_of_words, r"scene-0/ground\.npy: must be heights"),
+        (ground_of_no_size, r"scene-0/ground\.json: must be"),
         (missing_cloud, r"scene-0/environment\.ply: No such file"),
         (missing_row, r"scene-0/labels\.csv: 11 rows for 12 images"),
         (missing_depth, r"scene-0/depth: no image number 4"),

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from command import goshawk
+from goshawk_train.data.layout import alone
 from goshawk_train.data.made.make import RECIPE
 from lost_node import losing_a_node
 
@@ -81,9 +82,24 @@ def test_what_was_made_of_something_else_is_not_gone_on_with(tmp_path: Path) -> 
         assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1) and f"another {what}" in refused.stderr
     refused = goshawk(*arguments(tmp_path / "tables", 1, "--seed", 10_000_000))
     assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1) and "900000" in refused.stderr
+    assert goshawk(*arguments(out, 2)).exit_code == 0
+    refused = goshawk(*arguments(out, 1))
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1) and "begun with 2 scenes" in refused.stderr
     whole(tmp_path / "whole", 1)
     refused = goshawk(*arguments(tmp_path / "whole", 1))
     assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1) and RECIPE in refused.stderr
+
+
+def test_two_at_once_are_kept_apart(tmp_path: Path) -> None:
+    out = tmp_path / "units"
+    with alone(out):
+        refused = goshawk(*arguments(out, 1))
+    assert (refused.exit_code, refused.stderr.count("\n")) == (
+        2,
+        1,
+    ) and "another command fills it now" in refused.stderr
+    assert list(out.iterdir()) == []
+    assert goshawk(*arguments(out, 1)).exit_code == 0
 
 
 def test_a_cluster_that_loses_a_node_makes_the_files_of_one_call_of_the_simulator(cluster: Any, tmp_path: Path) -> None:

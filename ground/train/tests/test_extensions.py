@@ -160,3 +160,37 @@ def test_an_unknown_line_and_a_bad_plan_are_refused_by_name(monkeypatch: pytest.
     (tmp_path / "bad.toml").write_text("trials = 1\n")
     refused = goshawk("campaign", "extensions", "--plan", str(tmp_path / "bad.toml"))
     assert refused.exit_code == 2 and "lists no extensions" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("trials = 200", "trials = 200\nworkers = 2", "no key workers"),
+        ("speeds = [5]", "speeds = [5, 7]", "must be of one cell"),
+        ('tasks = ["track"]', 'tasks = ["chase"]', "must be some of"),
+        ('name = "weighted detections"', 'name = "outliers"', "two lines of one name"),
+    ],
+)
+def test_a_plan_whose_results_would_mix_is_refused(
+    old: str, new: str, said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(ROOT)
+    text = PLAN.read_text()
+    assert old in text
+    (tmp_path / "plan.toml").write_text(text.replace(old, new, 1))
+    with pytest.raises(FlightsError, match=said):
+        extensions.load(tmp_path / "plan.toml")
+
+
+def test_campaigns_in_another_order_keep_their_own_figures(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(ROOT)
+    plan = extensions.load(PLAN)
+    simulator, models = ROOT / "target/release/goshawk-sim", ROOT / "air/models"
+    variant = plan.variants[0]
+    cells = [{"name": row.name} for row in plan.campaigns]
+    kept = {"identity": extensions.identity(plan, variant, simulator, models), "cells": cells}
+    (tmp_path / f"{variant.slug}.json").write_text(json.dumps(kept))
+    turned = replace(plan, campaigns=plan.campaigns[::-1])
+    line = extensions.kept(turned, variant, tmp_path, simulator, models)
+    assert line is not None and len(line.cells) > 2
+    assert all(cell["name"] == name for name, cell in line.cells.items())

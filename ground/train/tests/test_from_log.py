@@ -26,7 +26,7 @@ from goshawk_train.data.flown.mine import Other
 from goshawk_train.data.flown.recording import read
 from goshawk_train.data.flown.smooth import smooth
 from goshawk_train.data.foreign.resample import OURS
-from goshawk_train.data.layout import Labels
+from goshawk_train.data.layout import Labels, alone
 from goshawk_train.data.ply import read_ply
 from goshawk_train.model import geometry
 from goshawk_train.run import train
@@ -367,6 +367,26 @@ def test_what_is_no_log_is_one_line(tmp_path: Path) -> None:
 def test_a_folder_that_holds_something_is_not_written_over(log: Path, flown: Path) -> None:
     with pytest.raises(DataError, match="is there already: choose another --out"):
         from_logs([log], flown, Choice())
+
+
+def test_a_log_that_is_named_twice_is_one(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "again.mcap").symlink_to(log)
+    outcome = from_logs(
+        [log, tmp_path / "again.mcap", log.parent / "." / log.name], tmp_path / "out", Choice(rate_hz=1)
+    )
+    once = from_logs([log], tmp_path / "once", Choice(rate_hz=1))
+    assert outcome.of_kept == once.of_kept and outcome.scenes == once.scenes
+
+
+def test_two_at_once_are_kept_apart_and_what_a_killed_one_left_is_removed(log: Path, tmp_path: Path) -> None:
+    left = tmp_path / ".out.partial"
+    (left / "scene_0000").mkdir(parents=True)
+    (left / "note").touch()
+    with alone(left), pytest.raises(DataError, match="another command fills it now"):
+        from_logs([log], tmp_path / "out", Choice(rate_hz=1))
+    assert (left / "note").exists()
+    from_logs([log], tmp_path / "out", Choice(rate_hz=1))
+    assert list(tmp_path.iterdir()) == [tmp_path / "out"] and not (tmp_path / "out/note").exists()
 
 
 def test_a_policy_that_is_told_other_things_cannot_disagree(log: Path, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -102,3 +103,16 @@ def test_scene_without_obstacles_is_far_from_everything() -> None:
 def test_missing_dataset_says_how_to_make_one(config: Config, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="goshawk-sim dataset"):
         batches.load(tmp_path, config)
+
+
+@pytest.mark.parametrize("name", ["esdf.npy", "esdf.json"])
+def test_a_damaged_distance_field_is_made_anew(name: str, dataset: Path, config: Config, tmp_path: Path) -> None:
+    root = shutil.copytree(dataset, tmp_path / "data")
+    batches.load(root, config)
+    damaged = root / "scene_0000" / name
+    whole = damaged.read_bytes()
+    for torn in (b"", whole[:40], b"[]"):
+        damaged.write_bytes(torn)
+        batches.load(root, config)
+        assert damaged.read_bytes() == whole
+    assert len(list(damaged.parent.glob("*.partial.*"))) == 0

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from command import goshawk
+from goshawk_train.cluster import paired
 from goshawk_train.cluster.paired import MedianDifference, PairedError, compare, facts, words
 from goshawk_train.cluster.store import Store
 from goshawk_train.cluster.table import FLIGHTS, pa, parquet
@@ -153,3 +154,23 @@ def test_campaigns_of_other_seeds_or_rows_are_refused(tmp_path: Path, monkeypatc
     assert rows.exit_code == 2 and "share no flight" in rows.stderr
     one = goshawk("campaign", "compare", tmp_path / "a")
     assert one.exit_code == 2 and "compare two campaigns" in one.stderr
+
+
+def test_a_cell_that_was_flown_twice_has_no_pairs(tmp_path: Path) -> None:
+    with pytest.raises(PairedError, match="was flown twice in one of the two"):
+        compare(kept(tmp_path / "a", {}, {}), kept(tmp_path / "b", {}))
+
+
+def test_a_campaign_of_another_version_is_named(tmp_path: Path) -> None:
+    other = Store(str(tmp_path / "b"))
+    other.write("flights.parquet", parquet(pa.Table.from_pylist([{"row": "Dense", "trial": 0}])))
+    with pytest.raises(PairedError, match="are not of this version"):
+        compare(kept(tmp_path / "a", {}), other)
+
+
+def test_a_median_has_an_interval_from_six_flights_on() -> None:
+    # The least and the greatest of n hold the median with 1 - 2 / 2^n: 94 % of five, 97 % of six.
+    pairs: list[tuple[float | None, float | None]] = [(0.0, float(i)) for i in range(1, 7)]
+    assert paired.median_difference("", pairs[:5]) is None
+    six = paired.median_difference("", [*pairs, (None, 7.0)])
+    assert six is not None and (six.flights, six.median, six.interval) == (6, 3.5, (1.0, 6.0))

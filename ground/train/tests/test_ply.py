@@ -45,6 +45,9 @@ def test_text_is_read(tmp_path: Path) -> None:
         ("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", "without x, y, z"),
         (f"ply\nformat ascii 1.0\n{HEAD}end_header\n1 2 3\n", "truncated: 1 lines for 2 points"),
         (f"ply\nformat ascii 1.0\n{HEAD}end_header\n1 2 3\na b c\n", "x.ply"),
+        ("ply\nformat\nelement vertex 2\nend_header\n", "not a PLY point cloud"),
+        ("ply\nformat ascii 1.0\nelement vertex many\nend_header\n", "not a PLY point cloud"),
+        (f"ply\nformat ascii 1.0\n{HEAD}end_header\n1 2\n3 4\n", "invalid column"),
         (f"ply\nformat binary_little_endian 1.0\n{HEAD}end_header\n0123456789ab", "truncated: 12 bytes for 2 points"),
     ],
 )

@@ -223,6 +223,10 @@ def test_unknown_missing_and_wrong_fields_are_refused(config: Config) -> None:
         ({"costs": {**table["costs"], "jerk": float("nan")}}, r"costs\.jerk"),
         ({"costs": {k: v for k, v in table["costs"].items() if k != "jerk"}}, r"costs\.jerk is missing"),
         ({"camera": {**table["camera"], "width": 128}}, "32 px"),
+        ({"seed": -1}, "seed must not be below 0"),
+        ({"sampling": {**table["sampling"], "norm_max": 0.0}}, r"sampling\.norm_max must be above 0"),
+        ({"sampling": {**table["sampling"], "velocity_limit": 0.0}}, r"sampling\.velocity_limit must be above"),
+        ({"training": {**table["training"], "validate_frames": 0}}, r"training\.validate_frames must be above 0"),
     ):
         with pytest.raises(ConfigError, match=message):
             config_from_dict({**table, **change})

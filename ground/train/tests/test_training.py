@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import resource
+import signal
 from pathlib import Path
 from typing import Any, cast
 
@@ -217,6 +219,31 @@ def test_torn_checkpoint_is_named(tmp_path: Path) -> None:
         checkpoint.load(path)
 
 
+@pytest.mark.parametrize("content", [[1, 2], {"format": 0}])
+def test_a_file_of_torch_that_is_no_checkpoint_is_named(content: object, tmp_path: Path) -> None:
+    torch.save(content, tmp_path / "checkpoint.pt")
+    with pytest.raises(checkpoint.CheckpointError, match=r"checkpoint\.pt"):
+        checkpoint.load(tmp_path / "checkpoint.pt")
+
+
+def test_a_full_disk_leaves_the_checkpoint_as_it_was(
+    small: Config, loaded: tuple[batches.Frames, SceneMaps], tmp_path: Path
+) -> None:
+    path, saved = tmp_path / "checkpoint.pt", trainer(small, loaded).snapshot()
+    checkpoint.save(path, saved)
+    before = path.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handled = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, hard))  # no file may be longer, as on a full disk
+    try:
+        with pytest.raises((checkpoint.CheckpointError, OSError)):
+            checkpoint.save(path, saved)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, handled)
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
 def test_a_run_that_is_not_there_is_one_line_that_says_how_it_is_made(tmp_path: Path) -> None:
     empty, file, missing = tmp_path / "empty", tmp_path / "file", tmp_path / "missing"
     empty.mkdir()
@@ -328,9 +355,9 @@ def test_command_line_trains_stops_and_resumes(small: Config, dataset: Path, tmp
     measured = goshawk("train", "validate", "--run", out, "--data", dataset, "--json", tmp_path / "m.json")
     assert measured.exit_code == 0 and measured.stdout.startswith("step 3, 24 samples\n")
     assert "recall" in json.loads((tmp_path / "m.json").read_text())
-    preview = ["train", "preview", "--run", out, "--data", dataset, "--out", tmp_path / "p.png"]
+    preview = ["train", "preview", "--run", out, "--data", dataset, "--out", tmp_path / "picture"]
     assert goshawk(*preview).exit_code == 0
-    assert (tmp_path / "p.png").stat().st_size > 1000
+    assert (tmp_path / "picture").read_bytes().startswith(b"\x89PNG")
     many = goshawk(*preview, "--count", 1000)
     assert (many.exit_code, many.stderr.count("\n")) == (2, 1) and "has 24 frames, not 1000" in many.stderr
 

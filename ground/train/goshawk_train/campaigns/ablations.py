@@ -14,7 +14,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from goshawk_train.campaigns.flights import FlightsError, Row, failures, fly
+from goshawk_train.campaigns.flights import (
+    FlightsError,
+    Row,
+    failures,
+    fly,
+    read_report,
+    read_rows,
+    refuse_unknown,
+    whole,
+    write_whole,
+)
 from goshawk_train.config import Config, ConfigError, config_from_dict, config_to_dict, load_config
 
 MARKS = ("<!-- ablations: begin -->", "<!-- ablations: end -->")
@@ -86,9 +96,13 @@ def load(path: Path) -> Plan:
     """The plan in a TOML file; raises `FlightsError`."""
     try:
         table = tomllib.loads(path.read_text())
-        numbers = {name: int(table[name]) for name in ("samples", "scenes", "frames", "trials", "seed")}
-        campaigns = [Row(**row) for row in table["campaign"]]
+        counts = ("samples", "scenes", "frames", "trials")
+        refuse_unknown(table, {*counts, "seed", "config", "set", "campaign", "change"})
+        numbers = {name: whole(table, name) for name in counts} | {"seed": whole(table, "seed", 0)}
+        campaigns = read_rows(table["campaign"])
         changes = [Change(**change) for change in table["change"]]
+        if len({change.slug for change in changes}) < len(changes):
+            raise ValueError("it has two changes of one name: results are kept by it")
         shared = Change(name=path.name, set=table.get("set", {}))
         config = shared.apply(load_config(path.parent / table["config"]))
         plan = Plan(config=config, campaigns=campaigns, changes=changes, **numbers)
@@ -116,13 +130,13 @@ def kept(plan: Plan, change: Change, folder: Path) -> dict[str, Any] | None:
     path = folder / f"{change.slug}.json"
     if not path.exists():
         return None
-    result = json.loads(path.read_text())
+    result = read_report(path, "identity", "cells", "metrics")
     return result if result["identity"] == identity(plan, change) else None
 
 
 def identity(plan: Plan, change: Change) -> dict[str, Any]:
     """What a result depends on, besides the simulator."""
-    campaigns = [row.arguments(plan.trials, plan.seed) for row in plan.campaigns]
+    campaigns = [row.arguments(plan.trials, plan.seed) + row.scan for row in plan.campaigns]
     config = json.loads(json.dumps(config_to_dict(plan.trained(change))))
     return {"config": config, "scenes": change.scenes or plan.scenes, "frames": plan.frames, "campaigns": campaigns}
 
@@ -163,7 +177,7 @@ def carry_out(plan: Plan, change: Change, folder: Path, runs: Path, simulator: P
         "cells": [cell for report in reports for cell in report["cells"]],
     }
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{change.slug}.json").write_text(json.dumps(result, indent=1) + "\n")
+    write_whole(folder / f"{change.slug}.json", json.dumps(result, indent=1) + "\n")
     return result
 
 
@@ -183,7 +197,8 @@ def markdown(plan: Plan, results: list[tuple[Change, dict[str, Any]]]) -> str:
         flown = [f"{cell['successes']}" for cell in result["cells"]]
         total = sum(cell["successes"] for cell in result["cells"])
         trials = sum(cell["trials"] for cell in result["cells"])
-        metrics = [f"{result['metrics'][name]:.3g}" for name in METRICS]
+        found: dict[str, float] = result["metrics"]  # without those that no frame tells, as of a target in navigation
+        metrics = [f"{found[name]:.3g}" if name in found else "–" for name in METRICS]
         row = [*flown, f"{total} of {trials}", failures(result["cells"]), *metrics]
         lines.append(f"| {change.name} | {' | '.join(row)} |")
     return "\n".join(lines)

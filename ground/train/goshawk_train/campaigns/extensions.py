@@ -14,7 +14,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from goshawk_train.campaigns.flights import FlightsError, Row, fly, present
+from goshawk_train.campaigns.flights import (
+    FlightsError,
+    Row,
+    fly,
+    present,
+    read_report,
+    read_rows,
+    refuse_unknown,
+    whole,
+    write_whole,
+)
 from goshawk_train.rates import RateDifference
 
 Cells = dict[str, dict[str, Any]]
@@ -144,6 +154,7 @@ def load(path: Path) -> Plan:
     """The plan in a TOML file; raises `FlightsError`."""
     try:
         table = tomllib.loads(path.read_text())
+        refuse_unknown(table, {"trials", "seed", "base", "part", "campaign"})
         bases = [
             Base(
                 name=base["name"],
@@ -155,12 +166,20 @@ def load(path: Path) -> Plan:
             for base in table["base"]
         ]
         parts = [Part(**part) for part in table["part"]]
+        campaigns = read_rows(table["campaign"])
+        if several := [row.name for row in campaigns if row.cells != 1]:
+            raise ValueError(f"{', '.join(several)} must be of one cell: one speed, spacing, pilot and course")
+        if wrong := [part.name for part in parts if not set(part.tasks) <= set(TASKS)]:
+            raise ValueError(f"tasks of {', '.join(wrong)} must be some of {TASKS}")
+        variants = [variant for base in bases for variant in _variants(base, parts)]
+        if len({variant.slug for variant in variants}) < len(variants):
+            raise ValueError("it has two lines of one name: results are kept by it")
         return Plan(
             table=path.stem,
-            trials=int(table["trials"]),
-            seed=int(table["seed"]),
-            campaigns=[Row(**row) for row in table["campaign"]],
-            variants=[variant for base in bases for variant in _variants(base, parts)],
+            trials=whole(table, "trials"),
+            seed=whole(table, "seed", 0),
+            campaigns=campaigns,
+            variants=variants,
         )
     except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
         raise FlightsError(f"{path} lists no extensions: {error}") from error
@@ -188,7 +207,7 @@ def identity(plan: Plan, variant: Variant, simulator: Path, models: Path) -> dic
         "switches": variant.switches,
         "policies": {task: found["policy_sha256"] for task, found in hashes.items()},
         **{name: hashes["track"][name] for name in ("vehicle_sha256", "flight_code_sha256")},
-        "campaigns": [row.arguments(plan.trials, plan.seed) for row in _flown(plan, variant)],
+        "campaigns": [row.arguments(plan.trials, plan.seed) + row.scan for row in _flown(plan, variant)],
     }
 
 
@@ -201,12 +220,15 @@ def kept(plan: Plan, variant: Variant, folder: Path, simulator: Path, models: Pa
     path = folder / f"{variant.slug}.json"
     if not path.exists():
         return None
-    known, now = json.loads(path.read_text()), identity(plan, variant, simulator, models)
+    known, now = read_report(path, "identity", "cells"), identity(plan, variant, simulator, models)
     flown = known["identity"]
     if len(flown["campaigns"]) != len(now["campaigns"]):
         return None
     changed = [word for name, word in CHANGES.items() if flown.get(name) != now.get(name)]
-    cells = {row.name: cell for row, cell in zip(_flown(plan, variant), known["cells"], strict=True)}
+    names: list[str] = [row.name for row in _flown(plan, variant)]
+    if sorted(flown["campaigns"]) == sorted(now["campaigns"]):  # the plan may list them in another order now
+        names = [names[now["campaigns"].index(campaign)] for campaign in flown["campaigns"]]
+    cells = dict(zip(names, known["cells"], strict=True))
     return Line(cells=cells, stale=", ".join(changed), identity=flown)
 
 
@@ -228,7 +250,7 @@ def carry_out(plan: Plan, variant: Variant, folder: Path, runs: Path, simulator:
         brief = {name: value for name, value in cell.items() if name not in ("flights", "target_plane")}
         cells.append({**brief, "outcomes": [flight["outcome"] for flight in cell["flights"]]})
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{variant.slug}.json").write_text(json.dumps({"identity": now, "cells": cells}, indent=1) + "\n")
+    write_whole(folder / f"{variant.slug}.json", json.dumps({"identity": now, "cells": cells}, indent=1) + "\n")
 
 
 def markdown(plan: Plan, known: dict[str, Line]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import re
 import signal
 import subprocess
@@ -19,7 +20,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from goshawk_train.errors import TrainerError
 from goshawk_train.model.card import FLIGHT_MARKS
@@ -90,6 +91,58 @@ class Row:
         """Where its report is kept."""
         return folder / (re.sub(r"[^a-z0-9.]+", "-", self.name.lower()) + ".json")
 
+    @property
+    def cells(self) -> int:
+        """How many the simulator makes of it: all combinations of what is listed."""
+        given = dict(pairwise(self.options))
+        listed = [given.get(option, "one").split(",") for option in ("--pilot", "--course")]
+        forest = not self.scan and given.get("--world", "forest") == "forest"
+        spacings = max(len(self.spacings), len(given.get("--spacing", "one").split(","))) if forest else 1
+        return len(self.speeds) * spacings * len(set(listed[0])) * len(listed[1])
+
+
+NUMBERS: Any = (int, float)
+LISTS: dict[str, Any] = {"speeds": NUMBERS, "spacings": NUMBERS, "options": str, "scan": str}
+SHARE: Any = (int, float, type(None))
+SINGLE: dict[str, Any] = {"name": str, "task": str, "model": (str, type(None)), "target": SHARE, "cruise": SHARE}
+
+
+def read_rows(tables: Any) -> list[Row]:
+    """The rows that a TOML file lists; raises `TypeError` or `ValueError`, which say what is wrong with one."""
+    if not isinstance(tables, list):
+        raise TypeError("each row begins with its name in double brackets, as [[row]]")
+    rows = [Row(**table) for table in cast("list[Any]", tables)]
+    for row in rows:
+        told = vars(row)
+        for name, wanted in LISTS.items():
+            listed: Any = told[name]
+            if not isinstance(listed, list) or not all(isinstance(one, wanted) for one in cast("list[Any]", listed)):
+                raise TypeError(f"{name} of {row.name} must be a list of {'words' if wanted is str else 'numbers'}")
+        for name, wanted in SINGLE.items():
+            if not isinstance(told[name], wanted):
+                raise TypeError(f"{name} of {row.name} must not be {told[name]!r}")
+        if not row.speeds or any(len(set(some)) < len(some) for some in (row.speeds, row.spacings)):
+            raise ValueError(f"{row.name} needs speeds, and each speed and spacing once")
+        if glued := [option for option in row.options if re.match("--[a-z-]+=", option)]:
+            raise ValueError(f"{row.name} has {glued[0]}: write the option and its value as two words")
+    if len({row.file(Path()) for row in rows}) < len(rows):
+        raise ValueError("it has two rows of one name: results are kept by it")
+    return rows
+
+
+def whole(table: dict[str, Any], name: str, least: int = 1) -> int:
+    """A whole number of a TOML file; raises `ValueError`."""
+    value = table.get(name)
+    if type(value) is not int or value < least:
+        raise ValueError(f"{name} must be a whole number of {least} or more")
+    return value
+
+
+def refuse_unknown(table: dict[str, Any], known: set[str]) -> None:
+    """Raises `ValueError` for a key that nobody reads."""
+    if unknown := sorted(set(table) - known):
+        raise ValueError(f"it has no key {', '.join(unknown)}")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
@@ -113,7 +166,8 @@ def load(path: Path) -> tuple[int, list[Row]]:
         table = tomllib.loads(path.read_text())
         if "seed" in table:
             raise ValueError("its seed comes of policy, vehicle file and flight code: leave out seed")
-        return int(table["trials"]), [Row(**row) for row in table["row"]]
+        refuse_unknown(table, {"trials", "row"})
+        return whole(table, "trials"), read_rows(table["row"])
     except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
         raise FlightsError(f"{path} is no flight table: {error}") from error
 
@@ -133,7 +187,7 @@ def kept(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int) 
     path = row.file(folder)
     if not path.exists():
         return Kept(row=row, report=None)
-    report = json.loads(path.read_text())
+    report = read_report(path, "cells")
     now, flown = _identity(row, simulator, models, trials), report.get("flown", {})
     changed = [word for name, word in HASHES.items() if flown.get(name) != now[name]]
     if any(flown.get(name) != now.get(name) for name in ("arguments", "scan")):
@@ -141,6 +195,27 @@ def kept(row: Row, folder: Path, simulator: Path, models: Path, *, trials: int) 
     if "rule" not in report:
         changed.append("rule")
     return Kept(row=row, report=report, stale=", ".join(changed))
+
+
+def read_report(path: Path, *needed: str) -> dict[str, Any]:
+    """What was kept of flights, with these keys at least; raises `FlightsError`."""
+    try:
+        report = json.loads(path.read_text())
+        for name in needed:
+            report[name]
+    except (KeyError, TypeError, ValueError) as error:
+        raise FlightsError(f"{path} is damaged: remove it, and run the same again ({error})") from error
+    return report
+
+
+def write_whole(path: Path, text: str) -> None:
+    """A file that is the old one or the new one, whatever ends this."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_text(text)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def _identity(row: Row, simulator: Path, models: Path, trials: int) -> dict[str, Any]:
@@ -177,7 +252,7 @@ def fly(
         **(also or {}),
     }
     path = row.file(folder)
-    if path.exists() and (report := json.loads(path.read_text())).get("flown") == identity:
+    if path.exists() and (report := read_report(path, "cells")).get("flown") == identity:
         return report
     return _fly(row, folder, simulator, identity, seed, seeds=seeds)
 
@@ -197,7 +272,7 @@ def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed
     # Where each flight went is megabytes; the command is in `flown`, without the scan's passing place.
     for name in ("paths", "command"):
         del report[name]
-    path.write_text(json.dumps(report, indent=1) + "\n")
+    write_whole(path, json.dumps(report, indent=1) + "\n")
     partial.unlink()
     return report
 
@@ -300,7 +375,7 @@ def _verdict(row: Row, cell: dict[str, Any]) -> str:
 
     def wanted() -> Iterator[str]:
         if row.target is not None:
-            yield f"{row.target:.0%} {_met(cell['successes'] >= row.target * cell['trials'])}"
+            yield f"{row.target:.0%} {_met(cell['successes'] / cell['trials'] >= row.target)}"
         if row.cruise is not None:
             least_mps = row.cruise * cell["speed_mps"]
             yield f"{least_mps:g} m/s {_met((cell['cruise_speed_mps'] or 0) >= least_mps)}"
@@ -335,4 +410,4 @@ def put(path: Path, table: str, marks: tuple[str, str] = FLIGHT_MARKS) -> None:
     if text.count(begin) != 1 or text.count(end) != 1:
         raise FlightsError(f"{path} lacks the marks {begin} and {end}")
     before, rest = text.split(begin)
-    path.write_text(f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}")
+    write_whole(path, f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}")

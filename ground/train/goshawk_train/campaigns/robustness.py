@@ -12,7 +12,7 @@ from goshawk_dashboards.report.canvas import Figure, Palette, png
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from goshawk_train.campaigns.flights import FlightsError, Row
+from goshawk_train.campaigns.flights import FlightsError, Row, read_rows, refuse_unknown, whole
 
 TASKS = ("track", "navigate")
 
@@ -50,9 +50,12 @@ def load(path: Path) -> tuple[int, int, dict[str, float], list[Sweep]]:
     """Trials a campaign, seed, speed of each task, sweeps; raises `FlightsError`."""
     try:
         table = tomllib.loads(path.read_text())
+        refuse_unknown(table, {"trials", "seed", "speeds_mps", "sweep"})
         speeds_mps = {task: float(table["speeds_mps"][task]) for task in TASKS}
-        return int(table["trials"]), int(table["seed"]), speeds_mps, [Sweep(**sweep) for sweep in table["sweep"]]
-    except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
+        sweeps = [Sweep(**sweep) for sweep in table["sweep"]]
+        read_rows([vars(sweep.row(task, 1.0, value)) for sweep in sweeps for task in TASKS for value in sweep.values])
+        return whole(table, "trials"), whole(table, "seed", 0), speeds_mps, sweeps
+    except (OSError, tomllib.TOMLDecodeError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise FlightsError(f"{path} lists no sweeps: {error}") from error
 
 

@@ -26,7 +26,7 @@ CELL = (
 )
 """What makes a cell the same in both. Its number does not: that depends on what else its row lists."""
 PAIRS = """
-select {columns}, a.seed as seed_a, b.seed as seed_b,
+select {columns}, a.trial as trial, a.seed as seed_a, b.seed as seed_b,
        a.outcome = 'success' as success_a, b.outcome = 'success' as success_b,
        a.outcome = 'collision' as collision_a, b.outcome = 'collision' as collision_b, {metrics}
 from a join b on a.trial = b.trial and {same} order by a.row, a.cell, a.trial
@@ -77,7 +77,12 @@ def compare(a: Store, b: Store) -> list[Compared]:
     metrics = ", ".join(f"a.{name} as {name}_a, b.{name} as {name}_b" for name in METRICS)
     columns = ", ".join(f"a.{name}" for name in CELL)
     same = " and ".join(f"a.{name} is not distinct from b.{name}" for name in CELL)
-    found = connection.sql(PAIRS.format(columns=columns, metrics=metrics, same=same))
+    try:
+        found = connection.sql(PAIRS.format(columns=columns, metrics=metrics, same=same))
+    except duckdb.Error as error:
+        raise PairedError(
+            f"{a.address} and {b.address} are not of this version: {str(error).splitlines()[0]}"
+        ) from error
     rows = [dict(zip(found.columns, values, strict=True)) for values in found.fetchall()]
     if not rows:
         raise PairedError(f"{a.address} and {b.address} share no flight: fly the same rows and cells")
@@ -86,6 +91,9 @@ def compare(a: Store, b: Store) -> list[Compared]:
     cells: dict[Cell, list[dict[str, Any]]] = {}
     for row in rows:
         cells.setdefault(tuple(row[name] for name in CELL), []).append(row)
+    for cell, some in cells.items():
+        if len({row["trial"] for row in some}) < len(some):
+            raise PairedError(f"{_name(cell)} was flown twice in one of the two: which flights are pairs is not known")
     made = [_compared(_name(cell), some) for cell, some in cells.items()]
     if len(made) > 1:
         made.append(_compared("all", rows))
@@ -117,18 +125,21 @@ def _compared(name: str, rows: list[dict[str, Any]]) -> Compared:
         pairs = [(row[f"{rate}_a"], row[f"{rate}_b"]) for row in rows]
         only_a, only_b, both = (pairs.count(pair) for pair in ((True, False), (False, True), (True, True)))
         rates.append(RateDifference(what=what, flights=len(pairs), only_a=only_a, only_b=only_b, both=both))
-    medians = [_median(what, [(row[f"{of}_a"], row[f"{of}_b"]) for row in rows]) for of, what in METRICS.items()]
+    medians = [
+        median_difference(what, [(row[f"{of}_a"], row[f"{of}_b"]) for row in rows]) for of, what in METRICS.items()
+    ]
     return Compared(name=name, rates=rates, medians=[median for median in medians if median])
 
 
-def _median(what: str, pairs: list[tuple[float | None, float | None]]) -> MedianDifference | None:
+def median_difference(what: str, pairs: list[tuple[float | None, float | None]]) -> MedianDifference | None:
+    """Of what both of a pair have; `None` of too few."""
     differences = sorted(b - a for a, b in pairs if a is not None and b is not None)
     count = len(differences)
-    if not count:
-        return None
     # The least place such that the median lies outside with 2.5 % to each side, at most.
-    place = int(stats.binom.ppf((1 - LEVEL) / 2, count, 0.5))
-    low, high = differences[max(place - 1, 0)], differences[min(count - place, count - 1)]
+    place = int(stats.binom.ppf((1 - LEVEL) / 2, count, 0.5)) if count else 0
+    if not place:
+        return None  # of five flights or fewer, not even the least and the greatest hold it so surely
+    low, high = differences[place - 1], differences[count - place]
     middle = (differences[(count - 1) // 2] + differences[count // 2]) / 2
     greater, less = sum(d > 0 for d in differences), sum(d < 0 for d in differences)
     return MedianDifference(what=what, flights=count, greater=greater, less=less, median=middle, interval=(low, high))

@@ -11,10 +11,9 @@ import json
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
-from goshawk_train.campaigns.flights import Row, present
+from goshawk_train.campaigns.flights import Row, present, read_rows, refuse_unknown, whole
 from goshawk_train.cluster.kit import Kit
 from goshawk_train.errors import TrainerError
 
@@ -76,17 +75,16 @@ def load(path: Path, trials: int | None = None) -> Plan:
     """The plan in a TOML file, with another number of trials if one is given; raises `PlanError`."""
     try:
         table = tomllib.loads(path.read_text())
-        rows = [Row(**row) for row in table["row"]]
-        each = trials or int(table["trials"])
-        plan = Plan(rows=rows, trials=each, seed=table.get("seed"), seeds=table.get("seeds", "table"))
-        if unknown := sorted(set(table) - {"row", "trials", "seed", "seeds"}):
-            raise ValueError(f"it has no key {', '.join(unknown)}")
+        refuse_unknown(table, {"row", "trials", "seed", "seeds"})
+        rows, each = read_rows(table["row"]), whole(table, "trials")
+        seed = whole(table, "seed", 0) if "seed" in table else None
+        plan = Plan(rows=rows, trials=trials or each, seed=seed, seeds=table.get("seeds", "table"))
+        if plan.seeds not in ("table", "tuning"):
+            raise ValueError(f"seeds must be table or tuning, not {plan.seeds!r}")
     except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
         raise PlanError(f"{path} is no plan: {error}; ground/train/configs/flights.toml is one") from error
-    if each < 1 or not rows:
-        raise PlanError(f"{path} has nothing to fly: it needs a row, and trials of 1 or more")
-    if len({row.file(Path()) for row in rows}) < len(rows):
-        raise PlanError(f"{path} has two rows of one name: results are kept by it")
+    if not rows:
+        raise PlanError(f"{path} has nothing to fly: it needs a row")
     if flown := [row.name for row in rows if any(option in FIRMWARE for option in row.options)]:
         raise PlanError(f"{', '.join(flown)}: firmware flies with goshawk-sim fly only, one flight after the other")
     return plan
@@ -109,16 +107,7 @@ def _campaign(plan: Plan, row: Row, kit: Kit, simulator: Path, models: Path) -> 
     if "--vehicle-file" not in arguments:
         arguments += ["--vehicle-file", row.vehicle]
     arguments = ["fly", "--seeds", plan.seeds, *kit.take(arguments)]
-    return Campaign(row=row, arguments=arguments, cells=_cells(row))
-
-
-def _cells(row: Row) -> int:
-    """How many cells the simulator makes of a row: all combinations of what is listed."""
-    given = dict(pairwise(row.options))
-    listed = [given.get(option, "one").split(",") for option in ("--pilot", "--course")]
-    forest = not row.scan and given.get("--world", "forest") == "forest"
-    spacings = max(len(row.spacings), len(given.get("--spacing", "one").split(","))) if forest else 1
-    return len(row.speeds) * spacings * len(set(listed[0])) * len(listed[1])
+    return Campaign(row=row, arguments=arguments, cells=row.cells)
 
 
 def units(campaigns: list[Campaign], kit: Kit, trials: int, flights: int = FLIGHTS_PER_UNIT) -> Iterator[Unit]:

@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import duckdb
-import pyarrow
-import pyarrow.parquet
 
+from goshawk_train.cluster import table
 from goshawk_train.cluster.store import Store, StoreError
 from goshawk_train.errors import TrainerError
 from goshawk_train.rates import Rate
 
-pa: Any = pyarrow
-pq: Any = pyarrow.parquet  # neither comes with types
 RATES = """
 select row, pilot, speed_mps, world, spacing_m, count(*) as flights, count(*) filter (success) as successes,
        count(*) filter (outcome = 'collision') as collisions, sum(core_s) as core_s
@@ -31,20 +28,21 @@ def flights(store: Store) -> Any:
     """The campaign's flights; raises `StoreError`."""
     if not store.has("flights.parquet"):
         raise StoreError(f"{store.address} holds no finished campaign: goshawk campaign run PLAN --out {store.address}")
-    return pq.read_table(pa.BufferReader(store.read("flights.parquet")))
+    return table.read(store, "flights.parquet")
 
 
 def ask(store: Store, question: str) -> Any:
     """DuckDB's answer; raises `QueryError`."""
     connection = duckdb.connect()
     connection.register("flights", flights(store))
+    asked = " ".join(question.split())
     try:
         answer: Any = connection.sql(question)
+        if answer is not None:
+            return answer.materialize()  # now: what is wrong with a row is found when it is read
     except duckdb.Error as error:
-        raise QueryError(f"{question}: {str(error).splitlines()[0]}") from error
-    if answer is None:
-        raise QueryError(f"{question}: this asks nothing; a question begins with select, summarize or describe")
-    return answer
+        raise QueryError(f"{asked}: {str(error).splitlines()[0]}") from error
+    raise QueryError(f"{asked}: this asks nothing; a question begins with select, summarize or describe")
 
 
 def summary(store: Store) -> str:

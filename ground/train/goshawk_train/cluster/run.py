@@ -21,7 +21,7 @@ from goshawk_train.cluster.engines import Engine, EngineError, Local
 from goshawk_train.cluster.kit import Kit, temporary
 from goshawk_train.cluster.plan import Campaign, Plan, PlanError, Unit
 from goshawk_train.cluster.store import Store, StoreError
-from goshawk_train.cluster.worker import PROGRAM, Processor
+from goshawk_train.cluster.worker import PROGRAM, Processor, last_words
 
 FILES = "simulator, policy, vehicle file, sensor file or world"
 
@@ -55,11 +55,14 @@ def ready(plan: Plan, simulator: Path, models: Path) -> Generator[Ready]:
 def again(store: Store) -> Generator[Ready]:
     """A kept campaign with all its files as they were; raises `StoreError` if one is another now."""
     known = store.read_json("plan.json")
-    listed = known["plan"]
-    rows = [Row(**row) for row in listed["rows"]]
-    plan = Plan(rows=rows, trials=known["trials"], seed=listed["seed"], seeds=listed["seeds"])
-    with ready(plan, Path(known["simulator"]), Path(known["models"])) as made:
-        if made.kit.digest != known["kit_sha256"]:
+    try:
+        listed, places = known["plan"], (Path(known["simulator"]), Path(known["models"]))
+        rows = [Row(**row) for row in listed["rows"]]
+        plan = Plan(rows=rows, trials=known["trials"], seed=listed["seed"], seeds=listed["seeds"])
+    except (KeyError, TypeError) as error:
+        raise StoreError(f"{store.url('plan.json')} is no file of a campaign of this version ({error})") from error
+    with ready(plan, *places) as made:
+        if made.kit.digest != known.get("kit_sha256"):
             raise StoreError(f"{store.address} was flown with another {FILES}: have those of then in place")
         yield made
 
@@ -114,13 +117,14 @@ def same_processor(first: Processor, found: Processor) -> None:
 
 
 def begin(made: Ready, store: Store, models: Path) -> None:
-    """Says in the store what is flown; raises `StoreError` if something else is there. Only trials may become more."""
+    """Says in the store what is flown; raises `StoreError` if flights of something else are there. Only trials may
+    become more."""
     listed = json.loads(json.dumps(dataclasses.asdict(made.plan)))
     trials = listed.pop("trials")
     wanted = {"plan": listed, "kit_sha256": made.kit.digest}
-    if store.has("plan.json"):
+    if store.has("plan.json") and store.names("units"):
         known = store.read_json("plan.json")
-        if changed := [what for what in wanted if known[what] != wanted[what]]:
+        if changed := [what for what in wanted if known.get(what) != wanted[what]]:
             what = "plan (only trials may change)" if "plan" in changed else FILES
             raise StoreError(f"{store.address} was flown with another {what}: give another --out")
     places = {"simulator": str(made.kit.simulator), "models": str(models)}
@@ -140,5 +144,5 @@ def gather(made: Ready, store: Store) -> None:
             command = [kit / PROGRAM, *campaign.all_of(made.plan.trials), "--from", lines, "--json", cells]
             done = subprocess.run(command, cwd=kit, capture_output=True, text=True, check=False)
             if done.returncode:
-                raise PlanError(f"{campaign.row.name}: {done.stderr.strip().splitlines()[-1]}")
+                raise PlanError(f"{campaign.row.name}: {last_words(done.stderr, done.returncode)}")
             store.write(f"cells/{campaign.row.file(Path()).name}", cells.read_bytes())

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import fsspec
 
@@ -81,9 +81,12 @@ class Store:
     def read_json(self, name: str) -> dict[str, Any]:
         """Raises `StoreError`."""
         try:
-            return json.loads(self.read(name))
+            value = json.loads(self.read(name))
         except ValueError as error:
             raise StoreError(f"{self.url(name)} is damaged: {error}") from error
+        if not isinstance(value, dict):
+            raise StoreError(f"{self.url(name)} is no file of a campaign")
+        return cast("dict[str, Any]", value)
 
     def write_json(self, name: str, value: dict[str, Any]) -> None:
         """For people to read too."""

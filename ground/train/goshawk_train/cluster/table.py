@@ -82,22 +82,27 @@ def failures(content: bytes) -> int:
     return flown.count(False)
 
 
-def read_unit(store: Store, unit: Unit, columns: list[str] | None = None) -> Any:
-    """A finished unit's flights; raises `StoreError`."""
-    content = store.read(name := f"units/{unit.name}.parquet")
+def read(store: Store, name: str, columns: list[str] | None = None) -> Any:
+    """A file's flights; raises `StoreError`."""
+    content = store.read(name)
     try:
         return pq.read_table(pa.BufferReader(content), columns=columns)
     except (pa.ArrowInvalid, OSError) as error:
         raise StoreError(f"{store.url(name)} is damaged: remove it, and run the campaign again ({error})") from error
 
 
+def read_unit(store: Store, unit: str, columns: list[str]) -> Any:
+    """The flights of a finished unit of that name; raises `StoreError`."""
+    return read(store, f"units/{unit}.parquet", columns)
+
+
 def records(store: Store, units: list[Unit]) -> Iterator[str]:
     """The simulator's lines of all flights."""
     for unit in units:
-        yield from read_unit(store, unit, ["record"])["record"].to_pylist()
+        yield from read_unit(store, unit.name, ["record"])["record"].to_pylist()
 
 
 def flights(store: Store, units: list[Unit]) -> Any:
     """All flights, in the plan's order."""
-    parts = [read_unit(store, unit, FLIGHTS.names) for unit in units]
+    parts = [read_unit(store, unit.name, FLIGHTS.names) for unit in units]
     return pa.concat_tables(parts).sort_by([(name, "ascending") for name in ("row", "cell", "trial")])

@@ -93,9 +93,15 @@ class Bench:
             self.running.discard(child.pid)
             child.returncode = os.waitstatus_to_exitcode(status)
             if child.returncode:
-                last = words.read_text(errors="replace").strip().splitlines()[-1:] or [f"status {child.returncode}"]
-                raise UnitError(f"{last[0]} (goshawk-sim {' '.join(arguments)})")
+                last = last_words(words.read_text(errors="replace"), child.returncode)
+                raise UnitError(f"{last} (goshawk-sim {' '.join(arguments)})")
             return out.read_bytes(), used.ru_utime + used.ru_stime
+
+
+def last_words(said: str, status: int) -> str:
+    """Of a simulator that failed: the line that says why, not the hint to --help that follows a bad option."""
+    lines = said.strip().splitlines() or [f"status {status}"]
+    return next((line for line in lines if line.startswith("error")), lines[-1])
 
 
 def read_processor(flight: bytes) -> Processor:

@@ -12,7 +12,7 @@ from goshawk_train.cluster import table
 from goshawk_train.cluster.query import ask
 from goshawk_train.cluster.run import Ready
 from goshawk_train.cluster.store import Store, StoreError
-from goshawk_train.cluster.worker import PROGRAM
+from goshawk_train.cluster.worker import PROGRAM, last_words
 
 WORST = """
 select row, cell, trial, outcome, contact, clearance_m, unit from flights
@@ -36,20 +36,20 @@ def fly(made: Ready, store: Store, count: int) -> Iterator[Flown]:
     """Collisions first, then what else failed, then what came nearest to something; raises `StoreError` if a flight is
     not the same again."""
     rows = {campaign.row.name: campaign for campaign in made.campaigns}
-    units = {unit.name: unit for unit in made.units}
     with tempfile.TemporaryDirectory(prefix="goshawk-worst-") as scratch:
         folder = Path(scratch)
         kit = made.kit.unpack(folder / "kit")
         for row, cell, trial, outcome, contact, clearance_m, unit in ask(store, WORST.format(count=count)).fetchall():
-            known = dict(zip(range(units[unit].first, trial + 1), table.records(store, [units[unit]]), strict=False))
+            kept = table.read_unit(store, unit, ["trial", "record"]).to_pylist()
+            (known,) = [flight["record"] for flight in kept if flight["trial"] == trial]
             own = rows[row].row.file(Path()).stem
             name, out = f"logs/{own}-{cell}-{trial}.mcap", folder / f"{own}-{cell}-{trial}"
             records = out.with_suffix(".records")
             command = [kit / PROGRAM, *rows[row].one(cell, trial), "--log", out, "--records", records]
             done = subprocess.run(command, cwd=kit, capture_output=True, text=True, check=False)
             if done.returncode:
-                raise StoreError(f"{row} {cell}:{trial}: {done.stderr.strip().splitlines()[-1]}")
-            if records.read_text().strip() != known[trial]:
+                raise StoreError(f"{row} {cell}:{trial}: {last_words(done.stderr, done.returncode)}")
+            if records.read_text().strip() != known:
                 raise StoreError(
                     f"{row} {cell}:{trial} is another flight on this machine: its processor computes otherwise; "
                     "fly the worst where the campaign was flown"

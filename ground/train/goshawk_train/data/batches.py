@@ -10,6 +10,7 @@ import json
 import secrets
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,15 @@ from goshawk_train.config import CameraConfig, Config
 from goshawk_train.costs.batch import Batch, Situation
 from goshawk_train.costs.esdf import ESDF_VERSION, SceneGrid, SceneMaps, grid_from_points
 from goshawk_train.data import DataError, augment, preprocess, sampling
-from goshawk_train.data.layout import Labels, read_ground, read_images, read_labels, read_view, scene_folders
-from goshawk_train.data.ply import read_ply
+from goshawk_train.data.layout import (
+    Labels,
+    read_ground,
+    read_images,
+    read_labels,
+    read_obstacles,
+    read_view,
+    scene_folders,
+)
 from goshawk_train.data.shards import Images, Shards
 from goshawk_train.model import geometry
 
@@ -49,16 +57,21 @@ def _cached_distance(folder: Path, low: F64, high: F64) -> tuple[NDArray[np.floa
     """The distance field, mapped from `esdf.npy` beside the points; made first when absent or older than they are."""
     points, cache, about = folder / "environment.ply", folder / "esdf.npy", folder / "esdf.json"
     if about.exists() and cache.exists() and about.stat().st_mtime >= points.stat().st_mtime:
-        stored = json.loads(about.read_text())
-        if stored["version"] == ESDF_VERSION:
-            return np.load(cache, mmap_mode="r"), np.array(stored["origin"])
-    distance, origin = grid_from_points(read_ply(points), min_xyz=low, max_xyz=high)
+        with suppress(EOFError, KeyError, TypeError, ValueError):  # damaged: it is made anew
+            stored = json.loads(about.read_text())
+            if stored["version"] == ESDF_VERSION:
+                return np.load(cache, mmap_mode="r"), np.array(stored["origin"])
+    distance, origin = grid_from_points(read_obstacles(folder), min_xyz=low, max_xyz=high)
     mine = secrets.token_hex(4)  # another run may be at it, too, on another machine
     partial, partial_about = folder / f"esdf.{mine}.partial.npy", folder / f"esdf.{mine}.partial.json"
-    np.save(partial, distance.astype(np.float16))
-    partial.replace(cache)
-    partial_about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))
-    partial_about.replace(about)
+    try:
+        np.save(partial, distance.astype(np.float16))
+        partial.replace(cache)
+        partial_about.write_text(json.dumps({"version": ESDF_VERSION, "origin": origin.tolist()}))
+        partial_about.replace(about)
+    finally:
+        for left in (partial, partial_about):
+            left.unlink(missing_ok=True)
     return np.load(cache, mmap_mode="r"), origin
 
 

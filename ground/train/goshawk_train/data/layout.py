@@ -6,9 +6,13 @@ Shape letters: F frames, P points, H, W image rows and columns, Y, X nodes of th
 from __future__ import annotations
 
 import csv
+import fcntl
 import json
 import math
+import os
 import shutil
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -17,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goshawk_train.data import DataError
-from goshawk_train.data.ply import write_ply
+from goshawk_train.data.ply import read_ply, write_ply
 from goshawk_train.model import geometry
 
 F64 = NDArray[np.float64]
@@ -106,6 +110,8 @@ def read_labels(path: Path, scene: int) -> Labels:
             rows = list(csv.DictReader(file))
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}") from error
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: not a table: {error}") from error
     if not rows:
         raise DataError(f"{path}: no frames")
 
@@ -173,19 +179,38 @@ def read_ground(folder: Path) -> tuple[Ground, Bounds]:
     cell = float(_vector(about, meta, "ground_cell_m", 1)[0])
     if not (low < high).all() or not cell > 0:
         raise DataError(f"{about}: the box {low} .. {high} or ground_cell_m {cell} is empty")
-    height_YX = read_array(folder / "ground.npy").astype(np.float32)
-    if height_YX.ndim != 2 or min(height_YX.shape) < 2 or not np.isfinite(height_YX).all():
-        raise DataError(f"{folder}/ground.npy: must be finite heights [y, x], not of shape {height_YX.shape}")
+    height_YX = read_heights(folder / "ground.npy")
     ends = origin + cell * (np.array(height_YX.shape[::-1]) - 1)
     if (origin > low[:2] + cell).any() or (ends < high[:2] - cell).any():
         raise DataError(f"{folder}/ground.npy: {origin} .. {ends} does not cover {low[:2]} .. {high[:2]}")
     return Ground(height_YX=height_YX, min_xy=origin, cell_m=cell), Bounds(min_xyz=low, max_xyz=high)
 
 
+def read_heights(path: Path) -> NDArray[np.float32]:
+    """Heights of the ground [y, x]; raises `DataError`."""
+    height_YX = read_array(path)
+    if height_YX.dtype.kind not in "fiu" or height_YX.ndim != 2 or min(height_YX.shape) < 2:
+        raise DataError(f"{path}: must be heights [y, x], not {height_YX.dtype} of shape {height_YX.shape}")
+    if not np.isfinite(height_YX).all():
+        raise DataError(f"{path}: must be finite heights")
+    return height_YX.astype(np.float32)
+
+
+def read_obstacles(folder: Path) -> NDArray[np.float32]:
+    """One scene's obstacle points [P, 3]; raises `DataError`."""
+    points_P3 = read_ply(folder / "environment.ply")
+    if not np.isfinite(points_P3).all():
+        raise DataError(f"{folder}/environment.ply: not all points are finite")
+    return points_P3
+
+
 def read_array(path: Path) -> NDArray[Any]:
     """An array file, mapped; raises `DataError`, also when it is shorter than it says."""
     try:
-        return np.load(path, mmap_mode="r")
+        found: Any = np.load(path, mmap_mode="r")
+        if not isinstance(found, np.ndarray):
+            raise ValueError("several arrays")
+        return cast("NDArray[Any]", found)
     except FileNotFoundError as error:
         raise DataError(f"{path}: missing") from error
     except (OSError, ValueError, EOFError) as error:
@@ -233,11 +258,15 @@ def read_view(root: Path) -> View:
 
 
 def describe(root: Path) -> str:
-    """What a data set is, in a line for the policy's contract."""
-    about = read_json(root / "dataset.json")
-    if "source" in about:
-        return f"{root.name}: {about['scenes']} scenes imported from {about['source']['name']}"
-    return f"{root.name}: seed {about['seed']}, {about['scenes']} x {about['frames']} frames, {about['commit'][:12]}"
+    """What a data set is, with the scenes that are there, in a line for the policy's contract; raises `DataError`."""
+    path, scenes = root / "dataset.json", len(scene_folders(root))
+    about = read_json(path)
+    try:
+        if "source" in about:
+            return f"{root.name}: {scenes} scenes imported from {about['source']['name']}"
+        return f"{root.name}: seed {about['seed']}, {scenes} x {about['frames']} frames, {about['commit'][:12]}"
+    except (KeyError, TypeError) as error:
+        raise DataError(f"{path}: must say seed, frames and commit, or the name of its source") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -274,6 +303,25 @@ def write_scene(folder: Path, scene: Scene) -> None:
     }
     (partial / "scene.json").write_text(json.dumps(meta, indent=2) + "\n")
     partial.rename(folder)
+
+
+@contextmanager
+def alone(folder: Path) -> Generator[None]:
+    """Makes a folder, and keeps other processes from filling it meanwhile; raises `DataError` if one does."""
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise DataError(
+                f"{folder}: another command fills it now; wait for its end, or give another --out"
+            ) from error
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(handle)
 
 
 def _label_text(labels: Labels) -> str:

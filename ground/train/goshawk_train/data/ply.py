@@ -25,9 +25,14 @@ _PLY_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"
 def read_ply(path: Path) -> NDArray[np.float32]:
     """The points [P, 3] of a PLY, whatever else its vertices carry; raises `DataError`."""
     try:
-        raw = path.read_bytes()
+        return _points(path, path.read_bytes())
     except OSError as error:
         raise DataError(f"{path}: {error.strerror}") from error
+    except (IndexError, ValueError) as error:
+        raise DataError(f"{path}: not a PLY point cloud ({error})") from error
+
+
+def _points(path: Path, raw: bytes) -> NDArray[np.float32]:
     end = raw.find(b"end_header")
     body_at = raw.find(b"\n", max(end, 0)) + 1
     lines = [line.split() for line in raw[: max(end, 0)].decode("ascii", errors="replace").splitlines()]

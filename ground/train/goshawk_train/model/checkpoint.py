@@ -64,15 +64,20 @@ class Checkpoint:
 
 
 def save(path: Path, checkpoint: Checkpoint) -> None:
-    """Write beside and rename: a crash leaves the old file or the new one."""
+    """Write beside and rename: a crash leaves the old file or the new one. Raises `CheckpointError` or `OSError`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(".partial")
     content = {**checkpoint.__dict__, "config": config_to_dict(checkpoint.config), "format": 1}
-    with temporary.open("wb") as file:
-        torch.save(content, file)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    try:
+        with temporary.open("wb") as file:
+            torch.save(content, file)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except RuntimeError as error:  # what torch makes of a disk that becomes full
+        raise CheckpointError(f"{path} cannot be written, and is as it was: make room on its disk") from error
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def load(path: Path) -> Checkpoint:
@@ -80,12 +85,13 @@ def load(path: Path) -> Checkpoint:
     _check_there(path)
     try:
         content = torch.load(path, weights_only=True)
+        form = content.pop("format", None)
     except Exception as error:
         raise CheckpointError(
             f"{path} cannot be read as a checkpoint ({' '.join(str(error).split())}); name another run, or remove the "
             "file and train anew"
         ) from error
-    if content.pop("format", None) != 1:
+    if form != 1:
         raise CheckpointError(f"{path} has another format than this version's")
     content["config"] = config_from_dict(content["config"])
     return Checkpoint(**content)

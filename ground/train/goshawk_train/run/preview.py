@@ -43,7 +43,7 @@ def draw(network: Policy, config: Config, root: Path, out: Path, *, count: int, 
             _candidates(axes[row, column], outcome, batch, maps, row, axis)
     figure.tight_layout()
     out.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(out, dpi=60)
+    figure.savefig(out, format="png", dpi=60)
     pyplot.close(figure)
 
 

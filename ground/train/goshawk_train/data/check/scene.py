@@ -22,8 +22,7 @@ from goshawk_train.data.check.conventions import (
 from goshawk_train.data.check.findings import Finding
 from goshawk_train.data.check.images import check_images
 from goshawk_train.data.check.poses import check_blank, check_poses, check_targets
-from goshawk_train.data.layout import SCENE_FILES, Labels, View, read_ground, read_images, read_labels
-from goshawk_train.data.ply import read_ply
+from goshawk_train.data.layout import SCENE_FILES, Labels, View, read_ground, read_images, read_labels, read_obstacles
 from goshawk_train.data.raymap import RayMap, voxel_centres
 
 PIXELS_A_FRAME = 256
@@ -92,7 +91,7 @@ def check_scene(folder: Path, view: View, *, frames: int) -> SceneReport:
 
 def _raymap(folder: Path) -> RayMap:
     ground, bounds = read_ground(folder)
-    return RayMap.build(read_ply(folder / "environment.ply"), bounds, ground)
+    return RayMap.build(read_obstacles(folder), bounds, ground)
 
 
 def _broken(folder: Path, kind: str, what: str, advice: str) -> Finding:
@@ -102,7 +101,7 @@ def _broken(folder: Path, kind: str, what: str, advice: str) -> Finding:
 def identity(folder: Path, labels: Labels | None = None) -> frozenset[str]:
     """Digests by which a scene is known again in another data set: of its map and of its poses."""
     labels = labels or read_labels(folder / "labels.csv", 0)
-    voxels = voxel_centres(read_ply(folder / "environment.ply"))
+    voxels = voxel_centres(read_obstacles(folder))
     surroundings = voxels.tobytes() if len(voxels) else read_ground(folder)[0].height_YX.tobytes()
     poses = labels.pos_world_F3.round(3).tobytes()
     named = (("map", surroundings), ("poses", poses))

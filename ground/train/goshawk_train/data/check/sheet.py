@@ -94,7 +94,7 @@ def draw(report: Report, out: Path) -> None:
             )
             _histograms([figure.add_subplot(panels[0, i]) for i in range(5)], report, report.balance)
         out.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(out, dpi=100, facecolor=_PAPER)
+        figure.savefig(out, format="png", dpi=100, facecolor=_PAPER)
         pyplot.close(figure)
 
 

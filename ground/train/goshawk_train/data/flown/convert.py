@@ -26,7 +26,7 @@ from goshawk_train.data.flown.mine import Mask, Other, Reason
 from goshawk_train.data.flown.recording import Recording, read
 from goshawk_train.data.flown.track import Track, follow
 from goshawk_train.data.foreign.resample import OURS
-from goshawk_train.data.layout import Labels, Scene, write_scene
+from goshawk_train.data.layout import Labels, Scene, alone, write_scene
 from goshawk_train.data.raymap import VOXEL_M
 from goshawk_train.model import geometry
 
@@ -83,27 +83,26 @@ def from_logs(logs: Sequence[Path], out: Path, choice: Choice, progress: Progres
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise DataError(f"{out} is there already: choose another --out, and give both to the training")
     other = Other(choice.other) if choice.other else None
-    partial = out.with_name(f".{out.name}.partial")
-    if partial.exists():
-        shutil.rmtree(partial)
-    partial.mkdir(parents=True)
-    try:
-        outcome, vehicles = Outcome(), Counter[str]()
-        for done, path in enumerate(paths):
-            recording = read(path)
-            _count(recording, outcome)
-            for stretch in range(int(recording.stretch_F[-1]) + 1):
-                _stretch(recording, stretch, choice, other, partial, outcome)
-            vehicles[recording.flight.header.vehicle or "an unnamed vehicle"] += 1
-            progress("logs", done + 1, len(paths))
-        if not outcome.scenes:
-            raise DataError(f"{paths[0]}{' and the others' if len(paths) > 1 else ''}: no image is fit to be kept")
-        _write_about(partial, choice, outcome, vehicles)
-        if out.exists():
-            out.rmdir()
-        partial.rename(out)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    with alone(partial := out.with_name(f".{out.name}.partial")):
+        for left in partial.iterdir():  # of one that was killed
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
+        try:
+            outcome, vehicles = Outcome(), Counter[str]()
+            for done, path in enumerate(paths):
+                recording = read(path)
+                _count(recording, outcome)
+                for stretch in range(int(recording.stretch_F[-1]) + 1):
+                    _stretch(recording, stretch, choice, other, partial, outcome)
+                vehicles[recording.flight.header.vehicle or "an unnamed vehicle"] += 1
+                progress("logs", done + 1, len(paths))
+            if not outcome.scenes:
+                raise DataError(f"{paths[0]}{' and the others' if len(paths) > 1 else ''}: no image is fit to be kept")
+            _write_about(partial, choice, outcome, vehicles)
+            if out.exists():
+                out.rmdir()
+            partial.rename(out)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
     return outcome
 
 
@@ -114,7 +113,8 @@ def _paths(logs: Sequence[Path]) -> list[Path]:
         inside = sorted(log.glob("*.mcap")) if log.is_dir() else [log]
         if not inside:
             raise DataError(f"{log} holds no log (*.mcap)")
-        paths += [path for path in inside if path not in paths]
+        known = {path.resolve() for path in paths}
+        paths += [path for path in inside if path.resolve() not in known]
     return paths
 
 
@@ -143,15 +143,17 @@ def _stretch(
     known_F = _known_ahead(recording, frames_F, fused) >= KNOWN_LEAST
     plain_F = _spaced(recording.time_F[frames_F], choice.rate_hz)
     kept_F = known_F & np.logical_or.reduce([plain_F, *reasons.values()])
+    if few := kept_F.sum() < _FEWEST:
+        outcome.notes.append(
+            f"{recording.name}: a stretch of {len(frames_F)} images has {kept_F.sum()} to keep: left out"
+        )
+        kept_F[:] = False
     outcome.of_kept["in flight"] += int(kept_F.sum())
     masks = {"view ahead never seen": ~known_F, "by rate": plain_F, **reasons, "target unknown": ~track.known_F}
     for name, mask in masks.items():
         outcome.found[name] += int(mask.sum())
         outcome.of_kept[name] += int((mask & kept_F).sum())
-    if kept_F.sum() < _FEWEST:
-        outcome.notes.append(
-            f"{recording.name}: a stretch of {len(frames_F)} images has {kept_F.sum()} to keep: left out"
-        )
+    if few:
         return
     scene = _scene(recording, frames_F, kept_F, depth_FHW, track, fused, reasons)
     write_scene(folder / f"scene_{outcome.scenes:04d}", scene)

@@ -22,7 +22,7 @@ from goshawk_train.data.foreign import yopo
 from goshawk_train.data.foreign.ground import estimate_ground
 from goshawk_train.data.foreign.resample import OURS, Resampler
 from goshawk_train.data.foreign.yopo import WORLDS, Format
-from goshawk_train.data.layout import Bounds, Ground, Labels, Scene, read_array, read_json, write_scene
+from goshawk_train.data.layout import Bounds, Ground, Labels, Scene, alone, read_heights, read_json, write_scene
 from goshawk_train.data.ply import read_ply
 from goshawk_train.data.raymap import VOXEL_M, RayMap, voxel_centres
 from goshawk_train.model import geometry
@@ -49,6 +49,11 @@ class Outcome:
 def import_scenes(source: Path, out: Path, form: Format, progress: Progress = unheard) -> Outcome:
     """Convert what is not there yet; raises `DataError`, finished scenes stay."""
     folders = yopo.find_scenes(source)
+    with alone(out):
+        return _imported(source, folders, out, form, progress)
+
+
+def _imported(source: Path, folders: list[Path], out: Path, form: Format, progress: Progress) -> Outcome:
     done = _open(source, out, form)
     left = [folder for folder in folders if folder.name not in done]
     _write_about(source, out, form, scenes=len(done) + len(left))
@@ -83,14 +88,16 @@ def _open(source: Path, out: Path, form: Format) -> dict[str, int]:
         raise DataError(f"{out} already holds a data set of other origin or options ({there}): choose another folder")
     done: dict[str, int] = {}
     for folder in sorted(out.glob("scene_*")):
-        done[str(read_json(folder / "scene.json").get("source"))] = int(folder.name.removeprefix("scene_"))
+        number = folder.name.removeprefix("scene_")
+        if not number.isdecimal():
+            raise DataError(f"{folder} is none of the import's scenes: remove it from the data set")
+        done[str(read_json(folder / "scene.json").get("source"))] = int(number)
     return done
 
 
 def _write_about(source: Path, out: Path, form: Format, *, scenes: int) -> None:
     about = {"version": 1, "width": OURS.width, "height": OURS.height, "hfov_rad": OURS.hfov_rad}
     about |= {"vfov_rad": OURS.vfov_rad, "scenes": scenes, "source": _about(source, form)}
-    out.mkdir(parents=True, exist_ok=True)
     partial = out / ".dataset.json.partial"
     partial.write_text(json.dumps(about, indent=2) + "\n")
     partial.replace(out / "dataset.json")
@@ -136,9 +143,11 @@ def _ground(folder: Path, points: NDArray[np.float32], bounds: Bounds) -> Ground
     about = read_json(folder / "ground.json")
     try:
         cell, min_xy = float(about["cell_m"]), np.array([float(c) for c in about["min_xy"]])
+        if not (np.isfinite([cell, *min_xy]).all() and cell > 0 and len(min_xy) == 2):
+            raise ValueError("no grid")
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f'{folder}/ground.json: must be {{"cell_m": .., "min_xy": [x, y]}}, world z up') from error
-    given = Ground(height_YX=read_array(folder / "ground.npy").astype(np.float32), min_xy=min_xy, cell_m=cell)
+    given = Ground(height_YX=read_heights(folder / "ground.npy"), min_xy=min_xy, cell_m=cell)
     shape = np.ceil((bounds.max_xyz[:2] - bounds.min_xyz[:2]) / cell).astype(int) + 1
     x, y = (bounds.min_xyz[i] + cell * np.arange(shape[i], dtype=np.float64) for i in (0, 1))
     nodes = np.stack(cast("list[NDArray[np.float64]]", np.meshgrid(x, y)), axis=-1)

@@ -165,8 +165,11 @@ def read_labels(folder: Path, frames: int, form: Format) -> Labels:
 
 def _table(path: Path, columns: tuple[str, ...]) -> F64:
     """The numbers of a CSV file, [rows, columns]; its head must not contradict `columns`."""
-    with path.open(newline="") as file:
-        rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row]
+    try:
+        with path.open(newline="") as file:
+            rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row]
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: not a table: {error}") from error
     if not rows:
         raise DataError(f"{path}: empty")
     head = [_SAME.get(cell.lower(), cell.lower()) for cell in rows[0]]

@@ -14,7 +14,7 @@ from pathlib import Path
 from goshawk_dashboards.log.progress import Progress, unheard
 
 from goshawk_train.data import DataError
-from goshawk_train.data.layout import read_json
+from goshawk_train.data.layout import alone, read_json
 from goshawk_train.data.made.engines import Engine
 from goshawk_train.data.made.scene import Files, Makers, Recipe, SceneError
 
@@ -36,15 +36,16 @@ def recipe_of(simulator: Path, *, scenes: int, frames: int, seed: int) -> Recipe
 def make(simulator: Path, recipe: Recipe, out: Path, engine: Callable[[], Engine], progress: Progress = unheard) -> int:
     """The data set in `out`, whole; how many scenes of it are new. Raises `DataError`. Whatever ends it, scenes that
     are finished stay, and the next call makes the others."""
-    _begin(simulator, recipe, out)
-    missing = [scene for scene in range(recipe.scenes) if not _folder(out, scene).is_dir()]
-    progress("scenes", recipe.scenes - len(missing), recipe.scenes)
-    if missing:
-        with closing(engine()) as making:
-            for count, (scene, files) in enumerate(making.make(missing), start=1):
-                _keep(_folder(out, scene), files)
-                progress("scenes", recipe.scenes - len(missing) + count, recipe.scenes)
-    return len(missing)
+    with alone(out):
+        _begin(simulator, recipe, out)
+        missing = [scene for scene in range(recipe.scenes) if not _folder(out, scene).is_dir()]
+        progress("scenes", recipe.scenes - len(missing), recipe.scenes)
+        if missing:
+            with closing(engine()) as making:
+                for count, (scene, files) in enumerate(making.make(missing), start=1):
+                    _keep(_folder(out, scene), files)
+                    progress("scenes", recipe.scenes - len(missing) + count, recipe.scenes)
+        return len(missing)
 
 
 def _folder(out: Path, scene: int) -> Path:
@@ -59,6 +60,8 @@ def _begin(simulator: Path, recipe: Recipe, out: Path) -> None:
         known = read_json(path)
         if changed := [what for name, what in DECIDES.items() if known.get(name) != wanted[name]]:
             raise DataError(f"{out} was begun with another {changed[0]}: give that again, or choose another --out")
+        if not known.get("scenes", 0) <= recipe.scenes:
+            raise DataError(f"{out} was begun with {known['scenes']} scenes: give as many at least, or another --out")
     elif out.is_dir() and any(out.iterdir()):
         raise DataError(f"{out} holds something else, without {RECIPE}: choose another --out")
     try:
