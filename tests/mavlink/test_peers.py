@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import socket
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v10 import ardupilotmega as mavlink1
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire import Wire
 
@@ -98,6 +100,30 @@ def test_a_second_sender_beside_the_pinned_one_is_named_once(link: Wire) -> None
     other, read = events_after(link, beside, ARMED)
     assert len(other) == 1 and "system 9" in other[0], "other ids at its address"
     assert not read["armed"]
+
+
+def test_a_px4_that_begins_in_mavlink_1_hears_us_and_changes_to_mavlink_2(link: Wire) -> None:
+    autopilot, other = Sender(link, "127.0.0.5"), Sender(link, "127.0.0.66")
+    first = mavlink1.MAVLink(None, srcSystem=1, srcComponent=1)
+    for sender in (autopilot, other):
+        sender.socket.setblocking(False)
+    heard, end = b"", time.monotonic() + 5.0
+    while not heard:
+        assert time.monotonic() < end, "nothing was said to it"
+        for sender in (autopilot, other):
+            kind, firmware = mavlink1.MAV_TYPE_QUADROTOR, mavlink1.MAV_AUTOPILOT_PX4
+            message = mavlink1.MAVLink_heartbeat_message(kind, firmware, DISARMED, 0x03040000, 4, 3)
+            sender.socket.sendto(message.pack(first), ("127.0.0.1", link.port))
+        time.sleep(0.01)
+        with contextlib.suppress(BlockingIOError):
+            heard = autopilot.socket.recv(1000)
+    assert heard[0] == 0xFD and not link.read()["connected"]
+    with pytest.raises(BlockingIOError):
+        other.socket.recv(1000)
+    while not link.read()["connected"]:
+        assert time.monotonic() < end + 5.0
+        autopilot.heartbeat(DISARMED)
+        time.sleep(0.01)
 
 
 def vehicle_file(folder: Path, link: str) -> Path:

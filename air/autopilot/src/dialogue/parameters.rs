@@ -3,7 +3,7 @@
 use crate::dialogue::firmware::Firmware;
 use crate::messages::{MavMessage, MavParamType, PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA};
 
-/// Parameters remembered; nobody asks for more.
+/// Parameters remembered beside those that we need.
 pub(crate) const KEPT: usize = 64;
 
 /// A parameter's value.

@@ -168,7 +168,10 @@ impl AutopilotLink {
     /// # Errors
     /// No peer is known, or the message did not go out (counted; the next one may).
     pub fn send_vision(&self, message: VisionMessage, estimate: &Odometry) -> Result<(), AutopilotError> {
-        self.endpoint.send(self.peer().ok_or(AutopilotError::NoPeer)?, &vision_message(message, estimate))
+        self.endpoint.send(
+            self.peer().ok_or(AutopilotError::NoPeer)?,
+            &vision_message(message, self.endpoint.config.firmware, estimate),
+        )
     }
 
     /// Asks what the controller wants, without waiting: the receiver sends it. Repeated until answered; see

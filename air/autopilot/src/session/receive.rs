@@ -18,6 +18,8 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
+/// What a packet of MAVLink 1 begins with.
+const MAVLINK_1: u8 = 0xFE;
 /// Our heartbeat, s: MAVLink's usual 1 Hz.
 const HEARTBEAT_EVERY_S: f64 = 1.0;
 /// The clocks are compared so often, s. Chosen by eye.
@@ -43,6 +45,9 @@ impl Endpoint {
         while !self.stopped() {
             match socket.recv_from(&mut buffer) {
                 Ok((length, from)) => {
+                    if buffer[..length].first() == Some(&MAVLINK_1) {
+                        self.greet(from);
+                    }
                     for_each_frame(&buffer[..length], true, |frame| self.frame(frame, Peer::Udp(from)));
                 }
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
@@ -55,6 +60,19 @@ impl Endpoint {
                 }
             }
             self.housekeeping();
+        }
+    }
+
+    /// A PX4 may begin in MAVLink 1, and changes to MAVLink 2 when it hears some. To be answered makes it nobody's peer.
+    fn greet(&self, from: SocketAddr) {
+        let now = self.now();
+        let greets = {
+            let mut state = self.lock();
+            let unknown = state.peer.is_none() && self.transport.learns_peer() && state.peers.allows(from);
+            unknown && due(&mut state.sent.heartbeat, now, HEARTBEAT_EVERY_S)
+        };
+        if greets {
+            let _ = self.send(Peer::Udp(from), &self.heartbeat());
         }
     }
 

@@ -1,5 +1,6 @@
 //! An estimate of ours, for the autopilot's own estimator: so that it holds its place too, with no GPS, when we end.
 
+use crate::dialogue::firmware::Firmware;
 use crate::frames::{frd_from_flu, ned_from_enu, ned_from_frd};
 use crate::messages::{MavEstimatorType, MavFrame, MavMessage, ODOMETRY_DATA, VISION_POSITION_ESTIMATE_DATA};
 use goshawk_core::{Odometry, Rot, Vec3};
@@ -15,7 +16,7 @@ pub enum VisionMessage {
 
 /// The message of an estimate. Its stamp is of our clock, as TIMESYNC tells it; its covariance is not known.
 #[must_use]
-pub fn vision_message(message: VisionMessage, estimate: &Odometry) -> MavMessage {
+pub fn vision_message(message: VisionMessage, firmware: Firmware, estimate: &Odometry) -> MavMessage {
     let usec = estimate.stamp.0 / 1000;
     let [x, y, z] = single(ned_from_enu(estimate.pos_world));
     let attitude = ned_from_frd(&estimate.world_from_body);
@@ -38,7 +39,11 @@ pub fn vision_message(message: VisionMessage, estimate: &Odometry) -> MavMessage
                 yawspeed,
                 pose_covariance: [f32::NAN; 21],
                 velocity_covariance: [f32::NAN; 21],
-                frame_id: MavFrame::MAV_FRAME_LOCAL_NED,
+                frame_id: match firmware {
+                    Firmware::Px4 => MavFrame::MAV_FRAME_LOCAL_NED,
+                    // The same axes: it takes no other name, and drops the message without a word.
+                    Firmware::ArduPilot(_) => MavFrame::MAV_FRAME_LOCAL_FRD,
+                },
                 child_frame_id: MavFrame::MAV_FRAME_BODY_FRD,
                 reset_counter,
                 estimator_type: MavEstimatorType::MAV_ESTIMATOR_TYPE_VIO,
@@ -73,6 +78,7 @@ fn quaternion(q: &Rot) -> [f32; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dialogue::firmware::Guided;
     use goshawk_core::Time;
     use std::f32::consts::FRAC_PI_2;
 
@@ -90,7 +96,8 @@ mod tests {
 
     #[test]
     fn odometry_goes_out_north_east_down_and_its_velocity_in_the_body() {
-        let MavMessage::ODOMETRY(m) = vision_message(VisionMessage::Odometry, &estimate()) else { unreachable!() };
+        let sent = vision_message(VisionMessage::Odometry, Firmware::Px4, &estimate());
+        let MavMessage::ODOMETRY(m) = sent else { unreachable!() };
         assert_eq!((m.time_usec, m.reset_counter), (5000, 1));
         assert_eq!([m.x, m.y, m.z], [2.0, 1.0, -3.0]);
         assert_eq!([m.vx, m.vy, m.vz], [4.0, -5.0, -6.0]);
@@ -102,8 +109,21 @@ mod tests {
     }
 
     #[test]
+    fn ardupilot_gets_the_same_numbers_under_the_one_frame_that_it_takes() {
+        let copter = Firmware::ArduPilot(Guided::NoGps);
+        let [ours, theirs] = [Firmware::Px4, copter].map(|firmware| {
+            let sent = vision_message(VisionMessage::Odometry, firmware, &estimate());
+            let MavMessage::ODOMETRY(m) = sent else { unreachable!() };
+            m
+        });
+        assert_eq!((theirs.frame_id, theirs.child_frame_id), (MavFrame::MAV_FRAME_LOCAL_FRD, ours.child_frame_id));
+        assert_eq!(([theirs.x, theirs.y, theirs.z], theirs.q), ([ours.x, ours.y, ours.z], ours.q));
+        assert_eq!([theirs.vx, theirs.vy, theirs.vz], [ours.vx, ours.vy, ours.vz]);
+    }
+
+    #[test]
     fn a_position_estimate_is_the_pose_alone() {
-        let sent = vision_message(VisionMessage::PositionEstimate, &estimate());
+        let sent = vision_message(VisionMessage::PositionEstimate, Firmware::Px4, &estimate());
         let MavMessage::VISION_POSITION_ESTIMATE(m) = sent else { unreachable!() };
         assert_eq!((m.usec, m.reset_counter, [m.x, m.y, m.z]), (5000, 1, [2.0, 1.0, -3.0]));
         assert!(m.roll.abs() + m.pitch.abs() + (m.yaw - FRAC_PI_2).abs() < 1e-6, "east is a quarter turn from north");

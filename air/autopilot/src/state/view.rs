@@ -67,7 +67,11 @@ pub struct View {
     /// When anything of it last came.
     heard: Option<Time>,
     /// Its newest time since boot, ms.
-    boot_ms: u32,
+    boot_ms: u64,
+    /// Its newest time as TIMESYNC tells it, ms.
+    sync_ms: u64,
+    /// The newest event's number.
+    event: Option<u16>,
     /// An autopilot of other ids that is heard: system and component.
     other: Option<(u8, u8)>,
     /// Traffic; the link adds what it alone sees.
@@ -102,6 +106,8 @@ impl View {
             events: VecDeque::with_capacity(NOTES_KEPT),
             heard: None,
             boot_ms: 0,
+            sync_ms: 0,
+            event: None,
             other: None,
             counters: Counters::default(),
         }
@@ -149,14 +155,16 @@ impl View {
             MavMessage::CURRENT_MODE(mode) => self.current_mode(mode),
             MavMessage::EXTENDED_SYS_STATE(state) => self.landed = landed(state),
             MavMessage::SYS_STATUS(status) => {
-                self.batteries.take_any(status.battery_remaining);
+                self.batteries.take_any(now, status.battery_remaining);
                 self.arming.sys_status(self.firmware, status);
             }
-            MavMessage::BATTERY_STATUS(battery) => self.batteries.take(battery),
-            MavMessage::EVENT(event) => {
+            MavMessage::BATTERY_STATUS(battery) => self.batteries.take(now, battery),
+            // One that came already comes again when another on the line asks for what it missed.
+            MavMessage::EVENT(event) if self.is_new_event(event.sequence) => {
                 self.arming.event(event);
                 self.event(now, AutopilotEvent::of(event));
             }
+            MavMessage::EVENT(_) => {}
             MavMessage::STATUSTEXT(text) => self.text(now, text),
             MavMessage::PARAM_VALUE(value) => self.parameter_told(value),
             MavMessage::RC_CHANNELS(channels) => self.radio = Some(Radio::of(now, channels)),
@@ -246,8 +254,11 @@ impl View {
     }
 
     fn parameter_told(&mut self, message: &PARAM_VALUE_DATA) {
-        if let Some((name, parameter)) = parameters::told(message, self.firmware)
-            && (self.parameters.len() < parameters::KEPT || self.parameters.contains_key(&name))
+        let firmware = self.firmware;
+        // Another on the line may have all of them told to it.
+        let needed = |name: &str| firmware.parameters().contains(&name) || firmware.stick_parameters().contains(&name);
+        if let Some((name, parameter)) = parameters::told(message, firmware)
+            && (self.parameters.len() < parameters::KEPT || self.parameters.contains_key(&name) || needed(&name))
         {
             self.parameters.insert(name, parameter);
         }
@@ -269,6 +280,7 @@ impl View {
         if greet {
             // After a restart they may be others.
             self.parameters.clear();
+            self.event = None;
             (self.validity, self.arming) = (Validity::default(), Arming::default());
             self.estimate.compare_anew();
         }

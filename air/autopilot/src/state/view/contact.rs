@@ -8,7 +8,9 @@ use goshawk_core::Time;
 /// Nothing heard for this long, s: it may be starting again. Its fastest stream comes at 100 Hz, its slowest at 1 Hz.
 const HEARD_S: f64 = 1.5;
 /// Its time since boot going back by more than this, ms, means that it has started again.
-const RESTART_MS: u32 = 1_000;
+const RESTART_MS: u64 = 1_000;
+/// An event whose number is one of so many up to the newest is told again. PX4 keeps a few dozen.
+const EVENTS_AGAIN: u16 = 1_000;
 
 impl View {
     /// Counts a packet of another system or component, and remembers an autopilot among them.
@@ -31,24 +33,34 @@ impl View {
 
     /// Its clock has gone back: forgets what the one before the restart said.
     pub(super) fn has_restarted(&mut self, message: &MavMessage) -> bool {
-        let boot_ms = match message {
-            MavMessage::ATTITUDE_QUATERNION(attitude) => attitude.time_boot_ms,
-            MavMessage::LOCAL_POSITION_NED(local) => local.time_boot_ms,
+        let (newest, told) = match message {
+            MavMessage::ATTITUDE_QUATERNION(attitude) => (&mut self.boot_ms, u64::from(attitude.time_boot_ms)),
+            MavMessage::LOCAL_POSITION_NED(local) => (&mut self.boot_ms, u64::from(local.time_boot_ms)),
+            // Its answers come even where nothing is streamed unasked, as by ArduPilot after its start.
+            MavMessage::TIMESYNC(sync) if sync.tc1 > 0 => (&mut self.sync_ms, sync.tc1.unsigned_abs() / 1_000_000),
             _ => return false,
         };
-        let restarted = boot_ms.saturating_add(RESTART_MS) < self.boot_ms;
-        self.boot_ms = if restarted { boot_ms } else { self.boot_ms.max(boot_ms) };
+        let restarted = told.saturating_add(RESTART_MS) < *newest;
+        *newest = told.max(*newest);
         if restarted {
             let mut new = Self::new(self.target_system, self.target_component, self.firmware);
             std::mem::swap(&mut new, self);
             let before = new;
-            (self.boot_ms, self.heard, self.clock, self.estimate) =
-                (boot_ms, before.heard, before.clock, before.estimate);
+            (self.heard, self.clock, self.estimate) = (before.heard, before.clock, before.estimate);
             (self.texts, self.events, self.counters) = (before.texts, before.events, before.counters);
             self.estimate.compare_anew();
             self.counters.restarts += 1;
         }
         restarted
+    }
+
+    /// No event of this number has come lately.
+    pub(super) fn is_new_event(&mut self, sequence: u16) -> bool {
+        let new = self.event.is_none_or(|newest| newest.wrapping_sub(sequence) >= EVENTS_AGAIN);
+        if new {
+            self.event = Some(sequence);
+        }
+        new
     }
 
     /// It was heard, and nothing has come lately: when it comes again, it may have started again.

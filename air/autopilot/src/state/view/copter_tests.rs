@@ -56,6 +56,20 @@ fn ardupilot_follows_us_only_once_its_thrust_is_known_to_be_thrust() {
 }
 
 #[test]
+fn who_has_all_parameters_told_to_him_keeps_none_of_ours_away() {
+    let mut view = View::new(1, 1, ARDUPILOT);
+    view.accept(at(1.0), &copter(CopterMode::GUIDED));
+    for number in 0..1000 {
+        let param_id = format!("RC{number}_MIN").as_str().into();
+        let told = PARAM_VALUE_DATA { param_id, param_type: MavParamType::MAV_PARAM_TYPE_REAL32, ..Default::default() };
+        view.accept(at(1.1), &packet(MavMessage::PARAM_VALUE(told)));
+    }
+    view.accept(at(1.2), &guided_options(8.0));
+    assert!(view.status(at(1.3)).offboard);
+    assert!(view.parameters.len() <= parameters::KEPT + ARDUPILOT.parameters().len());
+}
+
+#[test]
 fn a_restarted_ardupilot_is_asked_for_its_options_again() {
     let mut view = View::new(1, 1, ARDUPILOT);
     view.accept(at(1.0), &copter(CopterMode::GUIDED));

@@ -79,26 +79,54 @@ fn a_failsafe_is_not_a_pilots_choice() {
 fn events_tell_at_once_what_the_heartbeat_tells_late() {
     let mut view = View::new(1, 1, Firmware::Px4);
     view.accept(at(1.0), &packet(heartbeat(Px4Mode::Offboard, false)));
-    let failsafe = |action: u8| {
+    let failsafe = |sequence: u16, action: u8| {
         let mut arguments = [0; 40];
         arguments[4] = action;
         let id = AutopilotEvent::FailsafeEntered.id();
-        packet(MavMessage::EVENT(EVENT_DATA { id, arguments, ..EVENT_DATA::default() }))
+        packet(MavMessage::EVENT(EVENT_DATA { id, sequence, arguments, ..EVENT_DATA::default() }))
     };
-    let event =
-        |event: AutopilotEvent| packet(MavMessage::EVENT(EVENT_DATA { id: event.id(), ..EVENT_DATA::default() }));
-    view.accept(at(1.1), &event(AutopilotEvent::Armed));
-    view.accept(at(1.2), &event(AutopilotEvent::TakeoffDetected));
+    view.accept(at(1.1), &event(1, AutopilotEvent::Armed));
+    view.accept(at(1.2), &event(2, AutopilotEvent::TakeoffDetected));
     let status = view.status(at(1.2));
     assert_eq!((status.armed, status.landed, status.offboard), (true, Some(false), true));
-    view.accept(at(1.25), &failsafe(1));
+    view.accept(at(1.25), &failsafe(3, 1));
     assert!(!view.status(at(1.25)).failsafe && view.status(at(1.25)).offboard, "a warning takes nothing away");
-    view.accept(at(1.3), &failsafe(2));
+    view.accept(at(1.3), &failsafe(4, 2));
     assert!(view.status(at(1.3)).failsafe && !view.status(at(1.3)).offboard);
-    view.accept(at(1.4), &event(AutopilotEvent::LandingDetected));
-    view.accept(at(1.5), &event(AutopilotEvent::Disarmed));
+    view.accept(at(1.4), &event(5, AutopilotEvent::LandingDetected));
+    view.accept(at(1.5), &event(6, AutopilotEvent::Disarmed));
     assert_eq!((view.status(at(1.5)).armed, view.status(at(1.5)).landed), (false, Some(true)));
     assert_eq!(view.take_events().len(), 6);
+}
+
+fn event(sequence: u16, event: AutopilotEvent) -> Packet {
+    packet(MavMessage::EVENT(EVENT_DATA { id: event.id(), sequence, ..EVENT_DATA::default() }))
+}
+
+#[test]
+fn an_event_that_is_told_again_to_somebody_else_changes_nothing() {
+    let mut view = View::new(1, 1, Firmware::Px4);
+    view.accept(at(1.0), &packet(heartbeat(Px4Mode::Offboard, true)));
+    view.accept(at(1.1), &event(101, AutopilotEvent::Armed));
+    for (sequence, old) in [(100, AutopilotEvent::Disarmed), (99, AutopilotEvent::LandingDetected)] {
+        view.accept(at(1.2), &event(sequence, old));
+    }
+    view.accept(at(1.3), &event(101, AutopilotEvent::Armed));
+    assert_eq!((view.status(at(1.3)).armed, view.status(at(1.3)).landed), (true, None));
+    assert_eq!(view.take_events().len(), 1);
+}
+
+#[test]
+fn events_are_new_beyond_the_end_of_their_numbers_and_after_silence() {
+    let mut view = View::new(1, 1, Firmware::Px4);
+    view.accept(at(1.0), &packet(heartbeat(Px4Mode::Offboard, true)));
+    view.accept(at(1.1), &event(65_535, AutopilotEvent::Armed));
+    view.accept(at(1.2), &event(0, AutopilotEvent::Disarmed));
+    assert!(!view.status(at(1.2)).armed);
+    view.accept(at(1.3), &event(700, AutopilotEvent::Armed));
+    view.accept(at(9.0), &packet(heartbeat(Px4Mode::Hold, false)));
+    view.accept(at(9.1), &event(3, AutopilotEvent::Armed));
+    assert!(view.status(at(9.1)).armed, "it may have started again");
 }
 
 fn odometry(time_us: u64, x: f32) -> Packet {
@@ -214,6 +242,25 @@ fn a_clock_that_goes_back_is_a_restart_after_which_nothing_of_before_holds() {
     assert_eq!(status.counters.restarts, 1);
     assert!(view.accept(at(101.2), &packet(heartbeat(Px4Mode::Hold, false))).greet);
     assert!(view.status(at(101.2)).connected && !view.accept(at(101.3), &attitude(0.7)).restarted);
+}
+
+#[test]
+fn where_nothing_is_streamed_its_answers_about_the_time_tell_of_a_restart() {
+    let mut view = View::new(1, 1, Firmware::Px4);
+    let answer = |boot_s: f64| {
+        packet(MavMessage::TIMESYNC(TIMESYNC_DATA { tc1: (boot_s * 1e9) as i64, ts1: 1, ..TIMESYNC_DATA::default() }))
+    };
+    view.accept(at(100.0), &packet(heartbeat(Px4Mode::Offboard, true)));
+    view.accept(at(100.1), &attitude(50.0));
+    // Its base may be another than the streams'.
+    for boot_s in [7.0, 9.0, 8.95] {
+        assert!(!view.accept(at(100.2), &answer(boot_s)).restarted, "{boot_s}");
+    }
+    assert!(!view.accept(at(100.3), &attitude(50.2)).restarted);
+    assert!(view.accept(at(102.0), &answer(1.0)).restarted && !view.status(at(102.0)).connected);
+    assert!(!view.accept(at(102.1), &attitude(1.1)).restarted);
+    assert!(view.accept(at(102.2), &packet(heartbeat(Px4Mode::Hold, false))).greet);
+    assert_eq!(view.status(at(102.2)).counters.restarts, 1);
 }
 
 #[test]
