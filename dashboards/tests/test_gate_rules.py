@@ -85,6 +85,7 @@ def test_no_made_up_text_is_a_token_a_password_or_a_session(text: str) -> None:
     assert access.role_of_token(text) is None
     assert access.role_of_password(text) is None
     assert access.session_of(text, 0.0) is None
+    assert access.session_of(f"{text}\udcff.1.2.3", 0.0) is None, "a cookie may hold any bytes"
 
 
 def test_a_session_ends_after_a_day_and_cannot_be_promoted() -> None:

@@ -390,7 +390,7 @@ def publish(session: zenoh.Session, fake: FakeVehicle, stop: threading.Event) ->
     before_s = 0.0
     while not stop.is_set():
         now_s = time.monotonic() - born
-        stamp_ns = int((now_s + 1.0) * 1e9)
+        stamp_ns = int((now_s + args.clock) * 1e9)
         event = fake.step(now_s, now_s - before_s)
         before_s = now_s
         if event:
@@ -428,6 +428,7 @@ def main() -> None:
     parser.add_argument("--listen", required=True)
     parser.add_argument("--vehicle", default="goshawk")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--clock", type=float, default=1.0, help="what its clock shows at the start, s")
     parser.add_argument("--speed", type=float, default=3.0, help="the target's, m/s")
     parser.add_argument("--lose", type=float, default=0.0, help="share of samples not sent, their seq used up")
     parser.add_argument("--malformed", action="store_true", help="send rubbish beside the telemetry")

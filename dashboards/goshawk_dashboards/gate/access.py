@@ -86,7 +86,7 @@ class Access:
         return session if now_s < session.until_s else None
 
     def _mac(self, text: str) -> bytes:
-        return hmac.digest(self.key, text.encode(), "sha256")
+        return hmac.digest(self.key, text.encode(errors="replace"), "sha256")
 
     def _first(self, shown: str, wanted: Mapping[Role, str]) -> Role | None:
         # Each is compared whatever the others gave: the time tells nothing.

@@ -123,9 +123,15 @@ class Vehicle:
     async def start(self, profile: str = "", *, timeout_s: float = 5.0) -> CommandView:
         """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Returns its answer.
 
-        Raises RefusedError with the reason, SilentError if no answer came.
+        Cancelled, it asks no more; the vehicle may have heard it before. Raises RefusedError with the reason,
+        SilentError if no answer came.
         """
-        return _granted(await asyncio.to_thread(self.link.start, profile, timeout_s=timeout_s))
+        given_up = threading.Event()
+        try:
+            start = asyncio.to_thread(self.link.start, profile, timeout_s=timeout_s, given_up=given_up)
+            return _granted(await start)
+        finally:
+            given_up.set()
 
     async def stop(self, *, timeout_s: float | None = None) -> CommandView:
         """Asks for the flight to end until the vehicle confirms it, however long that takes. Returns its answer.
@@ -140,7 +146,7 @@ class Vehicle:
             if deadline is not None and loop.time() >= deadline:
                 self.link.give_up_stop()
             await asyncio.sleep(POLL_S)
-        return _granted(self.now.command or pressed)
+        return _granted(self.link.stop_outcome or pressed)
 
     async def record(self, path: Path | str, *, seconds: float | None = None) -> int:
         """Writes what is heard into a new log, for `goshawk review` and `report`; how many messages it holds.

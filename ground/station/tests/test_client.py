@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ def test_a_program_flies_from_ready_to_landed_and_keeps_a_log_of_it(fake_vehicle
         assert (await vehicle.start()).text == "taking off"
         async for snap in vehicle.watch(hz=20.0):
             modes.append(snap.mode)
-            if snap.mode == pb.MODE_TRACK:
+            if snap.mode == pb.MODE_TRACK and snap.plan is not None and snap.target is not None:
                 break
         assert (await vehicle.stop()).text == "braking, then landing"
         await vehicle.until(lambda s: s.mode == pb.MODE_LANDED, 10.0)
@@ -127,3 +128,37 @@ def test_a_wrong_endpoint_and_a_file_that_exists_are_errors_of_their_own(free_en
 
     with_vehicle(free_endpoint, program)
     assert (tmp_path / "flight.mcap").read_text() == "mine"
+
+
+def test_a_start_that_is_cancelled_is_not_asked_later(fake_vehicle: Fakes, free_endpoint: str, tmp_path: Path) -> None:
+    acted = tmp_path / "acted"
+
+    async def program(vehicle: Vehicle) -> None:
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(vehicle.start(timeout_s=20.0), 0.3)
+        await asyncio.to_thread(fake_vehicle, "--acted", str(acted), endpoint=free_endpoint)
+        await vehicle.ready()
+        await asyncio.sleep(2.0)
+        assert not acted.exists() or "start" not in acted.read_text()
+        await vehicle.start()
+        assert acted.read_text().count("start") == 1
+
+    with_vehicle(free_endpoint, program)
+
+
+def test_a_stops_answer_is_the_stops_though_a_start_follows_at_once(fake_vehicle: Fakes) -> None:
+    async def program(vehicle: Vehicle) -> None:
+        await vehicle.ready()
+        stopping = asyncio.create_task(vehicle.stop())
+
+        async def start_again() -> None:
+            while (command := vehicle.now.command) is None or not (command.verb == "stop" and command.answered):
+                await asyncio.sleep(0.0)
+            with contextlib.suppress(VehicleError):
+                await vehicle.start(timeout_s=1.0)
+
+        starting = asyncio.create_task(start_again())
+        assert (await stopping).verb == "stop"
+        await starting
+
+    with_vehicle(fake_vehicle().endpoint, program)

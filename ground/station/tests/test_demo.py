@@ -88,6 +88,21 @@ def test_a_headless_demo_flies_and_succeeds(tmp_path: Path) -> None:
     assert not descendants(tmp_path)
 
 
+def test_where_the_second_program_cannot_run_the_first_is_stopped(tmp_path: Path) -> None:
+    bin_dir = stand_ins(tmp_path / "bin", air=SLEEPER, sim="no program")
+    output, _ = demo(tmp_path, bin_dir, "--headless").communicate(timeout=60)
+    assert "Exec format error" in output and "Traceback" not in output
+    assert not descendants(tmp_path)
+
+
+def test_a_verdict_that_could_not_be_kept_is_refused_before_the_flight(tmp_path: Path) -> None:
+    bin_dir = stand_ins(tmp_path / "bin", air=SLEEPER)
+    process = demo(tmp_path, bin_dir, "--headless", "--json", str(tmp_path / "nowhere/out.json"))
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 1 and len(output.splitlines()) == 1
+    assert f"{tmp_path / 'nowhere'} is no folder" in output
+
+
 def test_each_start_after_the_demos_own_flight_is_judged(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port(17700)}"
     options = DemoOptions(

@@ -73,6 +73,17 @@ def test_every_line_that_is_not_ok_says_what_to_do(tree: Path, role: Role) -> No
     assert all(bool(finding.todo) == (finding.state is not State.OK) for finding in findings)
 
 
+def test_why_nobody_answers_is_told_as_far_as_it_is_known() -> None:
+    problem = "kite is vehicle.hawk, not vehicle.kite: check --vehicle"
+    (finding,) = link_findings(facts(reachable=False, problem=problem), "0.1.0")
+    assert finding.text == f"nobody answers at tcp/kite:7447: {problem}"
+
+
+def test_an_editors_lock_is_no_source(tree: Path) -> None:
+    (tree / "air/.#main.rs").symlink_to("somebody@somewhere.1:2")
+    assert by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))[AIR].state is State.OK
+
+
 def test_programs_are_run_for_their_version(tree: Path) -> None:
     found = by_name(list(local_findings(Role.DEVELOPER, tree / "bin")))
     assert found["goshawk-air"].state is State.OK

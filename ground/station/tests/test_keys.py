@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from cryptography import x509
+from goshawk_ground.keys.authority import read_key
 from goshawk_ground.keys.chosen import default_identity, demo_identities
 from goshawk_ground.keys.identity import read_identity, revoked_vehicles
 from goshawk_ground.keys.keyring import Keyring
@@ -310,3 +311,10 @@ def test_a_demos_identities_are_whole_short_lived_and_not_in_the_keyring(home: P
     assert (vehicle.cert.not_valid_after_utc - datetime.now(UTC)).total_seconds() <= 86400
     assert not home.exists()
     assert [path.name for path in tmp_path.rglob("*ca-key*")] == []
+
+
+def test_a_key_on_a_curve_that_nobody_knows_is_one_line(ring: Path) -> None:
+    command = ["openssl", "ecparam", "-name", "wap-wsg-idm-ecid-wtls12", "-genkey", "-noout"]
+    pem = subprocess.run(command, capture_output=True, check=True).stdout
+    with pytest.raises(KeysError, match=r"key\.pem holds"):
+        read_key(pem, "key.pem")

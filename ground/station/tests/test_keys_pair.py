@@ -135,3 +135,15 @@ def test_a_place_may_have_a_folder_and_an_address_of_six() -> None:
     assert parse_place("pi@hawk.local").login == "pi@hawk.local"
     place = parse_place("pi@[fe80::1]:~/identity/")
     assert (place.login, place.host, place.folder) == ("pi@fe80::1", "[fe80::1]", "identity")
+
+
+def test_a_host_that_says_nothing_was_not_paired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    silent = tmp_path / "silent"
+    silent.mkdir()
+    (silent / "ssh").write_text("#!/bin/sh\ncat >/dev/null\n")
+    (silent / "ssh").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{silent}:{os.environ['PATH']}")
+    done = pair("hawk", "--ssh", "pi@host")
+    assert done.returncode == 1 and len(done.stderr.strip().splitlines()) == 1
+    assert "pi@host was not paired" in done.stderr

@@ -14,6 +14,7 @@ import zenoh
 from google.protobuf.message import Message
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_ground.link import GroundLink, LinkError
+from goshawk_ground.link.dial import Way
 from goshawk_proto import KEYS, PROTOCOL, key_expression
 from goshawk_proto import goshawk_pb2 as pb
 
@@ -149,6 +150,42 @@ def test_the_simulators_trees_are_fetched(fake_vehicle: Fakes) -> None:
         assert len(snap.world.radius_m_K) > 20
 
 
+def test_another_simulators_trees_take_the_place_of_the_first_ones(fake_vehicle: Fakes) -> None:
+    first = fake_vehicle("--seed", "5")
+    with GroundLink(connect=first.endpoint) as link:
+        assert link.wait_for(lambda s: s.world is not None and s.world.seed == 5, 10)
+        first.kill()
+        fake_vehicle("--seed", "6", "--clock", "20", endpoint=first.endpoint)
+        assert link.wait_for(lambda s: s.world is not None and s.world.seed == 6, 20)
+
+
+def test_a_link_that_comes_up_after_it_was_closed_is_closed_too(
+    free_endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closing, opened, closed = threading.Event(), threading.Event(), threading.Event()
+
+    class Session:
+        def close(self) -> None:
+            closed.set()
+
+    def late(self: Way, giving_up: threading.Event) -> Session:
+        opened.set()
+        closing.wait(10.0)
+        return Session()
+
+    monkeypatch.setattr(Way, "open", late)
+    link = GroundLink(connect=free_endpoint)
+    assert opened.wait(10.0)
+    link.close()
+    closing.set()
+    assert closed.wait(10.0)
+
+
+def test_with_keys_a_vehicles_name_is_no_longer_than_a_certificate_holds() -> None:
+    with pytest.raises(LinkError, match="at most 32 characters"):
+        GroundLink(vehicle="a" * 64, connect="tls/127.0.0.1:1")
+
+
 def test_a_listener_hears_every_sample_until_it_ends(fake_vehicle: Fakes) -> None:
     with GroundLink(connect=fake_vehicle().endpoint) as link:
         heard: list[str] = []
@@ -212,7 +249,7 @@ def test_an_endpoint_that_cannot_be_one_is_refused_at_once(endpoint: str) -> Non
         GroundLink(connect=endpoint)
 
 
-@pytest.mark.parametrize("name", ["", "A", "a/b", "a*"])
+@pytest.mark.parametrize("name", ["", "A", "a/b", "a*", "*"])
 def test_a_name_that_cannot_be_one_is_refused_at_once(name: str) -> None:
     with pytest.raises(LinkError, match="vehicle name"):
         GroundLink(vehicle=name)

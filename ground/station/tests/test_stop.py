@@ -16,9 +16,10 @@ from typing import Any
 
 import pytest
 from goshawk_dashboards.state.views import CommandView
+from goshawk_ground.commands.pages import say_if_pending
 from goshawk_ground.link import GroundLink
 from goshawk_ground.orders.stop_file import PendingStop, StopFile
-from goshawk_ground.orders.stop_latch import RESUME_S
+from goshawk_ground.orders.stop_latch import RESUME_S, THREADS, StopLatch
 from goshawk_ground.pages.ports import free_port
 from goshawk_proto import goshawk_pb2 as pb
 from relay import Relay
@@ -305,3 +306,72 @@ def test_goshawk_stop_waits_until_it_is_confirmed(fake_vehicle: Fakes, relay_to:
     out, _ = process.communicate(timeout=30)
     assert process.returncode == 0
     assert out.startswith("stop accepted")
+
+
+class Deaf:
+    """A link whose questions are heard, but whose answers never come."""
+
+    linked, closing, stops_pressed, told_stops = True, False, 0, (0, 0)
+
+    def __init__(self) -> None:
+        self.heard: list[str] = []
+
+    def ask(self, key: str, request: Any, timeout_s: float) -> Iterator[Any]:
+        self.heard.append(request.command_id)
+        deadline = time.monotonic() + 4.0
+        while time.monotonic() < deadline and not self.closing:
+            time.sleep(0.01)
+        return iter(())
+
+    def why_silent(self, waited_s: float) -> str:
+        return "nobody answers"
+
+    def refuses_start(self, timeout_s: float) -> str:
+        return ""
+
+
+def test_a_new_stop_is_asked_though_the_questions_of_one_before_still_wait() -> None:
+    link, told = Deaf(), list[CommandView]()
+    latch = StopLatch(link, told.append, None)
+    for _ in range(6):
+        latch.press()
+        time.sleep(0.05)
+    assert 1 < len(link.heard) <= THREADS, "who hammers does not get a thread for each blow"
+    latch.cancel()
+    assert latch.outcome is not None and latch.outcome.cancelled
+    pressed = latch.press()
+    deadline = time.monotonic() + 2.0
+    while pressed.command_id not in link.heard:
+        assert time.monotonic() < deadline, "it is pending, and nobody asks"
+        time.sleep(0.01)
+    link.closing = True
+    latch.join(5.0)
+
+
+@pytest.mark.parametrize("age_s", [0.0, RESUME_S + 60.0])
+def test_whoever_ends_the_ground_is_told_what_becomes_of_the_stop(
+    age_s: float,
+    free_endpoint: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with GroundLink(connect=free_endpoint, state=tmp_path) as link:
+        link.press_stop()
+        now_s = time.monotonic()
+        monkeypatch.setattr(time, "monotonic", lambda: now_s + age_s)
+        say_if_pending(link)
+        monkeypatch.undo()
+    said = capsys.readouterr().err
+    assert ("sends it again if it starts within 10 minutes" if age_s == 0.0 else "It is too old") in said
+
+
+def test_a_stop_that_could_not_be_kept_is_not_promised(
+    free_endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    with GroundLink(connect=free_endpoint, state=tmp_path / "file") as link:
+        link.press_stop()
+        say_if_pending(link)
+    said = capsys.readouterr().err
+    assert "does not know of it" in said and "sends it again" not in said

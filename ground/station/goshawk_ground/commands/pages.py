@@ -114,15 +114,23 @@ def ground(
                     typer.echo(f"foxglove: {address}  (Open connection → Foxglove WebSocket, on this computer)")
         dashboard.close()
         for link in links:
-            _say_if_pending(link)
+            say_if_pending(link)
 
 
-def _say_if_pending(link: GroundLink) -> None:
+def say_if_pending(link: GroundLink) -> None:
     """Whoever ends the ground station must know that a Stop did not arrive."""
     stop = link.snapshot().stop
     if stop is not None and not stop.lapsed:
-        words = f"goshawk: {link.vehicle}: {link.why_undelivered()} The next `goshawk ground` sends it again"
-        typer.echo(f"{words} within {RESUME_S / 60.0:.0f} minutes.", err=True)
+        left_s = RESUME_S - stop.age_s
+        if stop.trouble:
+            then = f"The next `goshawk ground` does not know of it: {stop.trouble}."
+        elif left_s <= 0.0:
+            then = "It is too old for the next `goshawk ground` to send it again."
+        else:
+            then = (
+                f"The next `goshawk ground` sends it again if it starts within {max(left_s / 60.0, 1.0):.0f} minutes."
+            )
+        typer.echo(f"goshawk: {link.vehicle}: {link.why_undelivered()} {then}", err=True)
 
 
 class DemoTask(enum.Enum):

@@ -26,4 +26,4 @@ def stop_until_confirmed(link: GroundLink, timeout_s: float | None) -> CommandVi
             elif now_s - said_s >= SAY_EVERY_S:
                 said_s = now_s
                 typer.echo(f"goshawk: stop pending for {now_s - began_s:.0f} s. {link.why_undelivered()}", err=True)
-    return link.snapshot().command or pressed
+    return link.stop_outcome or pressed

@@ -76,16 +76,17 @@ def run_demo(options: DemoOptions) -> bool:
     with tempfile.TemporaryDirectory(prefix="goshawk-") as sockets, interrupted() as ended:
         commands, endpoint, identity, folder = _prepare(options, console, sockets)
         try:
-            children += [Child(name, command, folder / f"{name}.log") for name, command in commands.items()]
+            for name, command in commands.items():  # one by one: where the second cannot run, the first is stopped
+                children.append(Child(name, command, folder / f"{name}.log"))
             link = GroundLink(connect=endpoint, identity=identity)
             dashboard = serve_dashboard(link, host="127.0.0.1", port=free_port(options.port))
             console.print(f"dashboard: {dashboard.url}", style="bold", markup=False)
             if console.is_terminal and not options.headless:
                 await_browser(dashboard, console, ended)
             summary = _fly(options, link, children, console, ended, Phase.WAITING_READY)
+            report.show(summary, children, console)
             if options.json_file is not None:
                 report.write(summary, options.seed, options.json_file)
-            report.show(summary, children, console)
             if not options.headless:
                 console.print(f"the dashboard stays at {dashboard.url}: Start flies again, Ctrl-C ends", markup=False)
                 fly_on(options, link, children, console, ended)
@@ -109,6 +110,8 @@ def _check(options: DemoOptions) -> None:
         if not needed.is_file():
             todo = "run from the repository's root after `make setup`, or install the package goshawk-sim"
             raise DemoError(f"{needed} is missing: {todo}")
+    if options.json_file is not None and not options.json_file.parent.is_dir():
+        raise DemoError(f"--json {options.json_file}: {options.json_file.parent} is no folder")
     for flag, firmware, folder in (("--px4", "PX4", options.px4), ("--ardupilot", "ArduPilot", options.ardupilot)):
         if folder is not None and not folder.is_dir():
             what = "is not a folder" if folder.exists() else "does not exist"

@@ -59,6 +59,7 @@ def _newest_source() -> Path | None:
         file
         for root in map(Path, _SOURCES)
         for file in ([root] if root.is_file() else root.rglob("*.rs"))
-        if "tests" not in file.parts and "benches" not in file.parts
+        # An editor's lock file is a link that leads nowhere.
+        if "tests" not in file.parts and "benches" not in file.parts and file.is_file()
     ]
     return max(files, key=lambda file: file.stat().st_mtime, default=None)

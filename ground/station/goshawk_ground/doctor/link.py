@@ -39,6 +39,8 @@ class LinkFacts:
     clock_offset_ms: float | None = None
     """The vehicle's clock less the ground's monotonic one."""
     version: str | None = None
+    problem: str | None = None
+    """Why the endpoint was not reached, one line, as far as that is known."""
 
 
 def measure(vehicle: str, connect: str, timeout_s: float, identity: Path | None = None) -> LinkFacts:
@@ -56,7 +58,7 @@ def _measure(way: Way, nobody: LinkFacts, keys: dict[str, str], timeout_s: float
     session = way.open(giving_up)
     timer.cancel()
     if session is None:
-        return nobody
+        return replace(nobody, problem=way.problem)
     with session:
         arrivals = _Arrivals(session, keys)
         deadline = time.monotonic() + timeout_s
@@ -119,7 +121,7 @@ def link_findings(facts: LinkFacts, own_version: str) -> Iterator[Finding]:
         yield Finding(
             name="link",
             state=State.BAD,
-            text=f"nobody answers at {facts.connect}",
+            text=f"nobody answers at {facts.connect}" + (f": {facts.problem}" if facts.problem else ""),
             todo="start goshawk-air there, check --connect, the cable and the firewall; or --offline to leave it out",
         )
         return

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from cryptography import x509
-from cryptography.exceptions import InvalidSignature
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
@@ -94,7 +94,7 @@ def read_key(pem: bytes, where: str) -> ec.EllipticCurvePrivateKey:
     """A private key's text; raises KeysError that names ``where``."""
     try:
         key = serialization.load_pem_private_key(pem, password=None)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise KeysError(f"{where} holds no private key without a passphrase") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise KeysError(f"{where} holds another kind of key than ECDSA")
@@ -112,7 +112,7 @@ def check_signed(cert: x509.Certificate, authority: x509.Certificate, where: str
     try:
         constraints = authority.extensions.get_extension_for_class(x509.BasicConstraints).value
         cert.verify_directly_issued_by(authority)
-    except (x509.ExtensionNotFound, InvalidSignature, ValueError, TypeError) as error:
+    except (x509.ExtensionNotFound, InvalidSignature, UnsupportedAlgorithm, ValueError, TypeError) as error:
         raise KeysError(f"{where}: the certificate was not signed by the authority beside it") from error
     if not constraints.ca:
         raise KeysError(f"{where}: ca.pem is no authority")

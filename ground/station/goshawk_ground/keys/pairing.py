@@ -102,7 +102,10 @@ def send(identity: Identity, place: Place) -> str:
         words = done.stderr.decode(errors="replace").strip().splitlines()
         said = words[-1] if words else f"exit status {done.returncode}"
         raise KeysError(f"{place.login} was not paired: {said}")
-    return done.stdout.decode(errors="replace").strip().splitlines()[-1]
+    told = done.stdout.decode(errors="replace").strip().splitlines()
+    if not told:
+        raise KeysError(f"{place.login} was not paired: it ran nothing of what it was asked to")
+    return told[-1]
 
 
 def login_name() -> str:

@@ -40,6 +40,8 @@ RING = 32
 DRAIN_PERIOD_S = 0.005
 PAGE_TIMEOUT_S, PAGE_TRIES = 3.0, 5
 """How long a page of the simulator's world is waited for, and how often it is asked for in vain."""
+WORLD_PERIOD_S, ANOTHER_RUN_S = 0.5, 1.0
+"""How often a simulator's truth is looked at, and how long it is away where another run of it may have begun."""
 HEARTBEAT_S = 3.0
 """A heartbeat as old as this no longer says who the vehicle is: it comes twice a second."""
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
@@ -128,6 +130,11 @@ class GroundLink:
     def _run(self) -> None:
         session = self._way.open(self._closing)
         if session is None:
+            return
+        if self._closing.is_set():
+            # It was answered too late: whoever closes has waited long enough, and nobody else would end it.
+            with contextlib.suppress(zenoh.ZError):
+                session.close()
             return
         rings = {
             name: session.declare_subscriber(self._keys[name], zenoh.handlers.RingChannel(RING)) for name in _DECODERS
@@ -294,21 +301,25 @@ class GroundLink:
 
     def _watch_world(self) -> None:
         """Asks a simulator for its world, once per run of it; a real vehicle is never asked."""
-        asked_stamp_ns: int | None = None
-        while not self._closing.wait(0.5):
+        known, seen_ns = False, 0
+        while not self._closing.wait(WORLD_PERIOD_S):
             with self._lock:
                 truth = self._newest.get("sim_truth")
-            if truth is None or (asked_stamp_ns is not None and truth.stamp_ns >= asked_stamp_ns):
+            if truth is None:
                 continue
-            stamp_ns = truth.stamp_ns
+            # One that is started anew on the same machine goes on by the same clock: only its pause tells.
+            known = known and 0.0 <= 1e-9 * (truth.stamp_ns - seen_ns) <= ANOTHER_RUN_S
+            seen_ns = truth.stamp_ns
+            if known:
+                continue
             whole = self._ask_world()
             if whole is None:
                 continue
             with contextlib.suppress(decode.MalformedError):
                 world = decode.world(whole)
                 with self._lock:
-                    self._world = world
-                asked_stamp_ns = stamp_ns
+                    self._world, seen_ns = world, self._newest["sim_truth"].stamp_ns
+                known = True
 
     def _ask_world(self) -> goshawk_pb2.SimWorld | None:
         """All pages of the world; None: the simulator fell silent, or another one answers meanwhile."""
@@ -338,9 +349,14 @@ class GroundLink:
 
     # ---- commands ----
 
-    def start(self, profile: str = "", *, timeout_s: float = 5.0) -> CommandView:
-        """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Returns what became of it."""
-        return self._starter.start(profile, timeout_s)
+    def start(
+        self, profile: str = "", *, timeout_s: float = 5.0, given_up: threading.Event | None = None
+    ) -> CommandView:
+        """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Returns what became of it.
+
+        It is not asked any more once ``given_up`` is set.
+        """
+        return self._starter.start(profile, timeout_s, given_up or threading.Event())
 
     def refuses_start(self, timeout_s: float) -> str:
         """One line: why this ground must not start the vehicle, as soon as a heartbeat tells; empty: nothing is known
@@ -382,7 +398,12 @@ class GroundLink:
         pressed = self.press_stop()
         if not self.stop_ended(timeout_s):
             self.give_up_stop()
-        return self.snapshot().command or pressed
+        return self.stop_outcome or pressed
+
+    @property
+    def stop_outcome(self) -> CommandView | None:
+        """What became of the last Stop that ended; the newest command may be another one."""
+        return self._stops.outcome
 
     @property
     def stops_pressed(self) -> int:

@@ -6,10 +6,10 @@ import threading
 from pathlib import Path
 
 import zenoh
-from goshawk_proto import LinkError, client_config
+from goshawk_proto import ANY_VEHICLE, LinkError, client_config
 
 from goshawk_ground.keys.chosen import default_identity
-from goshawk_ground.keys.names import KeysError
+from goshawk_ground.keys.names import LONGEST_NAME, KeysError
 from goshawk_ground.link.tunnel import IdentityError, Tunnel
 
 
@@ -17,7 +17,10 @@ class Way:
     """How to reach a vehicle: straight, or by TLS through a tunnel of our own. Close it when done."""
 
     def __init__(self, connect: str, vehicle: str, identity: Path | None) -> None:
-        """Raises LinkError if ``connect`` is no endpoint, or if it asks for an identity that is not there."""
+        """Raises LinkError if ``connect`` is no endpoint, if ``vehicle`` cannot be there, or if it asks for an
+        identity that is not there."""
+        if vehicle == ANY_VEHICLE:
+            raise LinkError(f"vehicle name '{vehicle}': name one vehicle")
         protocol, _, address = connect.partition("/")
         self.tunnel: Tunnel | None = None
         if protocol != "tls":
@@ -26,6 +29,8 @@ class Way:
         host, _, port = address.rpartition(":")
         if not (_is_host(host) and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
             raise LinkError(f"'{connect}' is not an endpoint such as tls/192.168.1.7:7447")
+        if len(vehicle) > LONGEST_NAME:
+            raise LinkError(f"vehicle name '{vehicle}': one with keys has at most {LONGEST_NAME} characters")
         try:
             folder = identity or default_identity()
             if folder is None:

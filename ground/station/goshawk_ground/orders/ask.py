@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -58,8 +59,9 @@ class Starter:
         self._link = link
         self._told = told
 
-    def start(self, profile: str, timeout_s: float) -> CommandView:
-        """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Waits for the answer."""
+    def start(self, profile: str, timeout_s: float, given_up: threading.Event) -> CommandView:
+        """Asks for the flight to begin; ``profile`` empty: the vehicle's default. Waits for the answer, and asks no
+        more once ``given_up`` is set."""
         request = goshawk_pb2.StartRequest(command_id=str(uuid.uuid4()), profile=profile)
         stops = self._link.stops_pressed
         view = sent("start", request.command_id, time.monotonic())
@@ -69,8 +71,13 @@ class Starter:
         request.session, request.stops = self._link.told_stops
         if why_not:
             view = replace(view, pending=False, refused_here=True, text=why_not)
-        elif (reply := self._reply(request, stops, timeout_s - (time.monotonic() - (view.at_s or 0.0)))) is not None:
+        elif (
+            reply := self._reply(request, stops, timeout_s - (time.monotonic() - (view.at_s or 0.0)), given_up)
+        ) is not None:
             view = answered(view, reply)
+        elif given_up.is_set():
+            text = "taken back before the vehicle answered; it may have heard it before"
+            view = replace(view, pending=False, cancelled=True, text=text)
         elif self._link.stops_pressed != stops:
             view = replace(view, pending=False, refused_here=True, text="not asked any more: a Stop was pressed since")
         else:
@@ -79,7 +86,7 @@ class Starter:
         return view
 
     def _reply(
-        self, request: goshawk_pb2.StartRequest, stops: int, timeout_s: float
+        self, request: goshawk_pb2.StartRequest, stops: int, timeout_s: float, given_up: threading.Event
     ) -> goshawk_pb2.CommandReply | None:
         """Asks until it is answered, time is up, or a Stop is pressed beyond the first ``stops``: asked after that, a
         Start whose question was lost would begin the flight that the Stop was for.
@@ -88,7 +95,7 @@ class Starter:
         """
         deadline = time.monotonic() + timeout_s
         while (left_s := deadline - time.monotonic()) > 0.0 and not self._link.closing:
-            if self._link.stops_pressed != stops:
+            if self._link.stops_pressed != stops or given_up.is_set():
                 return None
             if not self._link.linked:
                 time.sleep(min(0.05, left_s))

@@ -28,7 +28,7 @@ ATTEMPTS_S = (0.5, 1.0, 2.0, 4.0)
 in case the answer takes its time over a slow link."""
 PAUSE_S = 0.05
 THREADS = 4
-"""That ask at once, at most: somebody may hammer the button."""
+"""Where so many ask, a further press adds none: somebody may hammer the button. A new Stop always gets one."""
 
 
 class Told(Protocol):
@@ -58,6 +58,7 @@ class StopLatch:
         self._ended = threading.Condition(self._lock)
         """Signalled when nothing is pending any more."""
         self._pressed = 0
+        self._outcome: CommandView | None = None
         self._again = threading.Event()
         self._threads: list[threading.Thread] = []
         kept = None if file is None else file.load()
@@ -78,6 +79,11 @@ class StopLatch:
     def pressed(self) -> int:
         """How often it was pressed; one that was taken up counts."""
         return self._pressed
+
+    @property
+    def outcome(self) -> CommandView | None:
+        """What became of the last Stop that ended; None: none did."""
+        return self._outcome
 
     def view(self) -> StopView | None:
         """The Stop that is pending, or the one that lapsed."""
@@ -104,7 +110,7 @@ class StopLatch:
                 self._lapsed = None
                 pending = self._pending = _Pending(command_id=str(uuid.uuid4()), at_s=time.monotonic())
                 self._begin(pending)
-            else:
+            elif sum(thread.is_alive() for thread in self._threads) < THREADS:
                 # Another question may wait for its answer for seconds.
                 self._spawn(self._ask_now, pending)
         self._again.set()
@@ -148,13 +154,13 @@ class StopLatch:
         self._told(view)
         if not self._spawn(self._ask, pending):
             self._pending = None
-            self._told(replace(view, pending=False, text="not sent, for no thread can be started here: press again"))
+            text = "not sent, for no thread can be started here: press again"
+            self._outcome = replace(view, pending=False, text=text)
+            self._told(self._outcome)
 
     def _spawn(self, ask: Callable[[_Pending], None], pending: _Pending) -> bool:
-        """Whether a thread that asks is under way; there are a few at most."""
+        """Whether a thread that asks is under way."""
         self._threads = [thread for thread in self._threads if thread.is_alive()]
-        if len(self._threads) >= THREADS:
-            return True
         thread = threading.Thread(target=ask, args=(pending,), name="stop", daemon=True)
         try:
             thread.start()
@@ -194,7 +200,7 @@ class StopLatch:
         with self._ended:
             if self._pending is not pending:
                 return
-            self._pending = None
+            self._pending, self._outcome = None, view
             self._told(view)
             self._ended.notify_all()
         self._forget(pending.command_id)
