@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import other_logs
@@ -125,3 +126,29 @@ def test_what_is_no_log_of_an_autopilot_is_refused_in_one_line(
     assert str(path) in str(refused.value) and "\n" not in str(refused.value)
     with pytest.raises(BesideError, match="No such file"):
         Beside.open(tmp_path / "missing.ulg", flight)
+
+
+def test_a_time_that_is_damaged_does_not_spoil_the_clock(flight: Flight, tmp_path: Path) -> None:
+    path = other_logs.write_ulog(tmp_path / "flight.ulg", FLOWN, 1234.5, 0.0)
+    content = bytearray(path.read_bytes())
+    stamp = int(1254.5e6).to_bytes(8, "little")[2:]  # of about the middle, whatever its last digits
+    content[content.index(stamp) + 4] ^= 1 << 5
+    path.write_bytes(content)
+    assert Beside.open(path, flight).clock.begin_s == pytest.approx(1234.5, abs=2e-3)
+
+
+def test_two_parts_of_a_flight_that_share_no_second_are_refused() -> None:
+    told = files.read(TLOG).motion
+    first_s = min(times_s[0] for times_s, _ in vars(told).values())
+
+    def part(begin_s: float, end_s: float) -> Motion:
+        cut: dict[str, Any] = {}
+        for name, (times_s, values) in vars(told).items():
+            within = (times_s >= first_s + begin_s) & (times_s <= first_s + end_s)
+            cut[name] = (times_s[within], values[within])
+        return Motion(**cut)
+
+    for ours, theirs in (((3.9, 11.9), (42.5, 50.5)), ((12.4, 20.4), (39.1, 47.1)), ((2.2, 17.2), (32.5, 47.5))):
+        with pytest.raises(clock.ClockError):
+            clock.fit(part(*ours), part(*theirs))
+    assert clock.fit(part(5.0, 20.0), part(10.0, 25.0)).begin_s == pytest.approx(0.0, abs=0.01)

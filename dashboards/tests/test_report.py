@@ -7,6 +7,7 @@ import dataclasses
 import io
 import json
 import re
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from goshawk_dashboards.report.canvas import write
 from goshawk_dashboards.report.latency import latencies
 from goshawk_dashboards.report.parameters import Change, changes, flight_before
 from goshawk_dashboards.report.report import Report, make_report, write_page
+from goshawk_dashboards.report.season.row import row_of
 from goshawk_dashboards.report.summary import card
 from goshawk_dashboards.report.tracking import spectrum_of, tracking
 from goshawk_dashboards.report.why import why
@@ -154,20 +156,25 @@ def test_the_camera_sits_where_the_vehicle_file_says() -> None:
     assert frames.camera_mount(pb.LogHeader(vehicle_toml="no TOML [")) is None
 
 
-def wall_flight(path: Path, target: pb.Target | None = None, late_s: float = 0.0) -> Flight:
-    """The vehicle rises to 2 m and hovers 3.1 m before a wall, 3 m before its lens. Its last step is so late."""
+def wall_flight(
+    path: Path, target: pb.Target | None = None, late_s: float = 0.0, steps: int = 20, pictures: int = 1000,
+    ahead_m: Callable[[int], float] = lambda k: 0.0, mode: Callable[[int], pb.Mode] = lambda k: pb.MODE_TRACK,
+) -> Flight:  # fmt: skip
+    """The vehicle rises to 2 m and hovers 3.1 m before a wall, 3 m before its lens. Its last step is so late. It may
+    go ahead, and so many pictures are taken."""
     log = rec.LogFile(path)
     log.write("header", rec.START_NS, pb.LogHeader(protocol=PROTOCOL, vehicle_toml=VEHICLE_TOML))
     picture, depth = rec.frame(0.0, 0, np.random.default_rng(1)), io.BytesIO()
     Image.fromarray(np.full((rec.HEIGHT, rec.WIDTH), 3000, dtype=np.uint16)).save(depth, "PNG")
     picture.depth_png = depth.getvalue()
-    for k in range(20):
-        stamp_ns = rec.START_NS + k * 50_000_000 + (round(late_s * 1e9) if k == 19 else 0)
+    for k in range(steps):
+        stamp_ns = rec.START_NS + k * 50_000_000 + (round(late_s * 1e9) if k == steps - 1 else 0)
         height_m = 0.1 if k < 2 else 2.0
-        control = pb.Control(seq=k, stamp_ns=stamp_ns, mode=pb.MODE_TRACK)
-        control.pos_world.z, control.world_from_body.w = height_m, 1.0
+        control = pb.Control(seq=k, stamp_ns=stamp_ns, mode=mode(k))
+        control.pos_world.x, control.pos_world.z, control.world_from_body.w = ahead_m(k), height_m, 1.0
         log.write("control", stamp_ns, control)
-        log.write("rgbd", stamp_ns, picture)
+        if k < pictures:
+            log.write("rgbd", stamp_ns, picture)
         if target is not None:
             log.write("target", stamp_ns, target)
     log.close()
@@ -196,6 +203,25 @@ def test_the_time_until_a_record_that_comes_a_day_late_is_not_looked_through(tmp
     assert seen is not None and usual is not None
     assert len(seen.times_s_M) <= len(usual.times_s_M) + 1
     assert seen.times_s_M[-1] == pytest.approx(86_400.95)
+
+
+def test_a_camera_that_stopped_shows_what_it_saw_where_it_was_and_for_three_seconds(tmp_path: Path) -> None:
+    flight = wall_flight(tmp_path / "dark.mcap", steps=120, pictures=4, ahead_m=lambda k: 0.05 * max(k - 3, 0))
+    seen = seen_clearance(flight)
+    assert seen is not None
+    assert np.isnan(seen.nearest_m_M[seen.times_s_M > 0.15 + 3.1]).all()
+    a_second_on = seen.nearest_m_M[(seen.times_s_M > 1.1) & (seen.times_s_M < 1.3)]
+    assert a_second_on == pytest.approx(2.1, abs=0.15)
+
+
+def test_a_seasons_clearance_by_depth_is_of_the_time_on_the_task(tmp_path: Path) -> None:
+    flight = wall_flight(
+        tmp_path / "landing.mcap", steps=40, ahead_m=lambda k: 0.0 if k < 20 else 1.0,
+        mode=lambda k: pb.MODE_TRACK if k < 20 else pb.MODE_STOPPING,
+    )  # fmt: skip
+    seen, row = seen_clearance(flight), row_of(flight.path)
+    assert seen is not None and seen.least_m == pytest.approx(2.1, abs=0.1)
+    assert row is not None and (row.clearance_m, row.clearance_by) == (pytest.approx(3.1, abs=0.05), "depth")
 
 
 def test_the_target_is_no_obstacle(tmp_path: Path) -> None:

@@ -205,3 +205,13 @@ def test_what_a_log_says_is_text_on_the_page_and_no_markup(tmp_path: Path) -> No
     text = page(Season([row(1, vehicle="<b>kite</b>", faults=("<i>$x</i>",), fault_count=1)]), Path("logs"), tmp_path)
     assert "<b>kite" not in text and "<i>" not in text
     assert "&lt;i&gt;$x&lt;/i&gt;" in text
+
+
+def test_a_damaged_cache_is_read_past(log: Path, tmp_path: Path) -> None:
+    (before,) = rows(log, tmp_path)
+    kept = next(tmp_path.glob("*.sqlite"))
+    whole = kept.read_bytes()
+    assert len(whole) > 4096
+    kept.write_bytes(whole[:4096] + bytes(len(whole) - 4096))
+    (now,) = rows(log, tmp_path)
+    assert now == before and now is not None and now.damage is None

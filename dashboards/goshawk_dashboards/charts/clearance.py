@@ -41,6 +41,10 @@ class Clearance:
         shown = self.nearest_m_M[np.isfinite(self.nearest_m_M)]
         return float(shown.min()) if len(shown) else None
 
+    def within(self, use_M: NDArray[np.bool_]) -> Clearance:
+        """Of some of its instants."""
+        return Clearance(times_s_M=self.times_s_M[use_M], nearest_m_M=self.nearest_m_M[use_M])
+
 
 def seen_clearance(flight: Flight, progress: Progress = unheard) -> Clearance | None:
     """None if the log has no depth, or the vehicle file does not say where the camera is."""
@@ -55,20 +59,31 @@ def seen_clearance(flight: Flight, progress: Progress = unheard) -> Clearance | 
     ticks = np.unique(((flown_s - flown_s[0]) * RATE_HZ).astype(np.int64))
     times_s_M = np.unique(np.append(flown_s[0] + ticks / RATE_HZ, flown_s[-1]))
     clouds: list[tuple[float, NDArray[np.float32]]] = []
+    newest: int | None = None
     nearest_m_M = np.full(len(times_s_M), np.nan)
     for m, time_s in enumerate(times_s_M):
         progress("clearance by depth", m + 1, len(times_s_M))
-        index = int(flown[np.searchsorted(flown_s, time_s, side="right") - 1])
-        pos_3, q_4 = control["pos_world"][index], control["world_from_body"][index]
-        cloud = _cloud(flight, float(time_s), pos_3, q_4, mount, floor_m)
-        if cloud is not None:
-            clouds.append((float(time_s), cloud))
+        pos_3 = control["pos_world"][_newest(flown, flown_s, float(time_s))]
+        # Each picture once, from where it was taken: a camera that has stopped shows nothing new.
+        picture = flight.index_at("rgbd", float(time_s))
+        if picture is not None and picture != newest:
+            newest, taken_s = picture, flight.time_s("rgbd", picture)
+            index = _newest(flown, flown_s, taken_s)
+            pose = (control["pos_world"][index], control["world_from_body"][index])
+            cloud = _cloud(flight, taken_s, *pose, mount, floor_m)
+            if cloud is not None:
+                clouds.append((taken_s, cloud))
         clouds = [(t, c) for t, c in clouds if t >= time_s - REMEMBERED_S]
         if clouds and pos_3[2] > floor_m:
             points_P3 = np.concatenate([c for _, c in clouds])
             if len(points_P3):
                 nearest_m_M[m] = np.sqrt(((points_P3 - pos_3.astype(np.float32)) ** 2).sum(axis=1).min())
     return Clearance(times_s_M=times_s_M, nearest_m_M=nearest_m_M)
+
+
+def _newest(flown: NDArray[np.intp], flown_s: Array, time_s: float) -> int:
+    """The controller's step at a time; before the first, that."""
+    return int(flown[max(int(np.searchsorted(flown_s, time_s, side="right")) - 1, 0)])
 
 
 def _cloud(

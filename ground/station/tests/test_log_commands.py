@@ -50,7 +50,7 @@ def test_help_has_examples(command: str) -> None:
     assert f"Examples: goshawk {command}" in done.stdout
 
 
-@pytest.mark.parametrize("command", [["report"], ["export", "--format", "csv"], ["recover"]])
+@pytest.mark.parametrize("command", [["report"], ["export", "--format", "csv"], ["recover"], ["review"]])
 def test_a_file_that_is_no_log_is_one_clear_line_and_status_2(command: list[str], no_log: Path) -> None:
     for path, why in ((no_log, "is no flight log"), (no_log.with_name("absent.mcap"), "No such file")):
         done = goshawk(command[0], path, *command[1:])
@@ -210,6 +210,7 @@ def test_logs_writes_what_it_lists_as_parquet_and_as_a_page(season: Path, tmp_pa
         (("--where", "duration_s > 1000"), 1, "for which duration_s > 1000"),
         (("--report", "season.pdf"), 2, "let --report end in .html"),
         (("--report", "/nosuch/season.html"), 2, "cannot write /nosuch/season.html"),
+        (("--parquet", "flight.mcap"), 2, "let --parquet end in .parquet"),
         (("--parquet", "/nosuch/flights.parquet"), 2, "cannot write /nosuch/flights.parquet"),
     ],
 )

@@ -19,6 +19,8 @@ LEAST_OVERLAP_S = 5.0
 """Less motion than this could lie anywhere."""
 LEAST_CORRELATION = 0.8
 """Logs of one flight reach 0.99, with half a degree of noise as well; those of two flights stayed below 0.6."""
+SURE_S, SURE = 15.0, 0.97
+"""What overlaps by less may be alike by chance, as two parts of one flight that correlated by 0.968."""
 LEAST_LEAD = 0.05
 """By so much the best shift must be better than any that is ``APART_S`` away: else the motion repeats itself."""
 APART_S = 2.0
@@ -176,8 +178,12 @@ def _judged(ours: Motion, theirs: Motion, pairs: list[tuple[Series, Series]], of
         lefts.append(float(np.sqrt(np.mean((other[1] - value_M)[good_M] ** 2))) if good_M.any() else float("nan"))
         overlap_s = max(overlap_s, float(np.ptp(here_M[good_M])) if good_M.any() else 0.0)
     correlation = float(np.mean([_pearson(mine, other, offset_s, drift) for mine, other in pairs]))
-    if not correlation >= LEAST_CORRELATION:
-        raise ClockError(f"no clock fits: with the best one tilt and speed correlate by {correlation:.2f}")
+    needed = LEAST_CORRELATION if overlap_s >= SURE_S else SURE
+    if not correlation >= needed:
+        raise ClockError(
+            f"no clock fits: with the best one tilt and speed correlate by {correlation:.2f} over {overlap_s:.0f} s, "
+            f"{needed:g} is needed"
+        )
     return Clock(
         begin_s=-offset_s / (1.0 + drift),
         drift=drift,

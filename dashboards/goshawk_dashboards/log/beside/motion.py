@@ -14,6 +14,9 @@ from goshawk_dashboards.state.views import Array
 Series = tuple[Array, Array]
 """Times, s, ascending, and values."""
 
+LONGEST_S = 43_200.0
+"""A time that is farther than this from a log's middle is damage; a grid that reached there would fill the memory."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
@@ -36,5 +39,7 @@ def _good(times_s: Array, values_M: Array) -> Series:
     """What is finite, in the order of time, one value a time."""
     times_s, values_M = np.asarray(times_s, dtype=np.float64), np.asarray(values_M, dtype=np.float64)
     good_M = np.isfinite(times_s) & np.isfinite(values_M)
+    if good_M.any():
+        good_M &= np.abs(times_s - np.median(times_s[good_M])) <= LONGEST_S
     times_s, first = np.unique(times_s[good_M], return_index=True)
     return times_s, values_M[good_M][first]

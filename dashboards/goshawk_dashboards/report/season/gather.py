@@ -17,7 +17,7 @@ from typing import Any
 from goshawk_dashboards.log.progress import Progress, unheard
 from goshawk_dashboards.report.season.row import Row, row_of, writable
 
-MEANING = 2
+MEANING = 3
 """Raise it when a column's value changes its meaning: what is kept was worked out by the old one."""
 _FORMAT = f"{MEANING} {' '.join(field.name for field in fields(Row))}"
 _PER_PROCESS = 4
@@ -47,7 +47,10 @@ class Kept:
 
     def get(self, path: Path) -> tuple[bool, Row | None]:
         """Whether the log's row is known, and the row; None: the log is another program's."""
-        found = self._file.execute("SELECT stamp, row FROM kept WHERE path = ?", (_key(path),)).fetchone()
+        try:
+            found = self._file.execute("SELECT stamp, row FROM kept WHERE path = ?", (_key(path),)).fetchone()
+        except sqlite3.Error:
+            found = None  # what was kept is damaged, or another process holds it: the log is read
         if found is None or found[0] != _stamp(path):
             return False, None
         facts: dict[str, Any] | None = json.loads(found[1])

@@ -11,7 +11,7 @@ from goshawk_dashboards.charts.errors import target_errors
 from goshawk_dashboards.log.flight import Flight, ForeignLogError, LogError
 from goshawk_dashboards.log.progress import Progress, unheard
 from goshawk_dashboards.report.latency import latencies
-from goshawk_dashboards.report.summary import GOOD_OUTCOMES, card, figures
+from goshawk_dashboards.report.summary import GOOD_OUTCOMES, card, figures, on_task
 
 UNREADABLE = "unreadable"
 POLICY_DIGITS = 8
@@ -77,7 +77,7 @@ def _row(flight: Flight, progress: Progress) -> Row:
     clearance_m, by = numbers.true_clearance_m, "truth"
     if clearance_m is None:
         seen = seen_clearance(flight, progress)
-        clearance_m, by = None if seen is None else seen.least_m, "depth"
+        clearance_m, by = None if seen is None else seen.within(on_task(flight, seen.times_s_M)).least_m, "depth"
     return Row(
         path=str(flight.path),
         began=_date(facts.wall_time),

@@ -121,6 +121,8 @@ def logs(
         fail(f"{folder} is no folder", NO_REPLY)
     if report is not None and report.suffix.lower() != ".html":
         fail(f"{report} is no name for a page: let --report end in .html", NO_REPLY)
+    if parquet is not None and parquet.suffix.lower() != ".parquet":
+        fail(f"{parquet} is no name for a table: let --parquet end in .parquet", NO_REPLY)
     # A recovered log is the same flight, and does not say what is missing.
     paths = sorted(path for path in folder.rglob("*.mcap") if recovered_from(path) is None)
     screen = Console(stderr=True)

@@ -75,8 +75,8 @@ def say(line: str) -> None:
     typer.echo(visible(line))
 
 
-def _newest(path: Path, status: int) -> Path:
-    """Of a folder the newest log in it, else the path as it is; ends with ``status`` where there is none."""
+def newest(path: Path) -> Path:
+    """Of a folder the newest log in it, else the path as it is, for an argument that is one log."""
     if not path.is_dir():
         return path
     found: list[tuple[int, Path]] = []
@@ -88,7 +88,7 @@ def _newest(path: Path, status: int) -> Path:
     choices = itertools.chain(
         (log for log in newest_first if header_of(log) is not None), filter(_opens, newest_first), newest_first
     )
-    return next(choices, None) or fail(f"{path}: no flight logs (.mcap) in this folder", status)
+    return next(choices, None) or fail(f"{path}: no flight logs (.mcap) in this folder", NO_REPLY)
 
 
 def _opens(log: Path) -> bool:
@@ -99,14 +99,9 @@ def _opens(log: Path) -> bool:
     return True
 
 
-def newest(path: Path) -> Path:
-    """Likewise, for an argument that is one log."""
-    return _newest(path, NO_REPLY)
-
-
 def newest_of_each(paths: list[Path]) -> list[Path]:
     """Likewise, for an argument that is several."""
-    return [_newest(path, REFUSED) for path in paths]
+    return [newest(path) for path in paths]
 
 
 LogFile = Annotated[

@@ -238,7 +238,7 @@ def review(
                 beside=beside,
             )
         except (BesideError, LogError) as error:
-            fail(str(error), REFUSED)
+            fail(str(error), NO_REPLY)
     with until_interrupted():
         typer.echo(f"review: {dashboard.url}  ({', '.join(log.name for log in logs)}; Ctrl-C ends)")
         if dashboard.beside is not None:
