@@ -188,13 +188,17 @@ pub fn ask(parsed: &Parsed, shared: &Shared) -> Decided {
 /// Leaves a command for the controller: its number, and where the verdict comes.
 ///
 /// # Errors
-/// Another one waits.
+/// Another one waits, or it is a start that the pilot's switch bars.
 fn put(parsed: &Parsed, shared: &Shared) -> Result<(u64, Receiver<Verdict>), Decided> {
     let (answer, verdict) = sync_channel(1);
     let mut slot = lock(&shared.command);
     // A stop is never held up: it replaces what the controller has not taken yet, whose asker is told that it lapsed.
     if slot.is_some() && parsed.command != Command::Stop {
         return Err(Decided { reply: parsed.busy(), settled: true });
+    }
+    // The switch may have gone to stop since it was looked at, and its own stop been taken already.
+    if matches!(parsed.command, Command::Start(_)) && shared.barred.load(Ordering::Relaxed) {
+        return Err(Decided { reply: parsed.barred(), settled: true });
     }
     if parsed.command == Command::Stop {
         shared.stops.fetch_add(1, Ordering::Relaxed);
@@ -242,6 +246,15 @@ mod tests {
         assert_eq!(pending(&shared), None);
         assert!(!ask(&parsed(Command::Stop), &shared).settled);
         assert_eq!(pending(&shared), Some(Command::Stop));
+    }
+
+    #[test]
+    fn a_start_is_not_put_behind_a_stop_of_the_pilots_switch() {
+        let shared = Shared::new(sync_channel(1).0);
+        shared.barred.store(true, Ordering::Relaxed);
+        let decided = ask(&parsed(start()), &shared);
+        assert!(decided.settled && decided.reply.reason == parsed(start()).barred().reason, "{:?}", decided.reply);
+        assert_eq!(pending(&shared), None);
     }
 
     #[test]
