@@ -29,13 +29,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_what_is_no_log_is_one_clear_line_and_status_1(folder: Path) -> None:
+def test_what_is_no_log_is_one_clear_line_and_status_2(folder: Path) -> None:
     status, line = refused(folder / "missing.mcap")
-    assert (status, line) == (1, f"goshawk: cannot read {folder / 'missing.mcap'}: No such file or directory")
+    assert (status, line) == (2, f"goshawk: cannot read {folder / 'missing.mcap'}: No such file or directory")
     status, line = refused(folder / "notes.txt")
-    assert status == 1 and "is no flight log" in line
+    assert status == 2 and "is no flight log" in line
     (empty := folder / "empty").mkdir()
-    assert refused(empty) == (1, f"goshawk: {empty}: no flight logs (.mcap) in this folder")
+    assert refused(empty) == (2, f"goshawk: {empty}: no flight logs (.mcap) in this folder")
 
 
 def test_logs_that_do_not_go_together_are_refused(folder: Path) -> None:
@@ -50,9 +50,9 @@ def test_logs_that_do_not_go_together_are_refused(folder: Path) -> None:
 def test_a_policy_that_is_missing_and_a_log_beside_that_is_none_are_one_clear_line(folder: Path) -> None:
     flight = folder / "flight.mcap"
     status, line = refused(flight, "--policy", folder / "missing.onnx")
-    assert status == 1 and "cannot read the policy" in line
+    assert status == 2 and "cannot read the policy" in line
     status, line = refused(flight, "--beside", folder / "notes.txt")
-    assert status == 1 and "neither a ULog nor a tlog" in line
+    assert status == 2 and "neither a ULog nor a tlog" in line
 
 
 def test_a_busy_port_is_one_clear_line_and_status_2(folder: Path) -> None:
