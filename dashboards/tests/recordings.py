@@ -159,7 +159,7 @@ def target(time_s: float, seq: int, seen: bool) -> pb.Target:
         stamp_ns=START_NS + round(time_s * 1e9),
         pos_world=pb.Vec3(x=x + 6.0, y=y, z=0.95),
         vel_world=pb.Vec3(x=4.0),
-        covariance=np.diag([0.04, 0.04, 0.04, 1.0, 1.0, 1.0]).ravel().tolist(),
+        covariance_upper=np.diag([0.04, 0.04, 0.04, 1.0, 1.0, 1.0])[np.triu_indices(6)].tolist(),
         confirmed=True,
         since_seen_s=0.0 if seen else time_s - LOST_S,
     )

@@ -77,8 +77,8 @@ def _with(message: Any, **fields: Any) -> Any:
         (decode.control, pb.Control(pos_world=pb.Vec3(z=math.nan), world_from_body=UNIT), "position is not finite"),
         (decode.control, pb.Control(), "not a unit quaternion"),
         (decode.control, pb.Control(world_from_body=UNIT, thrust_n=math.nan), "thrust is not finite"),
-        (decode.target, pb.Target(covariance=[1.0] * 35), "35 values"),
-        (decode.target, pb.Target(covariance=[math.nan] * 36), "covariance is not finite"),
+        (decode.target, pb.Target(covariance_upper=[1.0] * 36), "36 values"),
+        (decode.target, pb.Target(covariance_upper=[math.nan] * 21), "covariance is not finite"),
         (decode.health, pb.Health(rates=[pb.Rate(name="planner", hz=math.inf)]), "rate planner"),
         (decode.preview, pb.Preview(seq=1), "no picture"),
         (decode.truth, pb.SimTruth(clearance_m=math.nan), "clearance"),
@@ -118,6 +118,12 @@ def test_modes_and_fallbacks_read_as_words() -> None:
 def test_decoded_arrays_cannot_be_changed() -> None:
     with pytest.raises(ValueError, match="read-only"):
         decode.control(pb.Control(world_from_body=UNIT)).pos_world_3[0] = 1.0
+
+
+def test_a_targets_covariance_is_made_whole() -> None:
+    cov_66 = decode.target(pb.Target(covariance_upper=range(21))).covariance_66
+    assert cov_66 is not None and (cov_66 == cov_66.T).all()
+    assert cov_66[0].tolist() == [0, 1, 2, 3, 4, 5] and cov_66[1, 1:].tolist() == [6, 7, 8, 9, 10] and cov_66[5, 5] == 20
 
 
 @pytest.mark.parametrize(

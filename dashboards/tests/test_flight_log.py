@@ -67,7 +67,7 @@ def test_columns_of_a_channel_that_was_not_logged_are_empty(flight: Flight) -> N
 
 
 def test_a_field_that_is_no_column_is_refused(flight: Flight) -> None:
-    for field in ("covariance", "no_such_field"):
+    for field in ("covariance_upper", "no_such_field"):
         with pytest.raises(KeyError, match=field):
             flight.columns("target", [field])
 

@@ -113,10 +113,10 @@ fn target() -> Target {
         stamp_ns: 2000,
         pos_world: vec3(),
         vel_world: vec3(),
-        covariance: vec![5.5],
         confirmed: true,
         since_seen_s: 7.5,
         look: Some(look()),
+        covariance_upper: vec![9.5],
     }
 }
 

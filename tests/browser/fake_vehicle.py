@@ -277,7 +277,7 @@ class FakeVehicle:
             stamp_ns=stamp_ns,
             pos_world=vec(m.target_pos + self.np_rng.normal(0, 0.05, 3)),
             vel_world=vec(m.target_vel),
-            covariance=cov.flatten().tolist(),
+            covariance_upper=cov[np.triu_indices(6)].tolist(),
             confirmed=self.mode == pb.MODE_TRACK,
             since_seen_s=0.02,
             look=look,

@@ -182,7 +182,7 @@ def test_what_the_vehicle_tells_is_read_by_rosbags(bridge: BridgeRig, vehicle: V
         stamp_ns=stamp_ns, pos_world=pb.Vec3(x=1, y=2, z=3), vel_world=pb.Vec3(y=2),
         world_from_body=pb.Quat(w=math.sqrt(0.5), z=math.sqrt(0.5)),
     )  # fmt: skip
-    target = pb.Target(stamp_ns=stamp_ns, pos_world=pb.Vec3(x=7), vel_world=pb.Vec3(), covariance=range(36))
+    target = pb.Target(stamp_ns=stamp_ns, pos_world=pb.Vec3(x=7), vel_world=pb.Vec3(), covariance_upper=range(21))
 
     def tell() -> None:
         vehicle.tell("plan", a_plan(stamp_ns))
@@ -194,7 +194,7 @@ def test_what_the_vehicle_tells_is_read_by_rosbags(bridge: BridgeRig, vehicle: V
     assert len(path.poses) == 20 and math.isclose(path.poses[-1].pose.position.x, 4.0)
     assert [(m.type, m.ns, len(m.points)) for m in markers.markers] == [(4, "candidates", 20)] * 2
     assert [(m.color.r, m.color.g) for m in markers.markers] == [(1.0, 0.0), (0.0, 1.0)]
-    assert seen.pose.pose.position.x == 7.0 and list(seen.pose.covariance[6:9]) == [6.0, 7.0, 8.0]
+    assert seen.pose.pose.position.x == 7.0 and list(seen.pose.covariance[6:9]) == [1.0, 6.0, 7.0]
     assert motion.child_frame_id == "base_link" and math.isclose(motion.twist.twist.linear.x, 2.0)
     [transform] = tf.transforms
     assert (transform.header.frame_id, transform.transform.translation.z) == ("map", 3.0)

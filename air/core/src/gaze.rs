@@ -115,10 +115,11 @@ impl Gaze {
     /// Moves what is known along: the odometry's frame jumped, the vehicle and the target did not.
     pub fn shift(&mut self, jump: &Jump) {
         if let Some(target) = &mut self.target {
-            target.pos_world += jump.pos_world;
+            target.pos_world = jump.seen(&target.pos_world);
+            target.vel_world = jump.turned(&target.vel_world);
         }
         if let Some(lookalike) = &mut self.lookalike {
-            lookalike.pos_world += jump.pos_world;
+            lookalike.pos_world = jump.seen(&lookalike.pos_world);
         }
         self.yaw.shift(jump.yaw);
     }

@@ -20,9 +20,14 @@ fn holding(max_speed: f64) -> Loop {
 fn holding_below(max_speed: f64, ceiling: f64) -> Loop {
     let mut config = common::config();
     (config.limits.max_speed_mps, config.limits.ceiling_m) = (max_speed, ceiling);
+    holding_with(config)
+}
+
+fn holding_with(config: ControllerConfig) -> Loop {
+    let speed = config.limits.max_speed_mps.min(4.0);
     let mut sim = Loop::with(config);
     sim.frames = Frames::Blank;
-    sim.start(Profile { speed: max_speed.min(4.0), ..track() });
+    sim.start(Profile { speed, ..track() });
     sim.until(10.0, |s| s.mode() == Mode::Search);
     sim.frames = Frames::Target(Vec3::new(12.0, 0.0, 1.5));
     sim.until(20.0, |s| s.mode() == Mode::Hold);
@@ -67,10 +72,44 @@ fn it_steps_over_a_target_within_a_second_and_never_to_the_ceiling() {
     sim.evades = over;
     sim.run(0.8);
     assert!(sim.pos.z - before > 1.2, "{} from {before}", sim.pos.z);
-    let mut low = holding_below(8.0, 3.5);
-    low.evades = over;
-    low.run(3.0);
-    assert!(low.mode() == Mode::Hold && low.pos.z < 3.0, "{:?} {}", low.mode(), low.pos.z);
+    for ceiling in [3.5, 4.0, 4.6, 5.5] {
+        let mut low = holding_below(8.0, ceiling);
+        low.evades = over;
+        let highest = |low: &mut Loop| {
+            low.tick(None);
+            low.pos.z
+        };
+        let most = (0..600).map(|_| highest(&mut low)).fold(0.0, f64::max);
+        assert!(low.mode() == Mode::Hold && most < ceiling, "{:?} {most} below {ceiling}", low.mode());
+    }
+}
+
+#[test]
+fn a_hover_that_was_asked_for_and_a_landing_keep_away_from_who_comes_near() {
+    let nearest = |command: Command, on_stop: StopAction| {
+        let mut config = common::config();
+        config.mission.on_stop = on_stop;
+        let mut sim = holding_with(config);
+        assert_eq!(sim.tick(Some(command)).reply, Some(Ok(())));
+        sim.run(if command == Command::Hold { 6.0 } else { 0.5 });
+        // Somebody walks up to it, and stands there.
+        let (from, mut gap_m) = (sim.pos + Vec3::new(6.0, 0.0, 0.0), f64::INFINITY);
+        for tick in 0..600 {
+            let walked = Vec3::new(-1.0, 0.0, 0.0) * (f64::from(tick) * 0.005 * 2.0).min(5.0);
+            sim.frames = Frames::Target(from + walked);
+            sim.target_vel = if walked.x > -5.0 { Vec3::new(-2.0, 0.0, 0.0) } else { Vec3::zeros() };
+            sim.tick(None);
+            gap_m = gap_m.min((sim.pos - from - walked).xy().norm());
+        }
+        gap_m
+    };
+    let least_m = common::config().separation.min_distance;
+    for (command, on_stop) in
+        [(Command::Hold, StopAction::Land), (Command::Stop, StopAction::Hover), (Command::Stop, StopAction::Land)]
+    {
+        let gap_m = nearest(command, on_stop);
+        assert!(gap_m > 0.8 * least_m, "{command:?} {on_stop:?}: {gap_m}");
+    }
 }
 
 #[test]

@@ -234,6 +234,25 @@ fn an_odometry_jump_does_not_lose_the_target() {
     assert!(plan.chosen.is_some() && plan.target.unwrap().last_seen == plan.stamp);
 }
 
+#[test]
+fn a_turn_of_the_odometrys_frame_turns_the_target_about_the_vehicle() {
+    for announced in [0.4, 0.8, -1.5] {
+        let mut planner = planner(Task::Track);
+        let seen = network(&[(7, 1.0)]);
+        let before = frames(&mut planner, 0, 6, &seen).target.unwrap();
+        let mut turned = odometry(0.2);
+        turned.world_from_body = Rot::from_axis_angle(&Vec3::z_axis(), announced);
+        turned.pos_world += (turned.vel_world + turned.world_from_body * turned.vel_world) / 60.0;
+        turned.vel_world = turned.world_from_body * turned.vel_world;
+        turned.reset_counter = 1;
+        let plan = planner.see(&common::frame(6, turned)).answer(&seen);
+        let target = plan.target.unwrap();
+        assert_eq!(target.last_seen, plan.stamp, "turned by {announced}");
+        let away = |target: &TargetEstimate, from: &Odometry| (target.pos_world - from.pos_world).norm();
+        assert!((away(&target, &turned) - away(&before, &odometry(5.0 / 30.0))).abs() < 0.5);
+    }
+}
+
 proptest! {
     #[test]
     fn no_input_makes_it_panic(

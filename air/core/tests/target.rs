@@ -4,6 +4,7 @@
 mod common;
 
 use goshawk_core::planning::target::{Detection, TargetFilter};
+use goshawk_core::values::jump::Jump;
 use goshawk_core::*;
 use proptest::prelude::*;
 
@@ -44,6 +45,18 @@ fn four_of_six_frames_confirm_and_three_do_not() {
     assert!(!filter.estimate().unwrap().confirmed);
     assert_eq!(watch(&mut filter, 0.1, 1, |_| seen(here)), [true, false]);
     assert!(filter.estimate().unwrap().confirmed);
+}
+
+#[test]
+fn a_target_is_lost_in_a_gap_between_frames_as_in_blank_ones() {
+    let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
+    let branch = Vec3::new(8.0, 6.0, 1.0);
+    assert_eq!(watch(&mut filter, 2.5, 1, |_| seen_as(branch, 0.6)), [false, false]);
+    assert!(!filter.estimate().unwrap().confirmed);
+    let back = Vec3::new(6.0, 1.0, 1.0);
+    watch(&mut filter, 2.6, 12, |_| seen_as(back, 0.99));
+    let found = filter.estimate().unwrap();
+    assert!(found.confirmed && (found.pos_world - back).norm() < 0.3, "{found:?}");
 }
 
 #[test]
@@ -160,9 +173,10 @@ fn of_two_cells_that_see_the_target_the_surer_is_taken() {
 #[test]
 fn an_odometry_jump_moves_the_target_along() {
     let mut filter = confirmed_at(Vec3::new(5.0, 0.0, 1.0));
-    filter.shift(Vec3::new(0.0, 30.0, 0.0));
+    let moved = |y: f64| Jump { pos_world: Vec3::new(0.0, y, 0.0), ..Jump::default() };
+    filter.shift(&moved(30.0));
     assert!(!watch(&mut filter, 1.0, 1, |_| seen(Vec3::new(5.0, 30.0, 1.0)))[0], "beyond max_distance");
-    filter.shift(Vec3::new(0.0, -20.0, 0.0));
+    filter.shift(&moved(-20.0));
     assert_eq!(watch(&mut filter, 1.1, 1, |_| seen(Vec3::new(5.0, 10.0, 1.0))), [true, false]);
 }
 

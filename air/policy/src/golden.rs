@@ -12,9 +12,10 @@ use crate::preprocess::{PreprocessError, Preprocessor, Source};
 
 /// What a file of golden images begins with.
 pub const MAGIC: &[u8; 16] = b"GOSHAWK GOLDEN 1";
-/// An image's answers may differ so much: the root mean square of the differences, each as a share of the number and of
-/// 1. Another provider rounds otherwise, and in 8 or 16 bits one rounding moves single numbers far. Chosen by eye: two
-/// ways to calculate a shipped policy in 8 bits were 0.03 apart, and one without its first layer answers 1.5 off.
+/// An image's answers may differ so much: the root mean square of the differences, each as a share of its number, or of 1
+/// where the number is smaller. Another provider rounds otherwise, and in 8 or 16 bits one rounding moves single numbers
+/// far. Chosen by eye: two ways to calculate a shipped policy in 8 bits were 0.03 apart, and one without its first layer
+/// answers 1.5 off.
 pub const TOLERANCE: f32 = 0.1;
 /// No file is larger: frames, pixels of a side, numbers.
 const MOST: [u32; 5] = [16, 1024, 1024, 64, 1024];

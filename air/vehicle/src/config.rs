@@ -312,6 +312,7 @@ impl Vehicle {
     /// The planner's configuration with the policy's contract.
     #[must_use]
     pub fn planner_config(&self, policy: PolicyModel) -> PlannerConfig {
+        let tuning = self.tuning().within_tilt(&self.airframe);
         PlannerConfig {
             camera: CameraModel {
                 hfov: self.camera.hfov_deg.to_radians(),
@@ -322,8 +323,8 @@ impl Vehicle {
                 pos_cam_body: Vec3::from(self.camera.position_m),
             },
             policy,
-            planning: self.tuning().planner,
-            extensions: self.tuning().extensions,
+            planning: tuning.planner,
+            extensions: tuning.extensions,
             keep_off: self.limits.min_target_distance_m,
         }
     }

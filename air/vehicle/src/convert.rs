@@ -170,7 +170,9 @@ pub fn target(seq: u64, plan: &core::Plan) -> Option<v1::Target> {
         stamp_ns: target.stamp.0,
         pos_world: Some(vec3(target.pos_world)),
         vel_world: Some(vec3(target.vel_world)),
-        covariance: target.covariance.transpose().iter().map(|c| *c as f32).collect(),
+        covariance_upper: (0..6)
+            .flat_map(|row| (row..6).map(move |column| target.covariance[(row, column)] as f32))
+            .collect(),
         confirmed: target.confirmed,
         since_seen_s: core::hidden_for(target.last_seen, plan.stamp),
         look: plan.look.map(look),

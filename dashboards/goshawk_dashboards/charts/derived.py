@@ -167,8 +167,9 @@ def _times(a_M4: NDArray[Any], b_M4: NDArray[Any]) -> Array:
 
 def _sigma(flight: Flight) -> Series:
     """Along the longest axis of what the filter does not know of the target's place."""
-    target = flight.columns("target", [f"covariance.{6 * row + column}" for row in range(3) for column in range(3)])
-    cov_M33 = np.stack([*target.fields.values()], axis=1).reshape(-1, 3, 3)
+    target = flight.columns("target", [f"covariance_upper.{k}" for k in (0, 1, 2, 6, 7, 11)])
+    xx, xy, xz, yy, yz, zz = target.fields.values()
+    cov_M33 = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
     known = np.isfinite(cov_M33).all(axis=(1, 2))
     sigma_M = np.full(len(target), np.nan)
     sigma_M[known] = np.sqrt(np.maximum(np.linalg.eigvalsh(cov_M33[known])[:, -1], 0.0))

@@ -164,19 +164,27 @@ def control(m: pb.Control) -> view.ControlView:
 
 
 def target(m: pb.Target) -> view.TargetView:
-    """A target estimate; the covariance has 36 values or none."""
-    if len(m.covariance) not in (0, 36):
-        raise MalformedError(f"target covariance has {len(m.covariance)} values, not 36")
+    """A target estimate; its covariance has 21 values or none."""
+    if len(m.covariance_upper) not in (0, 21):
+        raise MalformedError(f"target covariance has {len(m.covariance_upper)} values, not 21")
     return view.TargetView(
         seq=m.seq,
         stamp_ns=m.stamp_ns,
         pos_world_3=_vec("target position", m.pos_world),
         vel_world_3=_vec("target velocity", m.vel_world),
-        covariance_66=_array("target covariance", m.covariance, (6, 6)) if m.covariance else None,
+        covariance_66=_symmetric(_array("target covariance", m.covariance_upper, (21,))) if m.covariance_upper else None,
         confirmed=m.confirmed,
         since_seen_s=_number("target since_seen", m.since_seen_s),
         look=_look(m.look) if m.HasField("look") else None,
     )
+
+
+def _symmetric(upper_21: view.Array) -> view.Array:
+    """The whole matrix, of its values on and above the diagonal, by rows."""
+    whole_66 = np.zeros((6, 6))
+    rows, columns = np.triu_indices(6)
+    whole_66[rows, columns] = whole_66[columns, rows] = upper_21
+    return whole_66
 
 
 def _look(m: pb.TargetLook) -> view.LookView:

@@ -54,6 +54,32 @@ fn in_a_scanned_world_the_goal_is_reached_whichever_way_the_flight_begins() {
 }
 
 #[test]
+fn what_is_hit_in_the_take_off_counts_and_the_ground_does_not() {
+    let step = |n: i32, m: f64| (0..n).map(move |i| m * f64::from(i) + 0.05);
+    let level = |z: f64| step(300, 0.1).flat_map(move |x| step(300, 0.1).map(move |y| [x, y, z]));
+    let points: Vec<Point> = level(0.0).chain(level(4.2)).map(|at| Point { at, rgb: None }).collect();
+    let file = CloudFile { name: "hall.ply".to_owned(), sha256: String::new() };
+    let world = WorldSource::Cloud(Arc::new(cloud::world(&points, Path::new("hall.ply")).unwrap()), file);
+    let flown = |height_m: f64| {
+        let config = config(Task::Navigate, 3.0, 0.0, 2);
+        let config = TrialConfig { world: world.clone(), height_m, length_m: 8.0, ..config };
+        fly(&config, &mut Constant(contract("navigate"), f32::NAN))
+    };
+    let (through, below) = (flown(5.0), flown(1.2));
+    assert_eq!((through.outcome, through.contact), (Outcome::Collision, Some(Contact::Scan)), "{through:?}");
+    assert!(through.modes.iter().all(|m| m.1 == Mode::Takeoff), "{through:?}");
+    assert!(below.contact.is_none() && below.modes.iter().any(|m| m.1 == Mode::Navigate), "{below:?}");
+}
+
+#[test]
+fn a_high_take_off_has_the_time_that_its_climb_takes() {
+    let config = TrialConfig { height_m: 27.0, ..config(Task::Navigate, 3.0, 0.0, 1) };
+    let world = WorldSource::Forest { spacing_m: 9.0 };
+    let flight = fly(&TrialConfig { world, ..config }, &mut Constant(contract("navigate"), f32::NAN));
+    assert!(flight.modes.iter().any(|m| m.1 == Mode::Navigate), "{flight:?}");
+}
+
+#[test]
 fn sensors_and_airframe_of_another_kind_are_another_flight_and_none_is_the_same() {
     let plain = config(Task::Navigate, 3.0, 9.0, 2);
     let way = |config: &TrialConfig| fly(config, &mut sectors(false)).metrics.way_m;

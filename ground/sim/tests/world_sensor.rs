@@ -4,6 +4,8 @@ use goshawk_core::Vec3;
 use goshawk_sim::render::{Camera, Frame};
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::sense::rgbd::{Motion, RgbdImage};
+use goshawk_sim::trial::judge::in_view;
+use std::path::Path;
 
 fn flat(depth_m: f32) -> Frame {
     let pixels = 160 * 96;
@@ -52,6 +54,22 @@ fn depth_noise_grows_with_the_square_of_depth() {
         let per_square = sigma / (depth * depth);
         assert!((0.0013..0.0024).contains(&per_square), "σ = {per_square} z² at {depth} m");
     }
+}
+
+#[test]
+fn a_person_beyond_the_colour_lens_is_not_in_view() {
+    let d435 = Sensors::load(Some(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/sensors/d435.toml"))), &[]).unwrap();
+    let of = |sensors: &Sensors| sensors.sensor(&Camera::default(), 1);
+    let shown = |columns: std::ops::Range<usize>| {
+        let mut frame = flat(5.0);
+        (40..56).flat_map(|v| columns.clone().map(move |u| v * 160 + u)).for_each(|pixel| frame.class[pixel] = 5);
+        frame.person_pixels = 16 * columns.len() as u32;
+        frame.person_pixels_visible = frame.person_pixels;
+        frame
+    };
+    let (aside, ahead) = (shown(2..8), shown(77..83));
+    assert!(in_view(&aside, &of(&Sensors::default())) && in_view(&ahead, &of(&d435)));
+    assert!(!in_view(&aside, &of(&d435)));
 }
 
 #[test]

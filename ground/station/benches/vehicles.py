@@ -78,7 +78,7 @@ def target(seq: int, now_ns: int) -> pb.Target:
         stamp_ns=now_ns,
         pos_world=pb.Vec3(x=15.0 + 0.01 * seq, y=0.3, z=0.95),
         vel_world=pb.Vec3(x=3.0),
-        covariance=[0.04 if k % 7 == 0 else 0.0 for k in range(36)],
+        covariance_upper=[0.04 if row == column else 0.0 for row in range(6) for column in range(row, 6)],
         confirmed=True,
         since_seen_s=0.02,
     )

@@ -1,6 +1,6 @@
 """What a campaign costs, and how it grows with workers, against one `goshawk-sim fly` on one thread.
 
-    python campaign_scaling.py [--trials 20]
+    python campaign_scaling.py [--trials 60]
 
 Flies the same chases by one simulator and by several beside each other, by the local engine on 1, 2, … workers, and on
 Ray. N workers are to fly 0.9 N times what one of the same engine does, on cores that nothing else uses. What N
@@ -44,7 +44,12 @@ speeds = [4]
 def main() -> None:
     """Measures and records."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--trials", type=int, default=20, help="flights in each row of the bench")
+    parser.add_argument(
+        "--trials",
+        type=int,
+        default=60,
+        help="flights in each row of the bench; with few, Ray's start weighs more than in a campaign",
+    )
     trials = parser.parse_args().trials
     os.chdir(ROOT)
     with tempfile.TemporaryDirectory() as scratch:

@@ -294,24 +294,24 @@ class Control(_message.Message):
     def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., mode: _Optional[_Union[Mode, str]] = ..., fallback: _Optional[_Union[Fallback, str]] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body: _Optional[_Union[Quat, _Mapping]] = ..., acc_des_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_att_world: _Optional[_Union[Vec3, _Mapping]] = ..., acc_disturbance_world: _Optional[_Union[Vec3, _Mapping]] = ..., world_from_body_des: _Optional[_Union[Quat, _Mapping]] = ..., thrust_n: _Optional[float] = ..., thrust_norm: _Optional[float] = ..., yaw_des_rad: _Optional[float] = ..., plan_seq: _Optional[int] = ..., plan_age_s: _Optional[float] = ..., hover_thrust: _Optional[float] = ..., attitude_lag_s: _Optional[float] = ..., odometry_fault: _Optional[_Union[OdometryFault, str]] = ..., odometry_doubt: _Optional[float] = ..., acc_meas_world: _Optional[_Union[Vec3, _Mapping]] = ..., disturbance_limit_mps2: _Optional[float] = ...) -> None: ...
 
 class Target(_message.Message):
-    __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "covariance", "confirmed", "since_seen_s", "look")
+    __slots__ = ("seq", "stamp_ns", "pos_world", "vel_world", "confirmed", "since_seen_s", "look", "covariance_upper")
     SEQ_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     POS_WORLD_FIELD_NUMBER: _ClassVar[int]
     VEL_WORLD_FIELD_NUMBER: _ClassVar[int]
-    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
     CONFIRMED_FIELD_NUMBER: _ClassVar[int]
     SINCE_SEEN_S_FIELD_NUMBER: _ClassVar[int]
     LOOK_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_UPPER_FIELD_NUMBER: _ClassVar[int]
     seq: int
     stamp_ns: int
     pos_world: Vec3
     vel_world: Vec3
-    covariance: _containers.RepeatedScalarFieldContainer[float]
     confirmed: bool
     since_seen_s: float
     look: TargetLook
-    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., covariance: _Optional[_Iterable[float]] = ..., confirmed: _Optional[bool] = ..., since_seen_s: _Optional[float] = ..., look: _Optional[_Union[TargetLook, _Mapping]] = ...) -> None: ...
+    covariance_upper: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, seq: _Optional[int] = ..., stamp_ns: _Optional[int] = ..., pos_world: _Optional[_Union[Vec3, _Mapping]] = ..., vel_world: _Optional[_Union[Vec3, _Mapping]] = ..., confirmed: _Optional[bool] = ..., since_seen_s: _Optional[float] = ..., look: _Optional[_Union[TargetLook, _Mapping]] = ..., covariance_upper: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class TargetLook(_message.Message):
     __slots__ = ("detections", "passed", "gate_sigmas", "innovation_world", "innovation_sigmas", "objectness", "rival_pos_world", "rival_objectness", "rival_needed")

@@ -127,7 +127,7 @@ impl Motion {
         let mut jump = self.last.and_then(|last| jump(&last, odometry));
         self.fault = self.judge(odometry, dt, commanded, model, jump);
         if self.fault == Some(OdometryFault::AttitudeTurned) {
-            jump = jump.or(Some(Jump::default()));
+            jump = jump.or(Some(Jump { about_world: odometry.pos_world, ..Jump::default() }));
             jump = jump.zip(self.last).map(|(jump, last)| Jump { yaw: turned(&last, odometry), ..jump });
             self.followed.turn(jump.map_or(0.0, |jump| jump.yaw));
         }

@@ -64,6 +64,12 @@ impl Airframe {
         NormalisedThrust((force.0 / (self.mass_kg * GRAVITY) * self.hover_thrust).clamp(0.0, self.max_thrust))
     }
 
+    /// The level acceleration that the greatest tilt gives while the height is held, m/s².
+    #[must_use]
+    pub fn level_acc(&self) -> f64 {
+        GRAVITY * self.max_tilt_deg.to_radians().tan()
+    }
+
     /// Collective force of a normalised thrust.
     #[must_use]
     pub fn force(&self, thrust: NormalisedThrust) -> Newtons {

@@ -148,12 +148,29 @@ impl Tuning {
         let down = "slower hangs in the ground effect, faster than descent_speed_mps is no touch-down";
         within("mission.touchdown_speed_mps", m.touchdown_speed_mps, 0.2..=m.descent_speed_mps, down)
     }
+
+    /// With no level acceleration above what `airframe` can hold at its greatest tilt, g tan(max_tilt): nobody counts on
+    /// braking that does not come.
+    #[must_use]
+    pub fn within_tilt(&self, airframe: &Airframe) -> Self {
+        let (mut tuning, gives) = (self.clone(), airframe.level_acc());
+        for acc in [
+            &mut tuning.planner.max_acc_mps2,
+            &mut tuning.planner.evasion.acc_mps2,
+            &mut tuning.separation.aside_acc_mps2,
+            &mut tuning.hold.max_acc_horizontal_mps2,
+        ] {
+            *acc = acc.min(gives);
+        }
+        tuning
+    }
 }
 
 impl ControllerConfig {
-    /// Of the vehicle, what its camera shows, and the tuning.
+    /// Of the vehicle, what its camera shows, and the tuning, as far as the vehicle can tilt.
     #[must_use]
     pub fn new(airframe: Airframe, limits: LimitsConfig, view: ViewConfig, tuning: &Tuning) -> Self {
+        let tuning = tuning.within_tilt(&airframe);
         Self {
             airframe,
             observer: tuning.observer,
@@ -215,6 +232,22 @@ impl ControllerConfig {
 mod tests {
     use super::*;
     use crate::shipped;
+
+    #[test]
+    fn nobody_counts_on_more_than_the_tilt_gives() {
+        let (tuning, gives) = (shipped::tuning(), 9.80665 * 25_f64.to_radians().tan());
+        let level = |tuning: &Tuning| {
+            let (planner, separation) = (&tuning.planner, &tuning.separation);
+            let evasion = planner.evasion.acc_mps2;
+            [planner.max_acc_mps2, evasion, separation.aside_acc_mps2, tuning.hold.max_acc_horizontal_mps2]
+        };
+        let shipped = shipped::controller();
+        assert_eq!(tuning.within_tilt(&Airframe { max_tilt_deg: 65.0, ..shipped.airframe }), tuning);
+        let first = Airframe { max_tilt_deg: 25.0, ..shipped.airframe };
+        assert!(level(&tuning.within_tilt(&first)).iter().all(|acc| (acc - gives).abs() < 1e-3));
+        let config = ControllerConfig::new(first, shipped.limits, shipped.view, &tuning);
+        assert!((config.separation.max_acc - gives).abs() < 1e-3 && config.evasion.acc_mps2 < 4.6);
+    }
 
     #[test]
     fn two_keys_that_contradict_each_other_are_refused_by_name() {

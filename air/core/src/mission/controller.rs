@@ -157,7 +157,9 @@ impl Controller {
             flight.observe(now, &input.autopilot, self.config.limits.battery_land);
         }
         let named = plan.filter(|plan| input.plan_seq == Some(plan.seq));
-        if let Some(plan) = named.filter(|_| self.planning().is_some())
+        // A landing and a hover that was asked for follow nobody, but keep their distance from who is there.
+        let stays = matches!(self.mode, Mode::Hold | Mode::Stopping) && self.keeps_apart();
+        if let Some(plan) = named.filter(|_| stays || self.planning().is_some())
             && self.plans.take(plan)
         {
             self.gaze.take(plan.stamp, plan.target, &plan.candidates);

@@ -74,6 +74,11 @@ impl Detour {
         waypoint
     }
 
+    /// Nobody is led: who is held is not stuck.
+    pub(crate) fn rest(&mut self) {
+        (self.circle, self.aside) = (None, None);
+    }
+
     /// The frame of the odometry moved by `jump`, m.
     pub(crate) fn shift(&mut self, jump: Vec3) {
         if let Some((_, centre)) = &mut self.circle {
@@ -149,6 +154,16 @@ mod tests {
     #[test]
     fn nobody_is_stuck_at_the_goal() {
         assert_eq!(stand(&mut Detour::default(), GOAL + Vec3::new(-1.9, 0.0, 0.0), 0.0, 10.0), GOAL);
+    }
+
+    #[test]
+    fn who_was_held_is_not_stuck_at_once() {
+        let mut detour = Detour::default();
+        let at = Vec3::new(10.0, 0.0, 2.0);
+        assert_eq!(stand(&mut detour, at, 0.0, 1.0), GOAL);
+        detour.rest();
+        assert_eq!(stand(&mut detour, at, 30.0, 31.0), GOAL);
+        assert_ne!(stand(&mut detour, at, 31.0, 32.1), GOAL);
     }
 
     #[test]

@@ -190,7 +190,7 @@ impl Controller {
     }
 
     /// The way aside that is flown, if something moves in the vehicle's way.
-    fn evading(&self, now: Time) -> Option<Evasion> {
+    pub(crate) fn evading(&self, now: Time) -> Option<Evasion> {
         let may = matches!(self.mode, Mode::Track | Mode::Navigate | Mode::Hold | Mode::Search);
         let mut evasion = self.plans.evading(&self.config.ladder, now).filter(|_| may)?;
         // Not so high that the flight would end.
@@ -231,7 +231,7 @@ impl Controller {
     }
 
     /// A distance is to be kept.
-    fn keeps_apart(&self) -> bool {
+    pub(crate) fn keeps_apart(&self) -> bool {
         let chases = self.flight.as_ref().is_some_and(|flight| flight.profile.task == Task::Track);
         chases && self.config.extensions.least_distance
     }
@@ -258,7 +258,10 @@ impl Controller {
         let Some(goal) = flight.goal_world else { return };
         flight.waypoint_world = Some(match self.mode {
             Mode::Navigate if self.config.extensions.detours => flight.detour.step(now, odometry.pos_world, goal),
-            _ => goal,
+            _ => {
+                flight.detour.rest();
+                goal
+            }
         });
     }
 

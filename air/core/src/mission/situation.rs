@@ -63,7 +63,10 @@ impl Controller {
         let beyond = odometry.map(|o| {
             let from_start = o.pos_world - flight.start_world;
             let fence = limits.reaches_fence(hold, from_start, o.vel_world);
-            (fence, limits.reaches_ceiling(hold, from_start, o.vel_world))
+            // A way over a target ends below the ceiling by itself, and brakes harder than a hover.
+            let over = self.evading(now).is_some_and(|evasion| evasion.height.is_some());
+            let reaches = limits.reaches_ceiling(hold, from_start, o.vel_world);
+            (fence, if over { from_start.z > limits.ceiling_m } else { reaches })
         });
         let height_reached = odometry.is_some_and(|o| {
             (o.pos_world.z - flight.height()).abs() < HEIGHT_REACHED.0 && o.vel_world.norm() < HEIGHT_REACHED.1

@@ -284,7 +284,9 @@ impl Obstacles {
         let at = in_voxels(pos_world, &low);
         let inner = at.map(|x| x as i32);
         let far = (f64::from(FARTHEST_ROOM) / VOXEL) as i32;
-        let about = |axis: usize, by: i32| (inner[axis] - by).max(0)..=(inner[axis] + by).min(SIZE[axis] - 1);
+        let about = |axis: usize, by: i32| {
+            inner[axis].saturating_sub(by).max(0)..=inner[axis].saturating_add(by).min(SIZE[axis] - 1)
+        };
         let rows = about(2, 1).flat_map(|z| about(1, far).map(move |y| Voxel::new(0, y, z)));
         among(
             self.body,

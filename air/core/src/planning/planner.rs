@@ -379,7 +379,7 @@ impl Planner {
             match jump(&last, odometry) {
                 Some(jump) if bridged => {
                     self.obstacles.reset();
-                    self.filter.shift(jump.pos_world);
+                    self.filter.shift(&jump);
                 }
                 Some(_) if announced => {
                     self.obstacles.reset();

@@ -7,6 +7,7 @@ use crate::gaze::expected::Expected;
 use crate::gaze::hidden::hidden_for;
 use crate::values::error::{ConfigError, within};
 use crate::values::extensions::Extensions;
+use crate::values::jump::Jump;
 use crate::values::types::{Rival, Taken, TargetEstimate, TargetLook, Time, Vec3};
 use nalgebra::{Matrix3, Matrix6};
 use schemars::JsonSchema;
@@ -325,10 +326,12 @@ impl TargetFilter {
         *self = Self::new(self.config, self.extensions);
     }
 
-    /// Moves all positions by `jump_world`: the odometry's origin jumped, the target did not.
-    pub fn shift(&mut self, jump_world: Vec3) {
+    /// Moves and turns what is known along: the odometry's frame jumped, the target did not. Its covariance is nearly
+    /// alike on both level axes, and stays.
+    pub fn shift(&mut self, jump: &Jump) {
         for track in [&mut self.track, &mut self.lost, &mut self.rival].into_iter().flatten() {
-            track.motion.pos += jump_world;
+            track.motion.pos = jump.seen(&track.motion.pos);
+            track.motion.vel = jump.turned(&track.motion.vel);
         }
     }
 
@@ -337,6 +340,12 @@ impl TargetFilter {
     pub fn step<const N: usize>(&mut self, now: Time, detections: &[Option<Detection>; N], consistent: &mut [bool; N]) {
         *consistent = [false; N];
         self.look = None;
+        // Frames were missing for as long as a target is believed unseen: it is lost, as after so many blank ones. By now
+        // its gate takes anything.
+        if self.track.is_some_and(|track| now.since(track.stamp) > self.config.blind_time_s) {
+            self.judge(now);
+            self.rival = None;
+        }
         if let Some(track) = &mut self.track {
             let taken = track.step((&self.config, &self.extensions), now, detections, consistent);
             let passed = consistent.iter().filter(|own| **own).count() as u32;

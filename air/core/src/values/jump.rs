@@ -1,7 +1,7 @@
 //! A jump of the odometry's frame: the estimator announced it, or the position is where no motion leads.
 
 use crate::values::geometry::{wrap, yaw_of};
-use crate::values::types::{Odometry, Vec3};
+use crate::values::types::{Odometry, Rot, Vec3};
 
 /// The odometry's frame moved against the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -10,6 +10,22 @@ pub struct Jump {
     pub pos_world: Vec3,
     /// Add to a yaw of before the jump, rad.
     pub yaw: f64,
+    /// Where the vehicle is after it, m: what it sees turns about there.
+    pub about_world: Vec3,
+}
+
+impl Jump {
+    /// A direction or velocity of before the jump, as it is seen from the vehicle after it.
+    #[must_use]
+    pub fn turned(&self, before: &Vec3) -> Vec3 {
+        Rot::from_axis_angle(&Vec3::z_axis(), self.yaw) * before
+    }
+
+    /// A place of before the jump, as it lies from the vehicle after it, m.
+    #[must_use]
+    pub fn seen(&self, before: &Vec3) -> Vec3 {
+        self.about_world + self.turned(&(before + self.pos_world - self.about_world))
+    }
 }
 
 /// A position farther from where the last velocity leads is a jump even if the estimator does not say so, m, and so
@@ -23,7 +39,8 @@ pub(crate) fn jump(last: &Odometry, new: &Odometry) -> Option<Jump> {
     if !announced && !is_jump(pos_world, new.stamp.since(last.stamp)) {
         return None;
     }
-    Some(Jump { pos_world, yaw: if announced { turned(last, new) } else { 0.0 } })
+    let yaw = if announced { turned(last, new) } else { 0.0 };
+    Some(Jump { pos_world, yaw, about_world: new.pos_world })
 }
 
 /// How far from where the velocities lead the position is, m.

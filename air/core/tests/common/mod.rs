@@ -133,6 +133,8 @@ pub struct Loop {
     pub ready: bool,
     pub ground: f64,
     pub output: Option<ControllerOutput>,
+    /// The last one, as the planner keeps it.
+    demand: Option<PlanningDemand>,
     pub transitions: Vec<Transition>,
     pub requests: Vec<(f64, Request)>,
     odometry: Option<Odometry>,
@@ -184,6 +186,7 @@ impl Loop {
             ready: true,
             ground: 0.0,
             output: None,
+            demand: None,
             transitions: Vec::new(),
             requests: Vec::new(),
             odometry: None,
@@ -244,6 +247,7 @@ impl Loop {
         self.move_vehicle(&output);
         self.transitions.extend(output.transition);
         self.output = Some(output);
+        self.demand = output.planning.or(self.demand);
         output
     }
 
@@ -323,7 +327,7 @@ impl Loop {
 
     /// A plan from the vehicle's state straight to what the frames show.
     fn make_plan(&mut self) -> Option<Plan> {
-        let demand = self.controller_demand()?;
+        let demand = self.demand?;
         let pos = self.pos + self.odometry_offset;
         let (aim, target) = match self.frames {
             Frames::None => return None,
@@ -369,9 +373,5 @@ impl Loop {
             movers: [None; goshawk_core::planning::movers::MOST],
             evasion: self.evades,
         })
-    }
-
-    fn controller_demand(&self) -> Option<PlanningDemand> {
-        self.output.as_ref()?.planning
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use color_eyre::eyre::Report;
-use goshawk_core::{GRAVITY, Planner};
+use goshawk_core::Planner;
 use goshawk_policy::library::{Places, find};
 use goshawk_policy::{Policy, Provider, golden};
 use goshawk_vehicle::clock;
@@ -28,7 +28,7 @@ const INFERENCES: usize = 50;
 /// Whether the tilt gives what the tuning counts on to get out of somebody's way.
 pub(super) fn tilt(vehicle: &Vehicle, findings: &mut Findings) {
     let (tuning, tilt_deg) = (vehicle.tuning(), vehicle.airframe.max_tilt_deg);
-    let gives = GRAVITY * tilt_deg.to_radians().tan();
+    let gives = vehicle.airframe.level_acc();
     let wanted = [
         ("planner.max_acc_mps2, with which it brakes to keep the least distance", tuning.planner.max_acc_mps2),
         ("planner.evasion.acc_mps2", tuning.planner.evasion.acc_mps2),
@@ -38,7 +38,8 @@ pub(super) fn tilt(vehicle: &Vehicle, findings: &mut Findings) {
     let beyond: Vec<_> =
         wanted.iter().filter(|(_, acc)| *acc > gives).map(|(key, acc)| format!("{acc} of {key}")).collect();
     if !beyond.is_empty() {
-        findings.warn("tilt", format!("{tilt_deg} degrees give {gives:.1} m/s², less than {}", beyond.join(", ")));
+        let beyond = beyond.join(", ");
+        findings.warn("tilt", format!("{tilt_deg} degrees give {gives:.1} m/s², which is flown instead of {beyond}"));
     }
 }
 

@@ -87,10 +87,9 @@ impl Frames {
         let mut pose = Pose { position: Vector3 { x: pos.x, y: pos.y, z: pos.z }, ..Pose::default() };
         pose.orientation = target.vel_world.map_or(along(Vec3::zeros()), |v| along(Vec3::new(v.x, v.y, v.z)));
         let mut covariance = unknown();
-        for (row, of_row) in covariance.iter_mut().take(3).enumerate() {
-            for (column, value) in of_row.iter_mut().take(3).enumerate() {
-                *value = f64::from(*target.covariance.get(6 * row + column)?);
-            }
+        for (row, column, at) in [(0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 6), (1, 2, 7), (2, 2, 11)] {
+            let value = f64::from(*target.covariance_upper.get(at)?);
+            (covariance[row][column], covariance[column][row]) = (value, value);
         }
         Some(PoseWithCovarianceStamped { header: self.header(stamp), pose: PoseWithCovariance { pose, covariance } })
     }
@@ -233,18 +232,21 @@ mod tests {
 
     #[test]
     fn a_targets_covariance_keeps_its_positions_rows() {
-        let covariance = (0..36_u8).map(f32::from).collect();
+        let covariance_upper = (0..21_u8).map(f32::from).collect();
         let target = v1::Target {
             pos_world: v(1.0, 2.0, 3.0),
             vel_world: v(0.0, 1.0, 0.0),
-            covariance,
+            covariance_upper,
             ..v1::Target::default()
         };
         let sent = frames().target(&target, STAMP).unwrap().pose;
-        assert_eq!(sent.covariance[1][..3], [6.0, 7.0, 8.0]);
+        assert_eq!(
+            sent.covariance.map(|row| [row[0], row[1], row[2]])[..3],
+            [[0.0, 1.0, 2.0], [1.0, 6.0, 7.0], [2.0, 7.0, 11.0]]
+        );
         assert_eq!((sent.covariance[5][5], sent.pose.position.z), (UNKNOWN, 3.0));
         assert!((sent.pose.orientation.z - 0.5_f64.sqrt()).abs() < 1e-9);
-        assert_eq!(frames().target(&v1::Target { covariance: vec![1.0], ..target }, STAMP), None);
+        assert_eq!(frames().target(&v1::Target { covariance_upper: vec![1.0], ..target }, STAMP), None);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 mod colour;
 mod depth;
 
-use crate::render::{Camera, Frame};
+use crate::render::{Camera, Class, Frame};
 use goshawk_core::Vec3;
 use serde::Deserialize;
 
@@ -101,6 +101,13 @@ impl Sensor {
         let [colour, depth] = &self.unseen;
         colour.iter().for_each(|&(pixel, seen)| image.rgb.copy_within(3 * seen..3 * seen + 3, 3 * pixel));
         depth.iter().for_each(|&(pixel, _)| image.depth_mm[pixel] = 0);
+    }
+
+    /// Pixels of `frame`, which may yet be empty, that show the person where the colour lens does not see.
+    #[must_use]
+    pub fn person_pixels_unseen(&self, frame: &Frame) -> u32 {
+        let person = |&&(pixel, _): &&(usize, usize)| frame.class.get(pixel) == Some(&(Class::Person as u8));
+        self.unseen[0].iter().filter(person).count() as u32
     }
 }
 

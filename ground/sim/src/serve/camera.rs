@@ -79,7 +79,7 @@ impl Camera {
                     if let Some((exposure, _)) = inbox.wait_newer(&mut newest, Duration::from_millis(100)) {
                         let seq = count.fetch_add(1, Ordering::Relaxed);
                         work.shoot(&mut renderer, &mut sensor, &exposure, seq);
-                        seen.store(in_view(&work.frame), Ordering::Relaxed);
+                        seen.store(in_view(&work.frame, &sensor), Ordering::Relaxed);
                     }
                 }
             })

@@ -8,6 +8,7 @@ use super::rule::FAR_M;
 use crate::actors::evader::EvaderState;
 use crate::actors::moving;
 use crate::render::Frame;
+use crate::sense::rgbd::Sensor;
 use crate::vehicle::quadrotor::QuadrotorState;
 use crate::world::{Kind, Part, World};
 
@@ -47,12 +48,12 @@ const VIEW_FRACTION: f64 = 0.2;
 /// Acceleration is averaged over this many physics steps before it is differentiated.
 const JERK_STEPS: u32 = 20;
 
-/// Measured over one flight, from the task's beginning.
+/// Measured over one flight, from the task's beginning where nothing else is said.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// How long the task was flown, s.
     pub task_s: f64,
-    /// Least distance from the vehicle's sphere to an obstacle (not the ground), m; none: not flown.
+    /// Least distance from the vehicle's sphere to an obstacle (not the ground), from the Start on, m; none: not flown.
     pub clearance_m: Option<f64>,
     /// Least distance from the vehicle's centre to the target's while both were about, from the take-off's end on, m.
     pub target_distance_min_m: Option<f64>,
@@ -191,10 +192,11 @@ pub fn contact(
     (airborne && at.z - world.ground_height(at.x, at.y) < BODY_RADIUS_M).then_some(Contact::Ground)
 }
 
-/// Whether the frame shows the target well enough to count as seen.
+/// Whether the frame shows the target well enough to count as seen, as far as the sensor's colour lens sees it.
 #[must_use]
-pub fn in_view(frame: &Frame) -> bool {
-    frame.person_pixels_visible >= VIEW_PIXELS && frame.person_visible() >= VIEW_FRACTION
+pub fn in_view(frame: &Frame, sensor: &Sensor) -> bool {
+    let pixels = frame.person_pixels_visible.saturating_sub(sensor.person_pixels_unseen(frame));
+    pixels >= VIEW_PIXELS && f64::from(pixels) / f64::from(frame.person_pixels) >= VIEW_FRACTION
 }
 
 impl Judge {
@@ -245,13 +247,13 @@ impl Judge {
         }
     }
 
-    /// A frame was exposed during the task.
-    pub(super) fn frame(&mut self, frame: &Frame, exposure: &Exposure) {
+    /// A frame was exposed during the task, and showed the target or not.
+    pub(super) fn frame(&mut self, in_view: bool, exposure: &Exposure) {
         let m = &mut self.metrics;
         m.frames += 1;
         if let Some(target) = exposure.target_world {
             let line = target - exposure.vehicle_world;
-            if in_view(frame) {
+            if in_view {
                 m.frames_in_view += 1;
                 let (sin, cos) = exposure.heading_rad.sin_cos();
                 m.target_plane_m.push([cos * line.x + sin * line.y, cos * line.y - sin * line.x]);

@@ -75,7 +75,7 @@ pub(crate) struct Lockstep<'a> {
     naming: Vec<&'static str>,
     judge: Judge,
     follower: Follower,
-    /// Of the last `CLEARANCE_STEPS` since the take-off's end; understated where that does not matter.
+    /// Of the last `CLEARANCE_STEPS` since the Start; understated where that does not matter.
     clearance_m: f64,
     step: u64,
     mode: Mode,
@@ -93,6 +93,8 @@ pub(crate) struct Lockstep<'a> {
     evader: Option<EvaderState>,
     /// Where cruise speed is measured, m along the course.
     cruise_m: [f64; 2],
+    /// The take-off may last so long, s.
+    takeoff_s: f64,
 }
 
 impl<'a> Lockstep<'a> {
@@ -150,6 +152,7 @@ impl<'a> Lockstep<'a> {
             cruise_m: cruise_between(runner.as_ref().map_or(way_m, Runner::length_m)),
             runner,
             evader: None,
+            takeoff_s: TAKEOFF_S + config.height_m / vehicle.tuning().mission.climb_speed_mps,
         }
     }
 
@@ -256,14 +259,14 @@ impl<'a> Lockstep<'a> {
         }
         self.mode = output.mode;
         match output.reply {
-            Some(Ok(())) => self.started = Some(now),
+            Some(Ok(())) => self.started = self.started.or(Some(now)),
             Some(Err(refusal)) => self.refusal = Some(refusal),
             None if self.started.is_none() => self.refusal = output.readiness.err(),
             None => {}
         }
         if let (Some(change), Some(started)) = (output.transition, self.started) {
             self.modes.push((now.since(started), change.to, change.cause));
-            if change.from == Mode::Takeoff {
+            if change.from == Mode::Takeoff && change.to.has_authority() && change.to != Mode::Stopping {
                 self.up = Some(now);
                 self.runs = Some(now.plus(RUNS_ANYWAY_S));
             }
@@ -317,17 +320,14 @@ impl<'a> Lockstep<'a> {
             self.judge.physics(STEP_S, self.quad.state());
             self.judge.cruise(STEP_S, self.quad.state().vel_world.norm(), self.along_m(), self.cruise_m);
         }
-        if self.up.is_some() && self.step.is_multiple_of(CLEARANCE_STEPS) {
-            let in_task = self.in_task(now);
-            let matters_m = if in_task { self.judge.metrics.clearance_m.unwrap_or(f64::INFINITY) } else { 0.0 };
+        if self.started.is_some() && self.step.is_multiple_of(CLEARANCE_STEPS) {
+            let matters_m = self.judge.metrics.clearance_m.unwrap_or(f64::INFINITY);
             self.clearance_m = self.follower.clearance(world, &self.moving, &self.quad.state().pos_world, matters_m);
-            if in_task {
-                self.judge.clearance(self.clearance_m);
-            }
-            if let Some(evader) = self.evader {
+            self.judge.clearance(self.clearance_m);
+            if let Some(evader) = self.evader.filter(|_| self.up.is_some()) {
                 let distance_m = (evader.centre_world() - self.quad.state().pos_world).norm();
                 self.judge.target_distance(distance_m);
-                if in_task {
+                if self.in_task(now) {
                     self.judge.pursuit(CLEARANCE_STEPS as f64 * STEP_S, distance_m);
                 }
             }
@@ -360,7 +360,7 @@ impl<'a> Lockstep<'a> {
             moving: &self.moving,
             clearance_m: clearance(&self.scene.world, &self.moving, &vehicle.pos_world),
             collisions: u32::from(contact.is_some()),
-            visible: in_view(&self.frame),
+            visible: in_view(&self.frame, &self.sensor),
             goal_world: self.scene.evader.is_none().then_some(self.scene.goal_world),
         }
     }

@@ -229,7 +229,8 @@ impl Pilot for Onboard<'_> {
         self.control_s = watch.lap();
         self.step_input = Some(input);
         self.history.push_acceleration(now, output.acc_des_world);
-        self.demand = output.planning;
+        // As on board, it goes on seeing for what was demanded last.
+        self.demand = output.planning.or(self.demand);
         self.mode = output.mode;
         self.odometry_fault = output.odometry_fault;
         output

@@ -30,6 +30,9 @@ const BORDER_M: f64 = 1.0;
 /// Clouds wider than this are refused, m: a few stray points would make the grid enormous.
 const EXTENT_MAX_M: f64 = 2000.0;
 
+/// Points farther from the origin are refused, m: colours are computed with seven digits.
+const FARTHEST_M: f64 = 100_000.0;
+
 /// Why a file is no world.
 #[derive(Debug, Error)]
 pub enum CloudError {
@@ -59,6 +62,14 @@ pub enum CloudError {
         path: PathBuf,
         /// Its longer horizontal side, m.
         extent: f64,
+    },
+    /// It lies where nothing can be drawn.
+    #[error("{path}: the points lie {far:.0} m from the origin, as on a map; subtract whole metres from their x and y")]
+    Far {
+        /// The file.
+        path: PathBuf,
+        /// Of its farthest side, m.
+        far: f64,
     },
 }
 
@@ -106,6 +117,10 @@ pub fn world(points: &[Point], path: &Path) -> Result<World, CloudError> {
     let extent = (high[0] - low[0]).max(high[1] - low[1]);
     if extent > EXTENT_MAX_M {
         return Err(CloudError::Extent { path: path.to_owned(), extent });
+    }
+    let far = low.iter().chain(&high).fold(0.0_f64, |far, side| far.max(side.abs()));
+    if far > FARTHEST_M {
+        return Err(CloudError::Far { path: path.to_owned(), far });
     }
     let mut voxels = Voxels::new();
     for point in usable {
@@ -197,6 +212,10 @@ mod tests {
         wide[0].at[0] = 1e5;
         let wide = world(&wide, Path::new("wide.ply")).unwrap_err().to_string();
         assert!(wide.contains("millimetres"), "{wide}");
+        let mut on_a_map = room();
+        on_a_map.iter_mut().for_each(|point| point.at[1] += 5.2e6);
+        let on_a_map = world(&on_a_map, Path::new("map.ply")).unwrap_err().to_string();
+        assert!(on_a_map.contains("subtract whole metres"), "{on_a_map}");
         let other = load(Path::new("world.obj")).unwrap_err().to_string();
         assert!(other.contains(".ply or .pcd"), "{other}");
         let missing = load(Path::new("no/such.pcd")).unwrap_err().to_string();

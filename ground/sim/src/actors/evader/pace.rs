@@ -87,7 +87,9 @@ pub(super) fn timetable(path: &Path, from: Knot, limits: Limits, stands: &[Stand
         if i > 0 {
             let arc = knots[i].arc_m - knots[i - 1].arc_m;
             let mean = 0.5 * (knots[i].speed_mps + knots[i - 1].speed_mps);
-            knots[i].time_s = knots[i - 1].time_s + arc / mean.max(1e-6);
+            // Between two rests that are neighbours: speeding up and slowing down again.
+            let lasts = if mean > 1e-6 { arc / mean } else { 2.0 * (arc / acc).sqrt() };
+            knots[i].time_s = knots[i - 1].time_s + lasts;
         }
     }
     // From the last to the first: what comes before keeps its index.
@@ -118,5 +120,23 @@ pub(super) fn place(knots: &[Knot], time_s: f64) -> Knot {
         arc_m: a.arc_m + arc,
         parameter: a.parameter + part * (b.parameter - a.parameter),
         speed_mps: a.speed_mps + acc * t,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::field::Point;
+    use super::*;
+
+    #[test]
+    fn two_rests_beside_each_other_last_no_longer_than_they_are_asked_to() {
+        let path = Path { control: (0..40).map(|i| Point::new(0.5 * f64::from(i), 0.0)).collect() };
+        let from = Knot { time_s: 0.0, arc_m: 0.0, parameter: 0.0, speed_mps: 0.0 };
+        let limits = Limits { speed_mps: 3.0, acc_mps2: 4.0 };
+        let lasts = |stands: &[Stand]| timetable(&path, from, limits, stands).unwrap().last().unwrap().time_s;
+        let stand = |parameter: f64| Stand { parameter, stand_s: 1.0 };
+        let one = lasts(&[stand(20.0)]);
+        assert!((lasts(&[stand(20.0), stand(20.1)]) - one - 1.0).abs() < 1.0);
+        assert!(lasts(&[stand(path.end() - 0.1)]) < one + 1.0);
     }
 }

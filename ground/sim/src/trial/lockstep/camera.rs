@@ -4,7 +4,7 @@ use goshawk_core::{Plan, Rot, Time, Vec3};
 use goshawk_policy::stream::Arrival;
 
 use super::super::fault::{CameraFault, Fault};
-use super::super::judge::Exposure;
+use super::super::judge::{Exposure, in_view};
 use super::super::{FRAME_AT_PLANNER_S, TrialError, Witness};
 use super::{FRAMES_PER_S, Lockstep, STEPS_PER_S};
 use crate::render::Frame;
@@ -85,7 +85,7 @@ impl Lockstep<'_> {
         self.sensor.capture(&self.frame, &motion, mix(mix(self.config.seed, 13), self.frames), &mut image);
         let exposure = self.exposure();
         if self.in_task(now) {
-            self.judge.frame(&self.frame, &exposure);
+            self.judge.frame(in_view(&self.frame, &self.sensor), &exposure);
         }
         let delivered = match self.camera_fault() {
             Some(fault) => self.tampered.apply(fault, self.frames, &mut image),

@@ -12,7 +12,7 @@ const STANDS_S: f64 = 5.0;
 /// A chase is over when the target has not been seen for so long and is so far away.
 const GONE_S: f64 = 8.0;
 const GONE_M: f64 = 25.0;
-/// The take-off may take this long, a navigation this long beyond its way at a quarter of its speed, s.
+/// The take-off may take this long beyond its climb, a navigation beyond its way at a quarter of its speed, s.
 pub(super) const TAKEOFF_S: f64 = 25.0;
 const NAVIGATION_GRACE_S: f64 = 20.0;
 
@@ -45,19 +45,20 @@ pub(super) struct Arrived {
 impl Lockstep<'_> {
     /// None: it goes on.
     pub(super) fn verdict(&mut self, now: Time) -> Option<Ending> {
-        let since_start = now.since(self.started.unwrap_or(self.ready_at));
-        if self.up.is_none() {
-            let failed = matches!(self.mode, Mode::Fault | Mode::Stopping) || since_start > TAKEOFF_S;
-            return failed.then(|| Ending::failed(Outcome::Timeout));
-        }
+        let started = self.started?;
         let at = self.quad.state().pos_world;
-        // Whoever lands is to touch the ground.
-        let airborne = !matches!(self.mode, Mode::Stopping | Mode::Landed);
+        let given_up = !self.mode.has_authority() || self.mode == Mode::Stopping;
+        // Whoever lifts off or lands is to touch the ground.
+        let airborne = self.up.is_some() && !given_up;
         if self.step.is_multiple_of(CLEARANCE_STEPS)
             && let Some(touched) =
                 contact(&self.scene.world, &self.moving, &at, self.clearance_m, self.evader.as_ref(), airborne)
         {
             return Some(Ending { contact: Some(touched), ..Ending::failed(Outcome::Collision) });
+        }
+        if self.up.is_none() {
+            let failed = given_up || now.since(started) > self.takeoff_s;
+            return failed.then(|| Ending::failed(Outcome::Timeout));
         }
         if let Some(begun) = self.injection.begun() {
             let down = matches!(self.mode, Mode::Landed | Mode::Fault);
@@ -65,7 +66,6 @@ impl Lockstep<'_> {
             let ended = down.then_some(Ending { outcome: Outcome::Success, reached: true, contact: None });
             return ended.or(flew_on.then(|| Ending::failed(Outcome::Timeout)));
         }
-        let given_up = matches!(self.mode, Mode::Stopping | Mode::Landed | Mode::Fault);
         if let Some(evader) = self.evader {
             let distance_m = (evader.centre_world() - at).norm();
             if evader.arrived {
