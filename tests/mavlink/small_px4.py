@@ -4,6 +4,7 @@ takes the truth for its estimate. Made with pymavlink; it shares nothing with th
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import sys
 from typing import Any
@@ -87,7 +88,11 @@ def motors(motion: Motion, wish: tuple[np.ndarray, float]) -> list[float]:
 
 
 def main() -> None:
-    """`-i N` as the real one; dials TCP 4560 and speaks to UDP 14540 until the simulator hangs up."""
+    """`-i N` as the real one; dials TCP 4560 and speaks to UDP 14540 until the simulator hangs up.
+
+    With `DIES_ABOVE_M` in the environment it ends in the air.
+    """
+    highest_m = float(os.environ.get("DIES_ABOVE_M", "inf"))
     instance = int(sys.argv[sys.argv.index("-i") + 1]) if "-i" in sys.argv else 0
     px4, line = Px4(4560 + instance), Offboard(14540 + instance)
     origin: np.ndarray | None = None
@@ -103,6 +108,8 @@ def main() -> None:
                 place = np.array([*px4.place(found), motion.down_m])
                 origin = place if origin is None else origin
                 still = still + 1 if np.linalg.norm(motion.vel_ned) < 0.1 else 0
+                if origin[2] - place[2] > highest_m:
+                    sys.exit("hard fault in the mixer")
                 line.report(tick, now_us, motion, place - origin, landed=still > 250)
                 if line.armed:
                     throttles = [0.02] * 4 if line.wish is None else motors(motion, line.wish)

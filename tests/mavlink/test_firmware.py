@@ -183,17 +183,28 @@ def test_ardupilots_motors_lift_and_turn_the_vehicle_in_lockstep(world: Callable
     assert copter.motion(answer).euler[2] == pytest.approx(EAST + 1.0, abs=0.1)
 
 
-def test_a_small_campaign_is_flown_by_firmware_that_is_started_from_its_build(tmp_path: Path) -> None:
-    program = tmp_path / "build/bin/px4"
+def campaign(folder: Path, environment: str = "") -> list[str | Path]:
+    """The command that flies one navigation by a small PX4, whose build is put into ``folder``."""
+    program = folder / "build/bin/px4"
     program.parent.mkdir(parents=True)
     here = Path(__file__).parent
-    program.write_text(f'#!/bin/sh\nPYTHONPATH={here} exec {sys.executable} -m small_px4 "$@"\n')
+    program.write_text(f'#!/bin/sh\nPYTHONPATH={here} {environment} exec {sys.executable} -m small_px4 "$@"\n')
     program.chmod(0o755)
     command = [SIM, "fly", "--task", "navigate", "--speed", "3", "--trials", "1", "--spacing", "8", "--length", "20"]
-    command += ["--autopilot", "px4", "--firmware", tmp_path / "build", "--json", tmp_path / "flown.json"]
-    subprocess.run(command, check=True, cwd=ROOT, timeout=300)
+    return [*command, "--autopilot", "px4", "--firmware", folder / "build", "--json", folder / "flown.json"]
+
+
+def test_a_small_campaign_is_flown_by_firmware_that_is_started_from_its_build(tmp_path: Path) -> None:
+    subprocess.run(campaign(tmp_path), check=True, cwd=ROOT, timeout=300)
     (cell,) = json.loads((tmp_path / "flown.json").read_text())["cells"]
     assert cell["successes"] == 1, cell
+
+
+def test_firmware_that_dies_in_the_air_is_no_failure_of_the_policy(tmp_path: Path) -> None:
+    command = campaign(tmp_path, "DIES_ABOVE_M=1")
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
+    assert ended.returncode != 0 and not (tmp_path / "flown.json").exists()
+    assert "the firmware has ended" in ended.stderr and "hard fault in the mixer" in ended.stderr
 
 
 def test_the_world_and_its_truth_follow_firmware_that_simulates_itself(world: Callable[..., World]) -> None:

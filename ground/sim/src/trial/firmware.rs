@@ -117,15 +117,12 @@ impl InTheLoop {
     ) -> Result<u64, FirmwareTrouble> {
         let (mut step, mut ready_for_s) = (0, 0.0);
         while ready_for_s < READY_FOR_S {
-            self.drive(step, quad, Vec3::zeros(), ground_m);
+            self.drive(step, quad, Vec3::zeros(), ground_m)?;
             step += 1;
             let now = Time(self.clock.load(Ordering::Relaxed));
             let status = self.link.status(now);
             let fresh = self.link.odometry().is_some_and(|odometry| now.since(odometry.stamp) < FRESH_S);
             ready_for_s = if fresh && may_fly(&status) { ready_for_s + STEP_S } else { 0.0 };
-            if let Some(ended) = self.process.ended() {
-                return Err(FirmwareTrouble::Ended(format!("{ended}: {}", self.process.last_words())));
-            }
             if self.begun.elapsed() > READY_WITHIN {
                 let why = status.problem().or_else(|| self.link.refusal(now));
                 return Err(FirmwareTrouble::NotReady(why.unwrap_or_else(|| self.process.last_words())));
@@ -135,13 +132,19 @@ impl InTheLoop {
     }
 
     /// Flies one step of physics, in pace with the wall.
+    ///
+    /// # Errors
+    /// It has ended: no vehicle fails by that.
     pub(crate) fn drive(
         &mut self,
         step: u64,
         quad: &mut Quadrotor,
         wind_world: Vec3,
         ground_m: impl Fn(f64, f64) -> f64,
-    ) {
+    ) -> Result<(), FirmwareTrouble> {
+        if let Some(ended) = self.process.ended() {
+            return Err(FirmwareTrouble::Ended(format!("{ended}: {}", self.process.last_words())));
+        }
         let truth = quad.state();
         let sensed = Sensed { truth, imu: self.imu.measure(truth) };
         let throttles = self.firmware.step(step, &sensed);
@@ -157,6 +160,7 @@ impl InTheLoop {
             std::thread::sleep(Duration::from_micros(200));
         }
         self.silent = self.overdue();
+        Ok(())
     }
 
     /// Estimates came, and the newest is older than one can be.

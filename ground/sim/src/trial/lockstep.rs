@@ -171,7 +171,7 @@ impl<'a> Lockstep<'a> {
                 self.control(now, witness);
             }
             self.refused(now)?;
-            self.move_on(now);
+            self.move_on(now)?;
             if !self.quad.state().is_finite() {
                 return Err(TrialError::NotFinite(self.started.map_or(0.0, |started| now.since(started))));
             }
@@ -304,7 +304,7 @@ impl<'a> Lockstep<'a> {
         Profile { goal, ..self.config.profile() }
     }
 
-    fn move_on(&mut self, now: Time) {
+    fn move_on(&mut self, now: Time) -> Result<(), TrialError> {
         if self.step.is_multiple_of(WIND_STEPS) {
             self.wind_world = self.wind.step(WIND_STEPS as f64 * STEP_S, &self.quad.state().vel_world);
         }
@@ -313,7 +313,7 @@ impl<'a> Lockstep<'a> {
         let world = &self.scene.world;
         let ground = |x, y| world.ground_height(x, y);
         match &mut self.firmware {
-            Some(firmware) => firmware.drive(self.step, &mut self.quad, self.wind_world, ground),
+            Some(firmware) => firmware.drive(self.step, &mut self.quad, self.wind_world, ground)?,
             None => self.quad.step(STEP_S, demand.as_ref(), self.wind_world, ground),
         }
         if self.in_task(now) {
@@ -332,6 +332,7 @@ impl<'a> Lockstep<'a> {
                 }
             }
         }
+        Ok(())
     }
 
     /// How far along the course the flight is, m: the evader's way, or the vehicle's toward its goal.
