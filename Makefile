@@ -9,7 +9,7 @@ ARCH ?= $(HOST)
 # Built for the other processor: only a 64-bit ARM is built for elsewhere.
 CROSS := $(if $(filter-out $(HOST),$(ARCH)),aarch64-unknown-linux-gnu)
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER := $(if $(CROSS),aarch64-linux-gnu-gcc,cc)
-# What only x86-64 has packages of: OpenVINO, and the ray caster of the benchmarks.
+# What only x86-64 has packages of: OpenVINO, librealsense, and the ray caster of the benchmarks.
 X86 := $(filter amd64,$(HOST))
 BUILT := target/$(if $(CROSS),$(CROSS)/)release
 VENV := .venv
@@ -80,7 +80,7 @@ $(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.
 
 setup: $(VENV)/.station build ## everything that the demo needs
 
-setup-camera: $(VENV)/.camera ## everything that `goshawk-camera` needs, on the vehicle (x86-64)
+setup-camera: $(VENV)/.camera ## everything that `goshawk-camera` needs, on the vehicle (on arm64 without librealsense: docs/how-to/camera.md)
 
 setup-openvino: $(VENV)/.openvino ## ONNX Runtime for Intel processors and their graphics, in .venv/openvino (x86-64)
 
@@ -157,8 +157,9 @@ test-untimed:
 
 pins: | $(UV) ## Python packages pinned anew, by their hashes (UPGRADE=1: to current releases)
 	$(PIN) $(if $(UPGRADE),--upgrade) tests/requirements.in -o tests/requirements.txt
-	for f in ground/bootstrap ground ground/rerun ground/campaign ground/train ground/train/torch ground/sim/benches air/sensors; do \
+	for f in ground/bootstrap ground ground/rerun ground/campaign ground/train ground/train/torch ground/sim/benches; do \
 	  $(PIN) $(if $(UPGRADE),--upgrade) $$f/requirements.in -c tests/requirements.txt -o $$f/requirements.txt || exit 1; done
+	$(PIN) $(if $(UPGRADE),--upgrade) --no-strip-markers air/sensors/requirements.in -o air/sensors/requirements.txt
 	$(PIN) $(if $(UPGRADE),--upgrade) --no-deps air/policy/openvino/requirements.in -o air/policy/openvino/requirements.txt
 
 deny: ## licences, sources, duplicate and vulnerable crates, by cargo-deny (which it installs)
@@ -180,7 +181,7 @@ bench: setup setup-train setup-campaign setup-camera $(if $(X86),$(VENV)/.openvi
 	try $(VENV)/bin/python ground/station/benches/dashboard.py --frames --seconds 30; \
 	try $(VENV)/bin/python ground/station/benches/gate.py; \
 	try $(VENV)/bin/python ground/train/benches/campaign_scaling.py; \
-	try env PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py; \
+	$(if $(X86),try env PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py,echo "goshawk-camera is not timed: there is no package of librealsense for this processor"); \
 	test -z "$$missing" || { printf "these have no figure, run them again:$$missing\n"; exit 1; }
 
 chaos: setup ## flights with seeded schedules of faults, every step judged (SEED=n, N=how many)

@@ -39,6 +39,20 @@ Comments = Mapping[tuple[int, ...], tuple[str, str]]
 def ground_page() -> str:
     """`goshawk` with all its commands."""
     from goshawk_ground.cli import app
+
+    what = "The ground's command: `make setup` installs it as `.venv/bin/goshawk`, `make setup-train` adds the trainer."
+    return _typer_page("goshawk", app, what)
+
+
+def camera_page() -> str:
+    """`goshawk-camera` with all its commands."""
+    from goshawk_sensors.cli import app
+
+    what = "The camera's driver on the vehicle: `make setup-camera` installs it as `.venv/bin/goshawk-camera`."
+    return _typer_page("goshawk-camera", app, what)
+
+
+def _typer_page(program: str, app: Any, what: str) -> str:
     from typer.main import get_command
 
     def walk(command: Any, name: str, parent: Any) -> Iterator[str]:
@@ -51,8 +65,7 @@ def ground_page() -> str:
             for inner in command.list_commands(context):
                 yield from walk(command.get_command(context, inner), inner, context)
 
-    what = "The ground's command: `make setup` installs it as `.venv/bin/goshawk`, `make setup-train` adds the trainer."
-    return _page("The `goshawk` command", what, *walk(get_command(app), "goshawk", None))
+    return _page(f"The `{program}` command", what, *walk(get_command(app), program, None))
 
 
 def rust_page(program: str, what: str) -> str:
@@ -217,6 +230,7 @@ def index_page(pages: Mapping[str, str]) -> str:
 
 PAGES: Mapping[str, Callable[[], str]] = {
     "goshawk.md": ground_page,
+    "goshawk-camera.md": camera_page,
     "goshawk-air.md": lambda: rust_page("goshawk-air", "The onboard process, in `target/release` after `make build`."),
     "goshawk-sim.md": lambda: rust_page("goshawk-sim", "The simulator, in `target/release` after `make build`."),
     "goshawk-ros2.md": lambda: rust_page(

@@ -13,9 +13,9 @@ from camera_process import COMMAND
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.state.snapshot import Snapshot
 from goshawk_proto import goshawk_pb2 as pb
+from lenses import rig as rig_of
 from rig import BIN, ROOT, VEHICLE, Rig, free_port
 from software_camera import Shot, SoftwareCamera
-from software_camera import rig as lenses
 
 BEGIN_S, LONG_S, RATE_HZ = 6.0, 5.0, 30
 """Of the simulated chase: from when the target is well in view."""
@@ -40,7 +40,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     command = [BIN / "goshawk-sim", "fly", "--task", "track", "--speed", "3", "--trials", "1", "--log", folder]
     subprocess.run([str(c) for c in command], cwd=ROOT, check=True, capture_output=True, timeout=240)
     (log,) = folder.rglob("*.mcap")
-    return SoftwareCamera(lenses((160, 96))).record(folder / "chase.db3", shots(Flight.open(log)))
+    return SoftwareCamera(rig_of((160, 96))).record(folder / "chase.db3", shots(Flight.open(log)))
 
 
 def test_a_recording_through_goshawk_camera_makes_the_vehicle_ready_and_it_flies_after_what_it_sees(

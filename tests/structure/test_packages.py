@@ -19,6 +19,11 @@ PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["
 PINS = dict(re.findall(r"^([\w.-]+)==([\w.]+)", (ROOT / "tests/requirements.txt").read_text(), re.MULTILINE))
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
 RANGES = [Requirement(text) for some in (PROJECT["dependencies"], *EXTRAS.values()) for text in some]
+BESIDE: dict[str, dict[str, Any]] = {
+    folder: tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]
+    for folder in ("air/sensors", "ground/train")
+}
+"""The packages that are installed beside `goshawk`."""
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
 
 
@@ -27,14 +32,31 @@ CRATES = [file.parent for file in ROOT.glob("[agp]*/**/Cargo.toml")]
 """Those of the workspace that are not tests."""
 
 
+def _extras(folder: str) -> dict[str, list[str]]:
+    return BESIDE[folder].get("optional-dependencies", {})
+
+
 def _tracked(*folders: str) -> list[str]:
     return subprocess.check_output(["git", "ls-files", *folders], cwd=ROOT, text=True).splitlines()
 
 
 def test_all_packages_have_one_version() -> None:
-    trainer = tomllib.loads((ROOT / "ground/train/pyproject.toml").read_text())["project"]
     crates = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]
-    assert PROJECT["version"] == trainer["version"] == crates["version"]
+    assert {crates["version"], *(each["version"] for each in BESIDE.values())} == {PROJECT["version"]}
+
+
+@pytest.mark.parametrize("folder", BESIDE)
+def test_no_package_asks_the_index_for_goshawk(folder: str) -> None:
+    """There it is another project's: it must come out of the same checkout."""
+    asked = [*BESIDE[folder]["dependencies"], *(each for some in _extras(folder).values() for each in some)]
+    assert len(asked) > 5
+    assert not {Requirement(each).name for each in asked} & {PROJECT["name"], *(p["name"] for p in BESIDE.values())}
+
+
+def test_the_cameras_package_installs_on_arm_without_librealsense() -> None:
+    asked = {each.name: each for each in map(Requirement, BESIDE["air/sensors"]["dependencies"])}
+    marker = asked["pyrealsense2"].marker
+    assert marker is not None and not marker.evaluate({"platform_machine": "aarch64"})
 
 
 @pytest.mark.parametrize("wanted", RANGES, ids=str)

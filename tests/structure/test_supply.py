@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[2]
 DENY = tomllib.loads((ROOT / "deny.toml").read_text())
 CRATES: list[dict[str, Any]] = tomllib.loads((ROOT / "Cargo.lock").read_text())["package"]
-APART = ("air/policy/openvino", "ground/sim/benches")
-"""What the tests do without: there is no package of it for ARM."""
+APART = ("air/policy/openvino", "air/sensors", "ground/sim/benches")
+"""What has no package for ARM: its pins are not among those of the tests."""
 PINS = sorted(path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("[agt]*/**/requirements.in"))
 
 
@@ -92,3 +93,12 @@ def test_every_python_package_is_pinned_by_its_hash(folder: str) -> None:
     assert folder in APART or set(pins) <= set(
         re.sub(r"\\\n\s*", "", (ROOT / "tests/requirements.txt").read_text()).splitlines()
     )
+
+
+def test_an_arm_computer_asks_for_no_librealsense() -> None:
+    """There is no package of it: the set-up would end there."""
+    (pin,) = re.findall(r"(?m)^(pyrealsense2==.*?) *\\$", (ROOT / "air/sensors/requirements.txt").read_text())
+    marker = Requirement(pin).marker
+    assert marker is not None
+    assert [marker.evaluate({"platform_machine": machine}) for machine in ("x86_64", "aarch64")] == [True, False]
+    assert "pyrealsense2" not in _names((ROOT / "tests/requirements.txt").read_text())

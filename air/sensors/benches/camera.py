@@ -38,7 +38,8 @@ from goshawk_sensors.feed import Images, publisher
 from goshawk_sensors.setup import profile, vehicle
 from goshawk_sensors.setup.errors import EndOfRecordingError
 from goshawk_sensors.view.pinhole import Rig
-from software_camera import Shot, SoftwareCamera, lens, rig
+from lenses import lens, rig
+from software_camera import Shot, SoftwareCamera
 
 TARGET_CORE, TARGET_MS = 0.15, 3.0
 ROOT = Path(__file__).resolve().parents[3]

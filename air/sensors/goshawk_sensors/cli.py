@@ -16,7 +16,6 @@ import typer
 
 from goshawk_sensors import keeping, tally
 from goshawk_sensors.cameras.recorder import Recorder
-from goshawk_sensors.feed import Images, publisher
 from goshawk_sensors.keeping import Opening
 from goshawk_sensors.setup import address, profile, vehicle
 from goshawk_sensors.setup.errors import CameraError, RecordingError
@@ -54,12 +53,13 @@ def list_cameras() -> None:
 
     Example: goshawk-camera list
     """
-    from goshawk_sensors.cameras import realsense
+    typer.echo(f"profiles: {', '.join(profile.shipped())}")
+    with told():
+        from goshawk_sensors.cameras import realsense
 
-    found = [realsense.describe(device) for device in realsense.cameras()]
+        found = [realsense.describe(device) for device in realsense.cameras()]
     for name in found:
         typer.echo(name)
-    typer.echo(f"profiles: {', '.join(profile.shipped())}")
     if not found:
         fail("no RealSense is plugged in: see its cable and USB 3 port; an OAK-D is not listed")
 
@@ -87,6 +87,8 @@ def run(
     goshawk-camera run --config vehicle.toml --play flight.db3 --loop
     """
     with told(), interrupted() as ending:
+        from goshawk_sensors.feed import Images, publisher
+
         chosen, fed = profile.load(profile_name), vehicle.load(config)
         endpoint = address.checked(fed.endpoint if connect is None else connect)
         recorder = None if record is None else Recorder(record, say)
@@ -131,6 +133,8 @@ def check(
     Example: goshawk-camera check --config vehicle.toml --profile d455
     """
     with told(), interrupted() as ending:
+        from goshawk_sensors.feed import Images
+
         chosen, fed = profile.load(profile_name), vehicle.load(config)
         images, seen = Images(fed.wanted, chosen), tally.Tally()
         begun_s: float | None = None

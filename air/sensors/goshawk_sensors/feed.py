@@ -7,7 +7,6 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 import zenoh
-from goshawk_proto import KEYS, LinkError, client_config, goshawk_pb2, key_expression
 
 from goshawk_sensors.cameras.source import Frame, Source
 from goshawk_sensors.keeping import Say
@@ -15,6 +14,14 @@ from goshawk_sensors.setup.errors import CameraError
 from goshawk_sensors.setup.profile import Profile
 from goshawk_sensors.setup.vehicle import Wanted
 from goshawk_sensors.view.resample import Millimetres, Resampler
+
+try:
+    from goshawk_proto import KEYS, LinkError, client_config, goshawk_pb2, key_expression
+except ModuleNotFoundError as error:
+    raise CameraError(
+        f"the package goshawk is not here ({error}): install it from the same checkout (make setup-camera, or pip "
+        "install . ./air/sensors), for the package index's goshawk is another project's"
+    ) from error
 
 DIAL_AGAIN_S = 0.5
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from goshawk_sensors.cameras import realsense
 from goshawk_sensors.cli import main
-from software_camera import Shot, SoftwareCamera, rig
+from lenses import rig
+from software_camera import Shot, SoftwareCamera
 
 
 def film(camera: SoftwareCamera, ending: threading.Event) -> None:

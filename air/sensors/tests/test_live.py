@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 from camera_process import VEHICLE
-from goshawk_sensors import cli, keeping
+from goshawk_sensors import cli, feed, keeping
 from goshawk_sensors.cameras import realsense
 from goshawk_sensors.cameras.librealsense import Handle, rs
 from goshawk_sensors.cameras.recorder import RecordedFile, Recorder, unused
@@ -21,7 +21,8 @@ from goshawk_sensors.cameras.source import Frame
 from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError, NoCameraError
 from goshawk_sensors.setup.profile import Depth, Image, Profile
 from goshawk_sensors.view.pinhole import Rig
-from software_camera import Shot, SoftwareCamera, rig
+from lenses import rig
+from software_camera import Shot, SoftwareCamera
 from typer.testing import CliRunner
 
 SIZE = (320, 192)
@@ -316,7 +317,7 @@ def test_its_tables_are_made_before_the_first_image_is_asked_for(command: str, m
         """Ctrl-C stays the tests' own."""
 
     monkeypatch.setattr(cli, "_opening", opening)
-    monkeypatch.setattr(cli, "publisher", nobody)
+    monkeypatch.setattr(feed, "publisher", nobody)
     monkeypatch.setattr(cli.signal, "signal", unheard)
     CliRunner().invoke(cli.app, [command, "--config", str(VEHICLE)])
     assert asked == ["rig", "read", "close"]

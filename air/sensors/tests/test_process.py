@@ -22,7 +22,8 @@ from goshawk_sensors.cli import LEAST_RATE
 from goshawk_sensors.setup import profile
 from goshawk_sensors.setup.errors import CameraError, EndOfRecordingError
 from goshawk_sensors.setup.vehicle import endpoint, load
-from software_camera import Shot, SoftwareCamera, d435
+from lenses import d435
+from software_camera import Shot, SoftwareCamera
 
 POLICY = (160, 96)
 FIRST_S = 20.0

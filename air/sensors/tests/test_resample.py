@@ -6,41 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from goshawk_sensors.cameras.librealsense import rs
+from goshawk_sensors.setup import profile
 from goshawk_sensors.setup.errors import CameraError
 from goshawk_sensors.setup.profile import Align
 from goshawk_sensors.setup.vehicle import Wanted
-from goshawk_sensors.view.pinhole import Distortion, Lens
 from goshawk_sensors.view.resample import Resampler
-from hypothesis import given
-from hypothesis import strategies as st
-from software_camera import d435, lens, rig
+from lenses import d435, lens, rig
 
 WANTED = Wanted(width=160, height=96, hfov_rad=float(np.radians(90.0)), vfov_rad=float(np.radians(61.93)))
 CLIP_M = (0.2, 20.0)
 GREY = np.full((192, 320, 3), 99, dtype=np.uint8)
-
-
-@given(
-    model=st.sampled_from(["brown_conrady", "modified_brown_conrady", "inverse_brown_conrady"]),
-    coefficients=st.tuples(*[st.floats(-0.08, 0.08)] * 5),
-    x=st.floats(-1.0, 1.0),
-    y=st.floats(-0.7, 0.7),
-    z=st.floats(0.3, 20.0),
-)
-def test_a_point_falls_on_the_pixel_that_librealsense_says(
-    model: str, coefficients: tuple[float, float, float, float, float], x: float, y: float, z: float
-) -> None:
-    theirs = rs.intrinsics()
-    theirs.width, theirs.height, theirs.fx, theirs.fy, theirs.ppx, theirs.ppy = 848, 480, 425.0, 424.0, 420.0, 241.0
-    theirs.model, theirs.coeffs = getattr(rs.distortion, model), list(coefficients)
-    kind: Distortion = "brown_conrady" if model == "brown_conrady" else "modified_brown_conrady"
-    ours = Lens(
-        width=848, height=480, fx=425.0, fy=424.0, cx=420.0, cy=241.0, distortion=kind, coefficients=coefficients
-    )
-    point = np.array([[x * z, y * z, z]], dtype=np.float32)
-    expected = rs.rs2_project_point_to_pixel(theirs, point[0].tolist())
-    assert ours.project(point)[0] == pytest.approx(expected, abs=0.01)
 
 
 def test_a_colour_pixel_is_the_mean_of_the_pixels_under_it() -> None:
@@ -126,6 +101,16 @@ def test_a_field_that_is_a_little_narrow_goes_out_as_what_it_is() -> None:
     resampler = Resampler(narrow, WANTED, "depth", CLIP_M)
     assert np.degrees(resampler.hfov_rad) == pytest.approx(89.0)
     assert np.degrees(resampler.vfov_rad) == pytest.approx(61.93)
+
+
+def test_a_d455_whose_axis_is_off_the_middle_sends_exactly_the_policys_view() -> None:
+    """As they are made: then it sees a little less than 90 degrees to both sides of its axis."""
+    d455 = profile.load("d455")
+    off = replace(lens(*d455.colour.size, 90.0, 65.0), cx=629.5)
+    both = replace(rig(), colour=off, depth=lens(*d455.depth.size, 87.0, 58.0))
+    assert off.fov_deg[0] < 89.5
+    resampler = Resampler(both, WANTED, d455.align, d455.depth.clip_m, rim=d455.rim)
+    assert (resampler.hfov_rad, resampler.vfov_rad) == (WANTED.hfov_rad, WANTED.vfov_rad)
 
 
 @pytest.mark.parametrize(("align", "seen"), [("depth", "87.0"), ("colour", "69.0")])

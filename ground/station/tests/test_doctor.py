@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -136,6 +137,52 @@ def test_a_vehicles_processor_keeps_its_clock(tree: Path, governors: tuple[str, 
         file.parent.mkdir(parents=True)
         file.write_text(f"{governor}\n")
     assert by_name(list(vehicle.computer(tree / "bin", tree)))["processor"].state is state
+
+
+@pytest.mark.parametrize(
+    ("has", "state", "words"),
+    [
+        (None, State.NOTE, "no goshawk-camera is here"),
+        ("", State.NOTE, "has no librealsense"),
+        ("pyrealsense2", State.OK, "with librealsense;"),
+        ("depthai", State.OK, "with depthai;"),
+        ("pyrealsense2 depthai", State.OK, "with librealsense and depthai;"),
+    ],
+)
+def test_a_vehicles_camera_driver_and_its_library_are_looked_for(
+    tree: Path, monkeypatch: pytest.MonkeyPatch, has: str | None, state: State, words: str
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(tree / "none/python"))
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    if has is not None:
+        programs = tree / ".venv/bin"
+        programs.mkdir()
+        (programs / "goshawk-camera").touch()
+        fits = " | ".join(f'*"import {package}"*' for package in ("nothing", *has.split()))
+        (programs / "python").write_text(f'#!/bin/sh\ncase "$*" in {fits}) exit 0 ;; esac; exit 1\n')
+        (programs / "python").chmod(0o755)
+    camera = by_name(list(vehicle.computer(tree / "bin", tree)))["camera"]
+    assert camera.state is state and words in camera.text
+    assert bool(camera.todo) == (state is State.NOTE)
+
+
+def dialout(name: str) -> SimpleNamespace:
+    return SimpleNamespace(gr_gid=20)
+
+
+@pytest.mark.parametrize(
+    ("user", "groups", "state"),
+    [(0, [], State.OK), (1000, [20], State.OK), (1000, [1000], State.NOTE)],
+    ids=["root", "member", "stranger"],
+)
+def test_a_vehicles_user_may_open_serial_ports(
+    tree: Path, monkeypatch: pytest.MonkeyPatch, user: int, groups: list[int], state: State
+) -> None:
+    monkeypatch.setattr(vehicle.os, "geteuid", lambda: user)
+    monkeypatch.setattr(vehicle.os, "getgroups", lambda: groups)
+    monkeypatch.setattr(vehicle.grp, "getgrnam", dialout)
+    ports = by_name(list(vehicle.computer(tree / "bin", tree)))["serial ports"]
+    assert ports.state is state and ("usermod -aG dialout" in ports.todo) == (state is State.NOTE)
 
 
 def test_a_vehicle_needs_its_vehicle_file(tree: Path) -> None:

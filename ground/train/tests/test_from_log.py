@@ -23,7 +23,7 @@ from goshawk_train.data.check.report import check
 from goshawk_train.data.flown.convert import Choice, from_logs
 from goshawk_train.data.flown.fuse import Fusion
 from goshawk_train.data.flown.mine import Other
-from goshawk_train.data.flown.recording import read
+from goshawk_train.data.flown.recording import FIELD_OF_VIEW, read
 from goshawk_train.data.flown.smooth import smooth
 from goshawk_train.data.foreign.resample import OURS
 from goshawk_train.data.layout import Labels, alone
@@ -301,12 +301,17 @@ def without(topic: str) -> Callable[[str, bytes], bytes | None]:
     return lambda of, payload: None if of == topic else payload
 
 
-def of_another_camera(topic: str, payload: bytes) -> bytes:
-    if topic != "log/rgbd":
-        return payload
-    image = pb.CompressedRgbd.FromString(payload)
-    image.hfov_rad = 1.2
-    return image.SerializeToString()
+def seen_by(share: float) -> Callable[[str, bytes], bytes]:
+    """The same images, as if a lens had taken them that sees this share of the width."""
+
+    def change(topic: str, payload: bytes) -> bytes:
+        if topic != "log/rgbd":
+            return payload
+        image = pb.CompressedRgbd.FromString(payload)
+        image.hfov_rad *= share
+        return image.SerializeToString()
+
+    return change
 
 
 def without_a_vehicle_file(topic: str, payload: bytes) -> bytes:
@@ -325,6 +330,32 @@ def with_a_broken_picture(topic: str, payload: bytes) -> bytes:
     return image.SerializeToString()
 
 
+@pytest.mark.parametrize("share", [0.985, 1.015])
+def test_a_lens_that_sees_a_little_more_or_less_is_brought_to_the_policies_view(
+    log: Path, tmp_path: Path, share: float
+) -> None:
+    other = read(rewritten(log, tmp_path / "other.mcap", seen_by(share)))
+    same = read(rewritten(log, tmp_path / "same.mcap", seen_by(1.0)))
+    # Where the other lens has what we see in each of our columns, and whether it is within its image.
+    tangent_U = (np.arange(OURS.width) + 0.5 - OURS.width / 2) / OURS.focal_px
+    column_U = np.floor((1 + tangent_U / np.tan(share * OURS.hfov_rad / 2)) * OURS.width / 2).astype(int)
+    inside_U = (column_U >= 0) & (column_U < OURS.width)
+    assert inside_U.all() == (share > 1) and inside_U.mean() > 0.95
+    frame = len(same.stamp_F) // 2
+    depth = other.depth(frame)
+    assert np.array_equal(depth[:, inside_U], same.depth(frame)[:, column_U[inside_U]])
+    assert not depth[:, ~inside_U].any()
+    middle = slice(OURS.width // 2 - 5, OURS.width // 2 + 5)
+    off = other.rgb(frame).astype(int)[:, middle] - same.rgb(frame)[:, middle]
+    assert np.abs(off).mean() < 10
+    assert from_logs([other.flight.path], tmp_path / "out", Choice()).kept > 0
+
+
+def test_a_log_is_learnt_from_as_far_as_the_vehicle_flies_with_its_camera() -> None:
+    vehicle = (ROOT / "air/policy/src/preprocess.rs").read_text()
+    assert f"pub const FIELD_OF_VIEW_TOLERANCE: f64 = {FIELD_OF_VIEW};" in vehicle
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -332,7 +363,8 @@ def with_a_broken_picture(topic: str, payload: bytes) -> bytes:
         (without("log/odometry"), "holds no odometry around its images"),
         (without("tel/control"), "holds no image that was taken in flight"),
         (without_a_vehicle_file, "holds no vehicle file with a camera"),
-        (of_another_camera, "its images are 160 x 96 at 68.8 x 61.9 deg, the policies see 160 x 96 at 90.0 x 61.9 deg"),
+        (seen_by(0.975), "its images are 160 x 96 at 87.8 x 61.9 deg, the policies see 160 x 96 at 90.0 x 61.9 deg"),
+        (seen_by(1.025), "its images are 160 x 96 at 92.2 x 61.9 deg, the policies see"),
         (with_a_broken_picture, "is broken"),
     ],
 )

@@ -1,4 +1,4 @@
-"""An OAK-D by depthai 3. UNTRIED: written from depthai's own signatures, run on no camera yet.
+"""An OAK-D by depthai 3. UNTRIED: held to depthai's own signatures by tests, run on no camera yet.
 
 The camera brings its depth onto the colour's view and takes the lens' distortion out of both, so they share one lens.
 """
@@ -31,7 +31,9 @@ def open_live(profile: Profile, wanted_serial: str | None) -> Oak:
     try:
         import depthai as dai  # pyright: ignore[reportMissingImports]
     except ImportError as error:
-        raise CameraError("an OAK-D needs depthai: pip install 'depthai>=3,<4' beside goshawk-sensors") from error
+        raise CameraError(
+            "an OAK-D needs depthai: install it beside goshawk-sensors (docs/how-to/camera.md, An OAK-D)"
+        ) from error
     try:
         return Oak(dai, dai.Device(wanted_serial) if wanted_serial else dai.Device(), profile)
     except RuntimeError as error:
@@ -45,7 +47,7 @@ class Oak:
 
     def __init__(self, dai: Any, device: Any, profile: Profile) -> None:
         self.name = f"OAK-D {device.getDeviceId()}"
-        self._dai, self._pipeline = dai, dai.Pipeline(device)
+        self._dai, self._device, self._pipeline = dai, device, dai.Pipeline(device)
         sockets, rate_hz = dai.CameraBoardSocket, profile.rate_hz
         eyes = [self._pipeline.create(dai.node.Camera).build(socket) for socket in (sockets.CAM_B, sockets.CAM_C)]
         eye = self._pipeline.create(dai.node.Camera).build(sockets.CAM_A)
@@ -73,7 +75,7 @@ class Oak:
         """The next pair, a moment's silence, or NoCameraError after a long one."""
         try:
             group = self._queue.get(MOMENT)
-        except RuntimeError as error:
+        except (RuntimeError, self._dai.MessageQueue.QueueException) as error:  # the latter is no RuntimeError
             raise NoCameraError(f"{self.name} is gone") from error
         now_s = time.monotonic()
         if group is None:
@@ -93,8 +95,9 @@ class Oak:
         )
 
     def close(self) -> None:
-        """Safe to call twice."""
+        """Safe to call twice. The device is let go too, or it could not be opened again."""
         self._pipeline.stop()
+        self._device.close()
 
 
 def _expose(camera: Any, image: Image) -> None:

@@ -43,7 +43,7 @@ impl Camera {
     #[must_use]
     pub fn new(camera: &config::Camera) -> Self {
         let (hfov, vfov) = (camera.hfov_deg.to_radians(), camera.vfov_deg.to_radians());
-        let view = View { width: camera.width, height: camera.height, hfov, vfov };
+        let view = View { width: camera.width, height: camera.height, hfov, vfov, rim: camera.rim };
         let within = (camera.pair_within_ms * 1e6) as u64;
         Camera { view, rectified: camera.rectified, lens: Mutex::new(None), pairs: Mutex::new(Pairs::new(within)) }
     }
@@ -83,7 +83,7 @@ impl Camera {
             }
         };
         let Some((rgb, depth)) = lock(&self.pairs).take(side, half) else { return Ok(None) };
-        let View { width, height, hfov, vfov } = self.view;
+        let View { width, height, hfov, vfov, .. } = self.view;
         Ok(Some(v1::Rgbd {
             seq: 0,
             stamp_ns: rgb.stamp,

@@ -86,6 +86,8 @@ pub struct Camera {
     pub info: String,
     /// Both are rectified: the lens is `info`'s P, and has no distortion.
     pub rectified: bool,
+    /// A lens that sees less than the policy is taken too.
+    pub rim: bool,
     /// Two images are one if their stamps are no farther apart, ms.
     pub pair_within_ms: f64,
     /// What is sent on, px.

@@ -1,6 +1,7 @@
 //! From a camera's image to the picture that the policy was trained with: which pixels are looked up, worked out once.
 
 use crate::messages::CameraInfo;
+use std::ops::Range;
 
 /// An image has no more pixels than this.
 const MOST_PIXELS: u32 = 4096 * 4096;
@@ -23,7 +24,8 @@ pub enum LensError {
     Part,
     /// It sees less than asked for.
     #[error(
-        "sees less than {hfov_deg:.1} x {vfov_deg:.1} degrees: take a wider lens, or a policy and a vehicle file of less"
+        "sees less than {hfov_deg:.1} x {vfov_deg:.1} degrees: take a wider lens, or write rim = true under [camera], or \
+         take a policy and a vehicle file of less"
     )]
     Narrow {
         /// Asked for.
@@ -44,6 +46,8 @@ pub struct View {
     pub hfov: f64,
     /// rad.
     pub vfov: f64,
+    /// A lens that sees less is taken too: beyond it colour repeats its border, and nothing is measured.
+    pub rim: bool,
 }
 
 /// Which pixels of the camera's image make the picture.
@@ -55,8 +59,8 @@ pub struct Map {
     pub height: u32,
     /// For each pixel of the picture where the colours are that are averaged, column and row.
     pub colour: Vec<[(u16, u16); 4]>,
-    /// For each pixel of the picture where its depth is.
-    pub depth: Vec<(u16, u16)>,
+    /// For each pixel of the picture where its depth is; none: the lens does not see there.
+    pub depth: Vec<Option<(u16, u16)>>,
 }
 
 /// fx, fy, cx, cy in px; k1, k2, p1, p2, k3.
@@ -119,8 +123,9 @@ impl Map {
     /// It cannot give that picture.
     pub fn new(info: &CameraInfo, rectified: bool, view: &View) -> Result<Self, LensError> {
         let lens = Lens::new(info, rectified)?;
-        let narrow = || LensError::Narrow { hfov_deg: view.hfov.to_degrees(), vfov_deg: view.vfov.to_degrees() };
+        let narrow = LensError::Narrow { hfov_deg: view.hfov.to_degrees(), vfov_deg: view.vfov.to_degrees() };
         let (right, down) = ((view.hfov / 2.0).tan(), (view.vfov / 2.0).tan());
+        // Where the camera's image shows that place of the picture, and whether it does.
         let at = |column: f64, row: f64| {
             let x = right * (2.0 * column / f64::from(view.width) - 1.0);
             let y = down * (2.0 * row / f64::from(view.height) - 1.0);
@@ -128,27 +133,52 @@ impl Map {
             let clamped = |place: f64, size: u32| {
                 let (place, short) = (place.round(), SHORT * f64::from(size));
                 let seen = place >= -short && place < f64::from(size) + short;
-                seen.then(|| place.clamp(0.0, f64::from(size - 1)) as u16)
+                (place.clamp(0.0, f64::from(size - 1)) as u16, seen)
             };
-            clamped(u, info.width).zip(clamped(v, info.height)).ok_or_else(narrow)
+            let ((u, in_row), (v, in_column)) = (clamped(u, info.width), clamped(v, info.height));
+            ((u, v), in_row && in_column)
         };
+        let step = 1.0 / f64::from(SAMPLES);
+        // Where a pixel of the picture takes its colours and its depth from, and whether the lens sees all of these.
+        let pixel = |column: u32, row: u32| {
+            let (left, top) = (f64::from(column), f64::from(row));
+            let (depth, mut seen) = at(left + 0.5, top + 0.5);
+            let mut samples = [(0, 0); 4];
+            for (k, sample) in samples.iter_mut().enumerate() {
+                let (right, down) = (k as u32 % SAMPLES, k as u32 / SAMPLES);
+                let (place, shown) = at(left + step * (f64::from(right) + 0.5), top + step * (f64::from(down) + 0.5));
+                (*sample, seen) = (place, seen && shown);
+            }
+            (samples, depth, seen)
+        };
+        let columns = stretch(view.width, |column| pixel(column, view.height / 2).2);
+        let rows = stretch(view.height, |row| pixel(view.width / 2, row).2);
+        if columns.is_empty() || rows.is_empty() {
+            return Err(narrow);
+        }
         let pixels = (view.width * view.height) as usize;
         let (mut colour, mut depth) = (Vec::with_capacity(pixels), Vec::with_capacity(pixels));
-        let step = 1.0 / f64::from(SAMPLES);
         for row in 0..view.height {
             for column in 0..view.width {
-                let (left, top) = (f64::from(column), f64::from(row));
-                let mut samples = [(0, 0); 4];
-                for (k, sample) in samples.iter_mut().enumerate() {
-                    let (right, down) = (k as u32 % SAMPLES, k as u32 / SAMPLES);
-                    *sample = at(left + step * (f64::from(right) + 0.5), top + step * (f64::from(down) + 0.5))?;
+                // Beyond what the lens sees about its axis its polynomial may lead back into the image.
+                let near = (column.clamp(columns.start, columns.end - 1), row.clamp(rows.start, rows.end - 1));
+                let (samples, place, seen) = pixel(near.0, near.1);
+                let measured = seen && near == (column, row);
+                if !measured && !view.rim {
+                    return Err(narrow);
                 }
                 colour.push(samples);
-                depth.push(at(left + 0.5, top + 0.5)?);
+                depth.push(measured.then_some(place));
             }
         }
         Ok(Map { width: info.width, height: info.height, colour, depth })
     }
+}
+
+/// The stretch about the middle of 0..`size` where all is `seen`.
+fn stretch(size: u32, seen: impl Fn(u32) -> bool) -> Range<u32> {
+    let low = (0..size / 2).rev().find(|&place| !seen(place)).map_or(0, |place| place + 1);
+    low..(size / 2..size).find(|&place| !seen(place)).unwrap_or(size)
 }
 
 #[cfg(test)]
@@ -156,7 +186,7 @@ pub(crate) mod tests {
     use super::*;
 
     pub(crate) const VIEW: View =
-        View { width: 4, height: 2, hfov: std::f64::consts::FRAC_PI_2, vfov: 0.927_295_218_001_612_2 };
+        View { width: 4, height: 2, hfov: std::f64::consts::FRAC_PI_2, vfov: 0.927_295_218_001_612_2, rim: false };
 
     /// A pinhole that sees exactly that: its pixels are the picture's, `scale` times as fine.
     pub(crate) fn pinhole(scale: u32) -> CameraInfo {
@@ -168,7 +198,7 @@ pub(crate) mod tests {
     #[test]
     fn a_pinhole_of_that_view_is_taken_pixel_by_pixel() {
         let map = Map::new(&pinhole(1), false, &VIEW).unwrap();
-        let wanted: Vec<(u16, u16)> = (0..2).flat_map(|row| (0..4).map(move |column| (column, row))).collect();
+        let wanted: Vec<_> = (0..2).flat_map(|row| (0..4).map(move |column| Some((column, row)))).collect();
         assert_eq!(map.depth, wanted);
         let fine = Map::new(&pinhole(2), false, &VIEW).unwrap();
         assert_eq!(fine.colour[5], [(2, 2), (3, 2), (2, 3), (3, 3)]);
@@ -180,9 +210,30 @@ pub(crate) mod tests {
         info.k[0] *= 0.8;
         info.k[4] *= 0.8;
         let map = Map::new(&info, false, &VIEW).unwrap();
-        assert_eq!(map.depth[0], (80, 60));
+        assert_eq!(map.depth[0], Some((80, 60)));
         info.k[0] *= 1.5;
         assert!(matches!(Map::new(&info, false, &VIEW), Err(LensError::Narrow { .. })));
+    }
+
+    #[test]
+    fn beyond_a_narrower_lens_colour_repeats_its_border_and_nothing_is_measured() {
+        let view = View { width: 40, height: 20, rim: true, ..VIEW };
+        let mut info = pinhole(100);
+        (info.k[0], info.k[4]) = (300.0, 200.0);
+        info.distortion_model = "plumb_bob".to_owned();
+        for d in [vec![], vec![-0.3, 0.0, 0.0, 0.0, 0.0]] {
+            info.d = d;
+            let map = Map::new(&info, false, &view).unwrap();
+            let row = &map.depth[400..440];
+            let seen: Vec<_> = row.iter().map(Option::is_some).collect();
+            let first = seen.iter().position(|&seen| seen).unwrap();
+            assert!((1..9).contains(&first) && seen[first..40 - first].iter().all(|&seen| seen), "{seen:?}");
+            assert!(!seen[40 - first..].iter().any(|&seen| seen));
+            assert_eq!(map.colour[400], map.colour[400 + first]);
+            assert!(map.depth.iter().flatten().all(|&(column, row)| column < 400 && row < 200));
+        }
+        info.k[2] = 4000.0;
+        assert!(matches!(Map::new(&info, false, &view), Err(LensError::Narrow { .. })), "it looks elsewhere");
     }
 
     // By OpenCV's formula at x = -0.75, y = -0.25, worked out by hand.
@@ -195,7 +246,7 @@ pub(crate) mod tests {
         let radial = 1.0 - 0.1 * r2 + 0.01 * r2 * r2;
         let u = -0.75 * radial + 0.002 * 0.75 * 0.25 - 0.002 * (r2 + 2.0 * 0.75 * 0.75);
         let v = -0.25 * radial + 0.001 * (r2 + 2.0 * 0.25 * 0.25) - 0.004 * 0.75 * 0.25;
-        assert_eq!(map.depth[0], ((200.0 * u + 199.5).round() as u16, (200.0 * v + 99.5).round() as u16));
+        assert_eq!(map.depth[0], Some(((200.0 * u + 199.5).round() as u16, (200.0 * v + 99.5).round() as u16)));
         info.distortion_model = "equidistant".to_owned();
         assert!(matches!(Map::new(&info, false, &VIEW), Err(LensError::Model(model)) if model == "equidistant"));
         info.d = vec![0.0; 8];

@@ -92,7 +92,11 @@ pub fn depth(image: &Image<'_>, map: &Map) -> Result<Vec<u8>, PictureError> {
     };
     check(image, map, pixel)?;
     let mut out = Vec::with_capacity(2 * map.depth.len());
-    for &(column, row) in &map.depth {
+    for &place in &map.depth {
+        let Some((column, row)) = place else {
+            out.extend([0; 2]);
+            continue;
+        };
         let at = row as usize * image.step as usize + column as usize * pixel;
         let mut bytes = [0; 4];
         bytes[..pixel].copy_from_slice(&image.data[at..at + pixel]);

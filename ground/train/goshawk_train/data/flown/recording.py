@@ -9,7 +9,7 @@ import json
 import math
 import tomllib
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from goshawk_train.data import DataError
 from goshawk_train.data.flown.smooth import smooth
-from goshawk_train.data.foreign.resample import OURS
+from goshawk_train.data.foreign.resample import OURS, Intrinsics, Resampler
 from goshawk_train.model import geometry
 
 F64 = NDArray[np.float64]
@@ -34,7 +34,10 @@ _ACROSS_M, _LONGEST_S = 60.0, 120.0
 """A scene's positions lie in a box of this length, and it is no longer: its map and images are held in memory."""
 _POSITION_M, _VELOCITY_MPS, _ACCELERATION = 0.02, 0.05, 20.0
 """How far the odometry is trusted from one sample to the next, and how the vehicle's velocity walks, m²/s³."""
-_FIELD_OF_VIEW_RAD = 2e-3
+FIELD_OF_VIEW = 0.02
+"""Relative: the vehicle flies with a camera that sees so much more or less (`air/policy/src/preprocess.rs`)."""
+_SAME_RAD = 2e-3
+"""An image that is nearer to our view is taken as it is: resampling would blur more than it mends."""
 _FLOWN = ("tracking", "lost", "search", "navigation", "hold")
 _CLIMBED_M = 0.5
 """Of a take-off, what is so high above its begin is flown: on the ground a policy sees what it was never shown."""
@@ -84,14 +87,18 @@ class Recording:
         return float(self.contract.get("cost_scale", 1.0))
 
     def rgb(self, frame: int) -> NDArray[np.uint8]:
-        """Colour [H, W, 3], as it was; raises `DataError` if the picture is broken."""
+        """Colour [H, W, 3] of our view; raises `DataError` if the picture is broken."""
         view = self._view(frame)
-        return self._whole(frame, view and view.rgb_HW3())
+        seen = self._whole(frame, view and view.rgb_HW3())
+        ours = view and _onto_ours(view.hfov_rad, view.vfov_rad)
+        return ours.rgb(seen) if ours else seen
 
     def depth(self, frame: int) -> NDArray[np.uint16]:
-        """Depth [H, W] in mm, as it was; raises `DataError` if the picture is broken."""
+        """Depth [H, W] of our view in mm; raises `DataError` if the picture is broken."""
         view = self._view(frame)
-        return np.rint(self._whole(frame, view and view.depth_m_HW()) * 1000).astype(np.uint16)
+        seen = np.rint(self._whole(frame, view and view.depth_m_HW()) * 1000).astype(np.uint16)
+        ours = view and _onto_ours(view.hfov_rad, view.vfov_rad)
+        return ours.depth(seen) if ours else seen
 
     def _view(self, frame: int) -> FrameView | None:
         return self.flight.frame_at(self.flight.time_s("rgbd", int(self.index_F[frame])))
@@ -167,11 +174,11 @@ def _contract(flight: Flight) -> dict[str, Any]:
 
 
 def _check_camera(flight: Flight) -> None:
-    """The images must be what the trainer's policies see."""
+    """The images must be of what the trainer's policies see, as far as the vehicle flies with them."""
     seen = flight.columns("rgbd", ["width", "height", "hfov_rad", "vfov_rad"])
     for width, height, hfov, vfov in zip(*(seen[n] for n in ("width", "height", "hfov_rad", "vfov_rad")), strict=True):
         size = (int(width), int(height)) == (OURS.width, OURS.height)
-        if size and max(abs(hfov - OURS.hfov_rad), abs(vfov - OURS.vfov_rad)) <= _FIELD_OF_VIEW_RAD:
+        if size and max(abs(hfov / OURS.hfov_rad - 1), abs(vfov / OURS.vfov_rad - 1)) <= FIELD_OF_VIEW:
             continue
         is_, must = (
             f"{w:g} x {h:g} at {math.degrees(a):.1f} x {math.degrees(b):.1f} deg"
@@ -181,6 +188,19 @@ def _check_camera(flight: Flight) -> None:
             )
         )
         raise DataError(f"{flight.path}: its images are {is_}, the policies see {must}; such a camera cannot be learnt")
+
+
+@lru_cache
+def _onto_ours(hfov_rad: float, vfov_rad: float) -> Resampler | None:
+    """To our view from that of a lens that sees a little more or less; None: it sees the same.
+
+    A data set has one view, so its labels are right only for images of that view.
+    """
+    if max(abs(hfov_rad - OURS.hfov_rad), abs(vfov_rad - OURS.vfov_rad)) <= _SAME_RAD:
+        return None
+    half_u, half_v = OURS.width / 2, OURS.height / 2
+    focal_u, focal_v = half_u / math.tan(hfov_rad / 2), half_v / math.tan(vfov_rad / 2)
+    return Resampler(OURS.width, OURS.height, Intrinsics(fx=focal_u, fy=focal_v, cx=half_u, cy=half_v))
 
 
 def _poses(flight: Flight, stamps_F: NDArray[np.int64]) -> tuple[NDArray[np.int64], F64, Rotation, NDArray[np.int64]]:
