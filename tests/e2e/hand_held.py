@@ -22,6 +22,8 @@ class HandHeld:
     """It lies level, a metre up, looking north, until it is moved. Its autopilot is mounted by ``board``, its camera by
     ``hung``: the one turns what it tells the vehicle, the other what it tells the simulator."""
 
+    rates_sign = 1.0
+
     def __init__(self, air: int, world: int, *, board: Rotation | None = None, hung: Rotation | None = None) -> None:
         none = Rotation.identity()
         self.ports = [(air, board or none), (world, hung or none)]
@@ -72,7 +74,9 @@ class HandHeld:
 
     def _messages(self, now: float, mounted: Rotation, ticks: int) -> list[Any]:
         (north, east, below), turn = self._pose(now)
-        velocity = (self._pose(now + 0.01)[0] - self._pose(now - 0.01)[0]) / 0.02
+        (before_m, before), (after_m, after) = self._pose(now - 0.01), self._pose(now + 0.01)
+        velocity = (after_m - before_m) / 0.02
+        rates = mounted.inv().apply((before.inv() * after).as_rotvec() / 0.02)
         turn = turn * mounted
         x, y, z, w = turn.as_quat()
         ahead, right, down = turn.inv().apply(velocity)
@@ -82,7 +86,7 @@ class HandHeld:
         messages: list[Any] = [
             mavlink.MAVLink_odometry_message(
                 stamp, mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD, north, east, below, [w, x, y, z],
-                ahead, right, down, 0.0, 0.0, 0.0, [0.01] * 21, [0.01] * 21, 0, 8, 100,
+                ahead, right, down, *(self.rates_sign * rates), [0.01] * 21, [0.01] * 21, 0, 8, 100,
             ),
             mavlink.MAVLink_highres_imu_message(*imu),
         ]  # fmt: skip

@@ -148,3 +148,12 @@ def test_the_hand_checks_take_no_option_that_they_do_not_use(rig: Rig) -> None:
     command = [str(BIN / "goshawk-air"), "check", "--frames", "--config", str(vehicle(rig)), "--log-dir", "logs"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and "cannot be used with" in done.stderr
+
+
+def test_rates_of_the_wrong_sign_are_named_and_nothing_is_stamped(rig: Rig, checked: list[Checked]) -> None:
+    one = Checked(rig)
+    checked.append(one)
+    one.hand.rates_sign = -1.0
+    one.follow(until="FAILED   nose up")
+    assert "20° nose up, and its rates" in one.said[-1] and "nose down" in one.said[-1], one.said
+    assert not (rig.folder / "alpha.mounting.toml").exists()

@@ -217,10 +217,11 @@ fn remedy(asked: Move) -> &'static str {
     match asked {
         Move::Level | Move::NoseUp | Move::RollRight | Move::TurnLeft => {
             "mend how the autopilot is mounted in it (PX4: SENS_BOARD_ROT, ArduPilot: AHRS_ORIENTATION), or the \
-             estimator's frames; never a sign in the vehicle file"
+             estimator's frames (over ROS 2: rates); never a sign in the vehicle file"
         }
         Move::Lift | Move::Forward | Move::Left => {
-            "see where the estimator's position comes from, and that its frame is the vehicle's"
+            "see where the estimator's position and velocity (over ROS 2: velocity) come from, and that its frame is the \
+             vehicle's"
         }
     }
 }

@@ -12,6 +12,8 @@ const LEVEL: f64 = 0.17;
 const MOVED: (f64, f64) = (0.2, 0.4);
 /// A move is the one that was asked for if its direction is as near as this, rad: 35°. Chosen by eye.
 const ALIKE: f64 = 0.6;
+/// Velocity and rates, added up over a move, may differ from it by so much of it. Chosen by eye.
+const ADDED_UP: f64 = 0.5;
 
 /// What a person is asked to do, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,17 +107,23 @@ pub(super) struct Watch {
     pub(super) base: Option<Odometry>,
     /// Since when it has been about here.
     here: Option<Odometry>,
+    last: Option<Odometry>,
+    /// The move as the rates add up to it, about the body's axes, rad,
+    turn: Vec3,
+    /// and as the velocities do, world frame, m.
+    way: Vec3,
 }
 
 impl Watch {
     /// Waits for the vehicle to lie still and level first.
     #[must_use]
     pub(super) fn new(asked: Move) -> Self {
-        Self { asked, base: None, here: None }
+        Self { asked, base: None, here: None, last: None, turn: Vec3::zeros(), way: Vec3::zeros() }
     }
 
     /// Takes a sample.
     pub(super) fn take(&mut self, new: &Odometry) -> Verdict {
+        self.add_up(new);
         if !self.still(new) {
             return Verdict::Waiting;
         }
@@ -137,18 +145,44 @@ impl Watch {
         match (far, alike) {
             (far, _) if far < least => Verdict::Waiting,
             (far, true) if far < enough => Verdict::Waiting,
-            (_, true) => Verdict::Right(words(self.asked, &moved)),
+            (_, true) => self.agrees(base, &moved),
             (_, false) => Verdict::Wrong(format!("it says {}", words(self.asked, &moved))),
         }
     }
 
+    /// Adds velocity and rates up since the vehicle left where it lay: at rest they would add up to their errors.
+    fn add_up(&mut self, new: &Odometry) {
+        let last = self.last.replace(*new).unwrap_or(*new);
+        if self.base.is_none_or(|base| near(&base, new)) {
+            (self.turn, self.way) = (Vec3::zeros(), Vec3::zeros());
+            return;
+        }
+        let dt = new.stamp.since(last.stamp);
+        self.turn += 0.5 * dt * (last.ang_vel_body + new.ang_vel_body);
+        self.way += 0.5 * dt * (last.vel_world + new.vel_world);
+    }
+
+    /// The controller flies by velocity and rates as well: a move that was right must be one by them, too.
+    fn agrees(&self, base: &Odometry, moved: &Vec3) -> Verdict {
+        let (by, added) =
+            if self.asked.is_turn() { ("rates", self.turn) } else { ("velocity", of_heading(base, self.way)) };
+        let seen = words(self.asked, moved);
+        if (added - moved).norm() < ADDED_UP * moved.norm() {
+            return Verdict::Right(seen);
+        }
+        Verdict::Wrong(format!("it says {seen}, and its {by} {}", words(self.asked, &added)))
+    }
+
     fn still(&mut self, new: &Odometry) -> bool {
-        let near =
-            |here: &Odometry| turned(here, new).norm() < STILL.0 && (new.pos_world - here.pos_world).norm() < STILL.1;
-        let here = self.here.filter(near).unwrap_or(*new);
+        let here = self.here.filter(|here| near(here, new)).unwrap_or(*new);
         self.here = Some(here);
         new.stamp.since(here.stamp) >= STILL_S
     }
+}
+
+/// It is about where it was.
+fn near(here: &Odometry, new: &Odometry) -> bool {
+    turned(here, new).norm() < STILL.0 && (new.pos_world - here.pos_world).norm() < STILL.1
 }
 
 /// Off the vertical, rad.
@@ -165,8 +199,13 @@ pub(super) fn turned(before: &Odometry, after: &Odometry) -> Vec3 {
 
 /// The way, forward, left and up of the heading of before, m.
 fn carried(before: &Odometry, after: &Odometry) -> Vec3 {
+    of_heading(before, after.pos_world - before.pos_world)
+}
+
+/// A way in the world, forward, left and up of the heading of `before`, m.
+fn of_heading(before: &Odometry, way_world: Vec3) -> Vec3 {
     let yaw = before.world_from_body.euler_angles().2;
-    Rot::from_axis_angle(&Vec3::z_axis(), -yaw) * (after.pos_world - before.pos_world)
+    Rot::from_axis_angle(&Vec3::z_axis(), -yaw) * way_world
 }
 
 /// What the largest part of a move is called.
@@ -210,23 +249,28 @@ mod tests {
         }
     }
 
-    /// What is said of a move that lies still for a second before and after; heading 130°.
+    /// What is said of a move of a second, after and before a second of rest; heading 130°.
     fn said(asked: Move, turn_body: Vec3, way_heading: Vec3) -> Verdict {
+        said_by(asked, turn_body, way_heading, |_| {})
+    }
+
+    /// The same of an odometry that `tells` something else.
+    fn said_by(asked: Move, turn_body: Vec3, way_heading: Vec3, tells: fn(&mut Odometry)) -> Verdict {
         let heading = Rot::from_euler_angles(0.0, 0.0, 2.27);
         let mut watch = Watch::new(asked);
-        for step in 0..100 {
-            let verdict = watch.take(&at(f64::from(step) * 0.01, Vec3::x(), heading));
+        for step in 0..300 {
+            let part = (f64::from(step) * 0.01 - 1.0).clamp(0.0, 1.0);
+            let moves = f64::from(u8::from((100..200).contains(&step)));
+            let pose = heading * Rot::from_scaled_axis(turn_body * part);
+            let mut told = at(f64::from(step) * 0.01, Vec3::x() + heading * way_heading * part, pose);
+            (told.vel_world, told.ang_vel_body) = (heading * way_heading * moves, turn_body * moves);
+            tells(&mut told);
+            let verdict = watch.take(&told);
             if verdict != Verdict::Waiting {
                 return verdict;
             }
         }
-        let there = heading * Rot::from_scaled_axis(turn_body);
-        let mut last = Verdict::Waiting;
-        for step in 100..200 {
-            let verdict = watch.take(&at(f64::from(step) * 0.01, Vec3::x() + heading * way_heading, there));
-            last = if last == Verdict::Waiting { verdict } else { last };
-        }
-        last
+        Verdict::Waiting
     }
 
     fn right(verdict: &Verdict) -> bool {
@@ -252,6 +296,22 @@ mod tests {
             assert_eq!(said(asked, turn * 0.1, way * 0.1), Verdict::Waiting, "hardly moved");
         }
         assert!(right(&said(Move::Level, none, none)));
+    }
+
+    #[test]
+    fn velocity_and_rates_that_tell_another_move_are_wrong_and_named() {
+        let of = |verdict: Verdict, what: &str| {
+            let Verdict::Wrong(text) = verdict else { panic!("{what}") };
+            assert!(text.contains(what), "{text}");
+        };
+        let (way, turn) = (Vec3::new(0.7, 0.0, 0.0), Vec3::new(0.0, 0.0, 1.5));
+        of(said_by(Move::Forward, Vec3::zeros(), way, |told| told.vel_world *= -1.0), "its velocity 0.6");
+        of(said_by(Move::Forward, Vec3::zeros(), way, |told| told.vel_world = told.vel_world.yxz()), "its velocity");
+        of(said_by(Move::Lift, Vec3::zeros(), Vec3::z(), |told| told.vel_world.z = 0.0), "its velocity 0.00 m");
+        of(said_by(Move::TurnLeft, turn, Vec3::zeros(), |told| told.ang_vel_body *= -1.0), "turned to the right");
+        of(said_by(Move::TurnLeft, turn, Vec3::zeros(), |told| told.ang_vel_body *= 57.3), "its rates");
+        let rests = |told: &mut Odometry| told.vel_world.x += 0.03;
+        assert!(right(&said_by(Move::Forward, Vec3::zeros(), way, rests)), "an error of the estimate");
     }
 
     #[test]
