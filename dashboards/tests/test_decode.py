@@ -123,7 +123,8 @@ def test_decoded_arrays_cannot_be_changed() -> None:
 def test_a_targets_covariance_is_made_whole() -> None:
     cov_66 = decode.target(pb.Target(covariance_upper=range(21))).covariance_66
     assert cov_66 is not None and (cov_66 == cov_66.T).all()
-    assert cov_66[0].tolist() == [0, 1, 2, 3, 4, 5] and cov_66[1, 1:].tolist() == [6, 7, 8, 9, 10] and cov_66[5, 5] == 20
+    assert cov_66[0].tolist() == [0, 1, 2, 3, 4, 5]
+    assert cov_66[1, 1:].tolist() == [6, 7, 8, 9, 10] and cov_66[5, 5] == 20
 
 
 @pytest.mark.parametrize(

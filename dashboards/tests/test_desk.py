@@ -66,7 +66,7 @@ def at_the_desk(logs: list[Path], acts: Callable[[Visit], Awaitable[None]]) -> N
         alignments=align.common(flights),
     )
     by_s = table.alignments[align.START]
-    seat = Seat(player=Player(table.duration_s(by_s)), aligned=align.START, by_s=by_s)
+    seat = Seat(player=Player(table.axis_s(by_s)[1]), aligned=align.START, by_s=by_s)
     desk = Desk(table, lambda client: seat if client == VIEWER else None)
 
     async def answer(request: web.Request) -> web.WebSocketResponse:
@@ -90,6 +90,8 @@ def test_a_browser_hears_of_the_flight_and_gets_curves_and_the_values_at_its_pla
         about = await visit.hear("about")
         assert [p["name"] for p in about["phases"]][:2] == ["take-off", "tracking"]
         assert about["units"]["control.vel_world.x"] == "m/s" and about["charts"][0] == ["speed", "target speed"]
+        (north,) = [chart for chart in about["charts"] if "measured acceleration north" in chart]
+        assert {"desired acceleration north", "commanded acceleration north"} < set(north)
         await visit.say(**SHOW, signals=["speed", "plan.candidates.7.cost"])
         curves = await visit.hear("curves")
         speed, cost = curves["lines"]
@@ -143,6 +145,26 @@ def test_two_flights_are_laid_over_each_other_by_their_landings(logs: list[Path]
         assert second["t"][0] == pytest.approx(2.0)
 
     at_the_desk(logs, acts)
+
+
+def test_the_axis_begins_where_the_first_of_the_flights_does(logs: list[Path]) -> None:
+    async def acts(visit: Visit) -> None:
+        await visit.say(type="hello", viewer=VIEWER)
+        about = await visit.hear("about")
+        assert (about["begin_s"], about["end_s"]) == (0.0, pytest.approx(8.0, abs=0.02))
+        await visit.say(type="align", to="landing")
+        about = await visit.hear("about")
+        assert [f["by_s"] for f in about["flights"]] == [0.0, pytest.approx(-2.0)]
+        assert (about["begin_s"], about["end_s"]) == (pytest.approx(-2.0), pytest.approx(6.0, abs=0.02))
+        await visit.say(type="show", chart=0, number=1, signals=["speed"], from_s=-2.0, to_s=6.0, columns=400)
+        await visit.say(type="seek", time_s=-1.5)
+        values = (await visit.hear("now", lambda message: message["time_s"] == -1.5 and message["values"]))["values"]
+        assert values["0/speed"] is None
+        assert values["1/speed"] == pytest.approx(np.hypot(4.0, 2.0 * np.cos(0.5)), abs=1e-6)
+        await visit.say(type="align", to="start of the log")
+        assert (await visit.hear("now", lambda message: message["time_s"] > -1.5))["time_s"] == 0.0
+
+    at_the_desk(logs[::-1], acts)
 
 
 @pytest.mark.parametrize("words", ['{"type": "rm"}', "no JSON", '{"type": "seek", "time_s": "soon"}'])

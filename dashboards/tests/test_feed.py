@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from goshawk_dashboards.live.feed import Feed, Watched
 from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import CommandView, ControlView
+from goshawk_dashboards.state.views import CommandView, ControlView, EventView
+from goshawk_proto import goshawk_pb2 as pb
 
 Make = Callable[..., Snapshot]
 
@@ -22,13 +23,36 @@ def step(snap: Snapshot, at_s: float, speed: float) -> ControlView:
     )  # fmt: skip
 
 
-def test_what_was_told_after_a_cut_fills_the_gap_of_the_charts_once(snap: Make) -> None:
-    base = snap()
+def feed_of(base: Snapshot) -> Feed:
+    """Of one vehicle."""
     nothing = CommandView(verb="start", command_id="", answered=False, accepted=False, text="", mode=None)
     vehicle = Watched(
         name="goshawk", latest=lambda: base, on_start=lambda _: nothing, on_stop=bool, on_cancel=bool
     )  # fmt: skip
-    feed = Feed(vehicle)
+    return Feed(vehicle)
+
+
+def test_who_opens_in_flight_knows_its_time_once_the_take_off_is_told(snap: Make) -> None:
+    base = snap()
+    feed = feed_of(base)
+    feed.take(replace(base, control=step(base, 100.0, 1.0)))
+    assert "flight time" not in feed.words.status
+
+    def told(*texts: tuple[float, str]) -> Snapshot:
+        events = tuple(
+            EventView(stamp_ns=round(s * 1e9), severity=pb.SEVERITY_INFO, kind="mode", text=text, late=True)
+            for s, text in texts
+        )
+        return replace(base, control=step(base, 101.0, 1.0), events=events)
+
+    feed.take(told((12.0, "Ready → Takeoff: start accepted"), (36.0, "Ready → Takeoff: start accepted"),
+                   (38.0, "Takeoff → Track: the target is confirmed")))  # fmt: skip
+    assert "flight time" in feed.words.status and ">1:05<" in feed.words.status
+
+
+def test_what_was_told_after_a_cut_fills_the_gap_of_the_charts_once(snap: Make) -> None:
+    base = snap()
+    feed = feed_of(base)
     for at_s in (10.0, 20.0):
         feed.take(replace(base, control=step(base, at_s, 1.0)))
     late = tuple(step(base, at_s, 5.0) for at_s in (13.0, 14.0))

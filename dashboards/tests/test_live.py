@@ -218,6 +218,19 @@ def test_of_a_forest_only_what_is_near_the_vehicle_is_drawn_and_it_follows(live:
         assert np.abs(corners_B3[:, 0] - x_m).max() < NEAR_M + 1.0, "what was drawn before is still there"
 
 
+def test_of_many_walls_only_what_is_near_the_vehicle_is_drawn_and_it_follows(live: Live, snap: Make) -> None:
+    row = replace(boxes(100), centre_world_B3=np.array([[4.0 * k, 0.0, 0.5] for k in range(100)]))
+    # A long wall's middle may be far from where it stands near.
+    long = replace(boxes(1, NEAR_M + 15.0), size_m_B3=np.array([[40.0, 1.0, 1.0]]))
+    base, walls = snap(), live.scene.world.boxes
+    assert base.control is not None
+    worlds = [replace(forest(rows=1), boxes=boxes_drawn) for boxes_drawn in (row, long)]
+    for k, at_m, count in ((0, 0.0, 9), (0, 200.0, 17), (1, 0.0, 1), (1, 200.0, 0)):
+        control = replace(base.control, pos_world_3=np.array([at_m, 0.0, 2.0]))
+        live.tick(replace(base, control=control, world=worlds[k]))
+        assert walls.count == count
+
+
 def test_the_ground_rises_where_its_trees_stand_higher(live: Live, snap: Make) -> None:
     world = forest(rows=20, slope=0.1)
     relief = Relief(world)
@@ -377,9 +390,10 @@ def test_the_charts_hold_what_was_flown_and_grow_with_it(live: Live, snap: Make)
 def test_start_is_offered_on_the_ground_alone_and_readiness_too(live: Live, snap: Make) -> None:
     base = snap()
     assert base.control is not None and base.health is not None
-    ready = replace(base.control, mode=pb.MODE_READY)
+    ready, fault = replace(base.control, mode=pb.MODE_READY), replace(base.control, mode=pb.MODE_FAULT)
     gui = live.panels
-    for control, offered in ((ready, True), (base.control, False), (ready, True)):
+    for control, offered in ((ready, True), (base.control, False), (fault, False), (ready, True)):
         live.tick(replace(base, control=control))
+        assert gui.stops(live.dashboard.feeds[0].snap).one == "Stop", "a Stop is always offered"
         assert gui.offers_start is offered
         assert gui.shows_readiness is offered

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 from goshawk_dashboards.live import candidates, fleet, link, overlay, phone
@@ -46,6 +48,15 @@ def test_a_command_is_shown_from_the_press_to_the_reply(snap: Make) -> None:
 def test_what_a_silent_vehicle_showed_loses_its_colour(snap: Make) -> None:
     assert "grayscale" in over(snap(age_s=5.0), [])
     assert "grayscale" not in over(snap(), [])
+
+
+def test_no_script_of_a_page_comes_as_the_error_of_a_picture() -> None:
+    package = resources.files("goshawk_dashboards")
+    assert isinstance(package, Path)
+    texts = [path for path in package.rglob("*") if path.suffix in (".py", ".js", ".css")]
+    assert package / "live/overlay.py" in texts
+    assert [path for path in texts if "onerror=" in path.read_text(encoding="utf-8")] == []
+    assert "<script>" in overlay.foot_html()
 
 
 def test_a_phone_shows_the_state_and_on_the_ground_what_is_not_ready_in_flight_the_picture(snap: Make) -> None:

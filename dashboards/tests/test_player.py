@@ -43,6 +43,16 @@ def test_a_seek_stays_within_the_recording() -> None:
     assert player.moved.is_set()
 
 
+def test_an_axis_may_begin_before_second_0() -> None:
+    player = Player(2.0, begin_s=-3.0)
+    assert player.time_s == 0.0
+    player.seek(-7.0)
+    assert player.time_s == -3.0
+    player.seek(2.0)
+    player.toggle()
+    assert (player.time_s, player.playing) == (-3.0, True)
+
+
 def test_playing_waits_for_the_hand_on_the_timeline() -> None:
     player = Player(10.0)
     player.toggle()

@@ -144,6 +144,14 @@ def test_the_last_images_are_one_cloud_without_the_target(scene: LiveScene, snap
     assert len(cloud(scene)) == 1, "a vehicle that was started anew begins anew"
 
 
+def test_images_far_apart_in_time_are_not_one_cloud(scene: LiveScene, snap: Make) -> None:
+    for later_s, images in ((0.0, 1), (1.0, 2), (12.0, 1)):
+        message = rec.remembered(1.0, 1)
+        message.depth.frame_ns += round(later_s * 1e9)
+        scene.update(snap(remembered=decode.remembered(message)), ViewOptions())
+        assert len(cloud(scene)) == images
+
+
 def test_what_the_lens_has_passed_is_left_out(scene: LiveScene, snap: Make) -> None:
     scene.update(snap(remembered=told(1.0, 1)), ViewOptions())
     scene.update(snap(remembered=told(3.0, 2)), ViewOptions())

@@ -186,10 +186,26 @@ def test_a_page_sums_up_and_needs_no_network(tmp_path: Path) -> None:
     assert "2026-05-01 to 2026-05-01" in text
     assert re.search(r"<b>11 <small></small></b><span>flights", text)
     assert re.search(r"<b>82 <small>%</small></b><span>ended well", text)
-    assert "<td>gust</td><td class='number'>1</td><td>9.mcap</td>" in text
+    assert "<td data-name='fault'>gust</td><td data-name='flights' class='number'>1</td>" in text
     assert "is no flight log: it holds no whole record" in text
     assert "<code>goshawk review logs/9.mcap</code>" in text
     assert not re.search(r"<(script|link|img)|https?://(?!www\.w3\.org)", text)
+
+
+def test_a_phone_has_figures_of_its_own_and_a_name_at_each_number(tmp_path: Path) -> None:
+    text = page(Season([row(k) for k in range(3)]), Path("logs"), tmp_path)
+    figures = re.findall(r"<figure.*?</figure>", text, re.DOTALL)
+    assert len(figures) == 3
+    for figure in figures:
+        wide, narrow = (float(width) for width in re.findall(r'viewBox="0 0 ([0-9.]+) ', figure))
+        # A phone of 390 px leaves 308 for a figure: a point is then not much less than a pixel.
+        assert narrow < 390.0 < wide
+        assert figure.index("<div class='narrow'>") > figure.index("<svg")
+    ids = re.findall(r' id="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    assert "<td data-name='clearance median, m' class='number'>2.00</td>" in text
+    narrow_rules = text[text.index("@media (max-width: 600px)") :]
+    assert "table.season { min-width: 0; }" in narrow_rules and "attr(data-name)" in narrow_rules
 
 
 def test_a_page_leads_to_a_report_that_lies_beside_its_log(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import shutil
 import socket
 import subprocess
@@ -86,7 +87,30 @@ def look() -> type[Look]:
 
 
 @pytest.fixture
-def visit(browser: Browser) -> Iterator[Callable[..., Seen]]:
+def watch() -> Iterator[Callable[..., Seen]]:
+    """Listens to a page. At the end no page may have had an error."""
+    watched: list[Seen] = []
+
+    def listen(page: Page, expected: str = r"(?!)") -> Seen:
+        """``expected`` matches the errors that the test brings about."""
+        seen = Seen(page=page)
+
+        def hear(text: str) -> None:
+            if not re.search(expected, text):
+                seen.errors.append(text)
+
+        page.on("request", lambda request: seen.requests.append(request.url))
+        page.on("pageerror", lambda error: hear(str(error)))
+        page.on("console", lambda message: hear(message.text) if message.type == "error" else None)
+        watched.append(seen)
+        return seen
+
+    yield listen
+    assert [error for seen in watched for error in seen.errors] == []
+
+
+@pytest.fixture
+def visit(browser: Browser, watch: Callable[..., Seen]) -> Iterator[Callable[..., Seen]]:
     """Opens an address in a fresh page, small, for the software renderer's sake."""
     pages: list[Page] = []
 
@@ -96,9 +120,7 @@ def visit(browser: Browser) -> Iterator[Callable[..., Seen]]:
             page.add_init_script(NO_SCENE)
         pages.append(page)
         page.set_default_timeout(60_000)
-        seen = Seen(page=page)
-        page.on("request", lambda request: seen.requests.append(request.url))
-        page.on("pageerror", lambda error: seen.errors.append(str(error)))
+        seen = watch(page)
         page.goto(url)
         return seen
 

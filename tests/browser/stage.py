@@ -20,6 +20,7 @@ class Seen:
     page: Page
     requests: list[str] = field(default_factory=list[str])
     errors: list[str] = field(default_factory=list[str])
+    """What its scripts threw, and what stands in its console as an error."""
 
 
 @dataclass(kw_only=True)

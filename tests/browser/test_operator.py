@@ -90,6 +90,41 @@ def test_stop_stays_within_reach_when_the_panel_is_scrolled_and_on_a_phone(groun
     assert g.link.wait_for(lambda s: s.mode in (pb.MODE_STOPPING, pb.MODE_LANDED), 20)
 
 
+def mode_is_seen_beside(page: Page, selector: str) -> bool:
+    """Whether a phone shows what the selector finds, and nothing lies over the mode's pill.
+
+    The layer lets touches through, so that no point of it would be found: meanwhile it takes them.
+    """
+    return page.evaluate(
+        """selector => {
+          const style = document.createElement("style");
+          style.textContent = "#goshawk-over, #goshawk-over * { pointer-events: auto !important }"
+            + "#goshawk-over .goshawk-edge { pointer-events: none !important }";
+          document.head.append(style);
+          const pill = document.querySelector('[data-goshawk="phone"] [data-goshawk="status"] span');
+          const box = pill.getBoundingClientRect(), news = document.querySelector(selector).getBoundingClientRect();
+          const seen = [0.1, 0.5, 0.9].map((part) =>
+            document.elementFromPoint(box.x + part * box.width, box.y + box.height / 2));
+          style.remove();
+          return news.height > 0 && seen.every((element) => pill.contains(element));
+        }""",
+        selector,
+    )
+
+
+def test_on_a_phone_neither_a_commands_outcome_nor_an_alert_lies_over_the_mode(ground: Start, visit: Visit) -> None:
+    g = ground()
+    flying(g)
+    page = visit(g.dashboard.url, width=390, height=844).page
+    expect(page.locator('[data-goshawk="phone"] [data-goshawk="status"]')).to_have_attribute("data-mode", "track")
+    page.get_by_role("button", name="Stop", exact=True).click()
+    expect(page.locator('[data-goshawk="toast"]')).to_contain_text("vehicle confirms stop")
+    assert mode_is_seen_beside(page, '[data-goshawk="toast"]')
+    g.vehicle.kill()
+    expect(page.locator('[data-goshawk="alerts"]')).to_contain_text("VEHICLE SILENT")
+    assert mode_is_seen_beside(page, ".goshawk-alert")
+
+
 def test_a_vehicle_that_falls_silent_in_flight_is_an_alert_and_a_ghost(ground: Start, visit: Visit) -> None:
     g = ground()
     flying(g)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from goshawk_dashboards.report.campaign.page import page as campaign_page
 from goshawk_dashboards.report.campaign.report import make_campaign_report
 from goshawk_dashboards.report.report import make_report, write_page
 from playwright.sync_api import Browser, Page, expect
+from stage import Seen
 
 ROOT = Path(__file__).resolve().parents[2]
 CHASE = ["--task", "track", "--speed", "4,14", "--spacing", "3", "--trials", "1", "--seed", "3"]
@@ -30,16 +32,25 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def opened(browser: Browser, file: Path, width: int, theme: str) -> Page:
-    """The page, in a window so wide."""
-    tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=theme)  # type: ignore[arg-type]
-    tab.goto(file.as_uri())
-    return tab
+Opened = Callable[[Path, int, str], Page]
+
+
+@pytest.fixture
+def opened(browser: Browser, watch: Callable[[Page], Seen]) -> Opened:
+    """Opens a page in a window so wide, in a theme."""
+
+    def open_page(file: Path, width: int, theme: str) -> Page:
+        tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=theme)  # type: ignore[arg-type]
+        watch(tab)
+        tab.goto(file.as_uri())
+        return tab
+
+    return open_page
 
 
 @pytest.mark.parametrize("width", [360, 800, 1400])
-def test_the_page_never_scrolls_sideways_and_every_figure_has_room(browser: Browser, file: Path, width: int) -> None:
-    tab = opened(browser, file, width, "light")
+def test_the_page_never_scrolls_sideways_and_every_figure_has_room(opened: Opened, file: Path, width: int) -> None:
+    tab = opened(file, width, "light")
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
     sizes = tab.evaluate("[...document.querySelectorAll('svg')].map(s => s.getBoundingClientRect().toJSON())")
     assert len(sizes) >= 13
@@ -47,9 +58,9 @@ def test_the_page_never_scrolls_sideways_and_every_figure_has_room(browser: Brow
     tab.close()
 
 
-def test_figures_stand_in_pairs_where_there_is_room_for_two(browser: Browser, file: Path) -> None:
+def test_figures_stand_in_pairs_where_there_is_room_for_two(opened: Opened, file: Path) -> None:
     def first_two(width: int) -> list[float]:
-        tab = opened(browser, file, width, "light")
+        tab = opened(file, width, "light")
         found = tab.evaluate("[...document.querySelectorAll('.grid figure')].slice(0, 2).map(f => f.offsetTop)")
         tab.close()
         return found
@@ -58,10 +69,10 @@ def test_figures_stand_in_pairs_where_there_is_room_for_two(browser: Browser, fi
     assert wide[0] == wide[1] and narrow[0] < narrow[1]
 
 
-def test_words_and_lines_of_the_figures_follow_the_readers_theme(browser: Browser, file: Path) -> None:
+def test_words_and_lines_of_the_figures_follow_the_readers_theme(opened: Opened, file: Path) -> None:
     def brightness(theme: str) -> tuple[float, float]:
         """Of a figure's words and of what is behind them."""
-        tab = opened(browser, file, 1200, theme)
+        tab = opened(file, 1200, theme)
         color = "(e, what) => getComputedStyle(e)[what].match(/[0-9.]+/g).slice(0, 3).map(Number)"
         words = tab.evaluate(f"({color})(document.querySelector('svg text'), 'fill')")
         paper = tab.evaluate(f"({color})(document.querySelector('.panel'), 'backgroundColor')")
@@ -72,13 +83,11 @@ def test_words_and_lines_of_the_figures_follow_the_readers_theme(browser: Browse
     assert light[0] < light[1] - 80 and dark[0] > dark[1] + 80
 
 
-def test_the_page_asks_for_nothing_but_itself(browser: Browser, file: Path) -> None:
-    tab = browser.new_page()
-    asked: list[str] = []
-    tab.on("request", lambda request: asked.append(request.url))
-    tab.goto(file.as_uri())
-    assert asked == [file.as_uri()]
-    tab.close()
+def test_the_page_asks_for_nothing_but_itself(browser: Browser, watch: Callable[[Page], Seen], file: Path) -> None:
+    seen = watch(browser.new_page())
+    seen.page.goto(file.as_uri())
+    assert seen.requests == [file.as_uri()]
+    seen.page.close()
 
 
 @pytest.fixture(scope="module")
@@ -89,11 +98,11 @@ def flight_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "flight.html"
 
 
-def test_a_flights_charts_zoom_together_tell_values_and_ask_for_nothing(browser: Browser, flight_page: Path) -> None:
-    tab = browser.new_page(viewport={"width": 1200, "height": 1100})
-    asked, errors = list[str](), list[str]()
-    tab.on("request", lambda request: asked.append(request.url))
-    tab.on("pageerror", lambda error: errors.append(str(error)))
+def test_a_flights_charts_zoom_together_tell_values_and_ask_for_nothing(
+    browser: Browser, watch: Callable[[Page], Seen], flight_page: Path
+) -> None:
+    seen = watch(browser.new_page(viewport={"width": 1200, "height": 1100}))
+    tab = seen.page
     tab.goto(flight_page.as_uri())
     tab.locator("#charts").scroll_into_view_if_needed()
     box = tab.locator("#charts .u-over").first.bounding_box()
@@ -110,12 +119,28 @@ def test_a_flights_charts_zoom_together_tell_values_and_ask_for_nothing(browser:
     assert all(window == pytest.approx([2.0, 4.0], abs=0.1) for window in windows)
     tab.locator('#charts [data-line="speed"] button').first.click()
     assert tab.evaluate("goshawkReport.charts[0].plot.series[1].show") is False
-    assert (asked, errors) == ([flight_page.as_uri()], [])
+    # What is no number is no part of what an axis shows.
+    gaps = "{hidden: new Set(), lines: [{unit: 'm', key: 'a', t: [0, 1, 2, 3, 4], v: [null, 4, NaN, 5, undefined]}]}"
+    span = tab.evaluate(f"GoshawkCharts.prototype.range.call({{window: [0, 9]}}, {gaps}, 'm')")
+    assert (span["min"], span["max"]) == (pytest.approx(3.94), pytest.approx(5.06))
+    assert seen.requests == [flight_page.as_uri()]
     tab.close()
 
 
 @pytest.mark.parametrize("width", [360, 1200])
-def test_a_flights_page_never_scrolls_sideways(browser: Browser, flight_page: Path, width: int) -> None:
-    tab = opened(browser, flight_page, width, "dark")
+def test_a_flights_page_never_scrolls_sideways(opened: Opened, flight_page: Path, width: int) -> None:
+    tab = opened(flight_page, width, "dark")
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
     tab.close()
+
+
+def test_an_error_in_a_pages_console_is_heard_unless_the_test_expects_it(
+    browser: Browser, watch: Callable[..., Seen]
+) -> None:
+    seen = watch(browser.new_page(), expected="of no harm")
+    seen.page.evaluate("console.error('one of no harm'); console.warn('a warning'); console.error('a broken page')")
+    seen.page.evaluate("setTimeout(() => { throw new Error('a broken script') })")
+    seen.page.wait_for_timeout(200)
+    seen.page.close()
+    assert seen.errors == ["a broken page", "a broken script"]
+    seen.errors.clear()  # else this test would fail at its end, as any other one would

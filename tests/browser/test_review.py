@@ -9,6 +9,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 import other_logs
 import pytest
 import recordings as rec
+from goshawk_dashboards.charts.signals import Signals
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import marks_of
 from goshawk_dashboards.review.dashboard import ReviewDashboard, ReviewView
@@ -195,7 +197,7 @@ def test_a_click_or_a_drag_on_phases_and_a_click_on_a_chart_seek(review: Review,
         return abs(view.player.time_s - middle_s) < 0.2
 
     eventually("a click on a phase did not seek", sought)
-    quarter_s = 0.25 * view.player.duration_s
+    quarter_s = 0.25 * view.player.end_s
 
     def scrubbed() -> bool:
         # The dock may still be finding its height: the next drag begins where the band is then.
@@ -215,8 +217,19 @@ def test_a_click_or_a_drag_on_phases_and_a_click_on_a_chart_seek(review: Review,
     eventually("a drag did not scrub", scrubbed)
     chart = over(page, 0)
     page.mouse.click(chart.x + 0.75 * chart.width, chart.y + 0.5 * chart.height)
-    later_s = 0.75 * view.player.duration_s
+    later_s = 0.75 * view.player.end_s
     eventually("a click on a chart did not seek", lambda: abs(view.player.time_s - later_s) < 0.2)
+    # A drag that begins with shift scrubs in the chart, and zooms nothing.
+    page.keyboard.down("Shift")
+    page.mouse.move(chart.x + 0.7 * chart.width, chart.y + 0.5 * chart.height)
+    page.mouse.down()
+    page.mouse.move(chart.x + 0.4 * chart.width, chart.y + 0.5 * chart.height, steps=3)
+    eventually("a drag with shift did not scrub", lambda: abs(view.player.time_s - 0.4 * view.player.end_s) < 0.2)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    page.wait_for_timeout(300)
+    assert abs(view.player.time_s - 0.4 * view.player.end_s) < 0.2
+    assert window_s(page) == (0.0, round(view.player.end_s, 3))
 
 
 def test_a_drag_zooms_all_charts_and_a_double_click_shows_the_whole_flight(
@@ -224,7 +237,7 @@ def test_a_drag_zooms_all_charts_and_a_double_click_shows_the_whole_flight(
 ) -> None:
     r = review(trial)
     page, view = plain(r.url).page, first_view(r)
-    duration_s = view.player.duration_s
+    duration_s = view.player.end_s
     chart = over(page, 1)
     page.mouse.move(chart.x + 0.25 * chart.width, chart.y + 20)
     page.mouse.down()
@@ -247,6 +260,10 @@ def test_any_signal_is_found_by_its_words_and_shares_a_chart_by_an_axis_of_its_o
     page, view = seen.page, first_view(r)
     over(page, 0)
     page.get_by_role("button", name="+ signal").click()
+    # Not all of them fit: the list says so.
+    shown, more = page.locator("#goshawk-picker li button"), page.locator("#goshawk-picker li").last
+    expect(shown).to_have_count(200)
+    expect(more).to_have_text(f"… and {len(Signals(flight).names) - 200} more, type to narrow")
     page.get_by_label("Add to").select_option("0")
     page.get_by_label("Search a signal").fill("candidates.3 cost")
     expect(page.locator("#goshawk-picker li")).to_have_count(1)
@@ -279,6 +296,35 @@ def test_three_logs_lie_over_each_other_by_a_moment_that_all_of_them_had(
     x = [4.0 * (3.0 + k) for k in range(3)]
     scenes = [view.scene.first, *(other.scene for other in view.scene.others)]
     eventually("a vehicle is elsewhere", lambda: np.allclose([s.vehicle.position[0] for s in scenes], x, atol=0.05))
+    # The longest began 2 s before the first: the axis does, too.
+    assert np.allclose(window_s(page), [-2.0, view.player.end_s], atol=0.01)
+    number = page.get_by_label("Time, s")
+    number.fill("-1.9")
+    number.press("Enter")
+    longest = view.scene.others[1].scene
+    eventually("its first second is out of reach", lambda: abs(longest.vehicle.position[0] - 4.0 * 0.1) < 0.05)
+    assert not view.scene.first.vehicle.visible
+    expect(page.locator('[data-goshawk="cursor"]')).to_have_attribute("data-time", "-1.900")
+    place = page.locator('[data-goshawk="cursor"]').evaluate("c => parseFloat(c.style.left)")
+    assert place == pytest.approx(100 * 0.1 / (view.player.end_s + 2.0), abs=0.1)
+
+
+@pytest.mark.parametrize("width", [390, 1100])
+def test_the_seconds_below_the_band_have_room_for_their_words(
+    review: Review, visit: Callable[..., Seen], tmp_path: Path, width: int
+) -> None:
+    log = rec.LogFile(tmp_path / "long.mcap")
+    for seq, time_s in enumerate((0.0, 139.0)):
+        log.write("control", rec.START_NS + round(time_s * 1e9), rec.control(time_s, seq, 140.0))
+    log.close()
+    r = review(tmp_path / "long.mcap")
+    page = visit(r.url, width=width, height=844, scene=False).page
+    ticks = page.locator(".band .tick")
+    expect(ticks.first).to_be_visible()
+    sides = "ticks => ticks.map(tick => tick.getBoundingClientRect()).map(({left, right}) => [left, right])"
+    eventually("there are few ticks", lambda: len(ticks.evaluate_all(sides)) >= width / 130)
+    found = ticks.evaluate_all(sides)
+    assert all(right + 2 < left for (_, right), (left, _) in pairwise(found))
 
 
 def test_play_steps_keys_and_jumps(review: Review, plain: Visit, trial: Path) -> None:
@@ -293,7 +339,7 @@ def test_play_steps_keys_and_jumps(review: Review, plain: Visit, trial: Path) ->
     press(page, "Pause")
     eventually("it did not pause", lambda: not view.player.playing)
     paused_s = view.player.time_s
-    assert paused_s < view.player.duration_s
+    assert paused_s < view.player.end_s
     eventually("the page did not follow", lambda: abs(shown_s(page) - paused_s) < 1e-3)
 
     frames_s = flight.times_s("rgbd")
@@ -336,8 +382,8 @@ def test_a_log_that_was_cut_off_opens_and_says_so(review: Review, plain: Visit, 
     cut.write_bytes(data[: len(data) * 2 // 3])
     r = review(cut)
     page, view = plain(r.url).page, first_view(r)
-    assert view.player.duration_s > 5.0
-    view.player.seek(view.player.duration_s)
+    assert view.player.end_s > 5.0
+    view.player.seek(view.player.end_s)
     expect(page.locator('[data-goshawk="marks"]')).to_contain_text("the log was cut off here")
 
 
@@ -347,7 +393,7 @@ def test_two_flights_and_a_replay_share_the_scene(review: Review, plain: Visit, 
     replay = rec.write_replay(tmp_path / "replay.mcap", 8.0, chosen=3)
     r = review(first, other, replay=replay)
     page, view = plain(r.url).page, first_view(r)
-    assert view.player.duration_s > 9.9
+    assert view.player.end_s > 9.9
     view.player.seek(2.0)
     expect(page.locator('[data-goshawk="candidates"]')).to_contain_text("the other policy chose 4")
     (beside,) = view.scene.others

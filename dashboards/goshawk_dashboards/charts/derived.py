@@ -5,6 +5,7 @@ Shape suffixes: M samples, 3 a vector, 4 a quaternion (w, x, y, z).
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -85,21 +86,19 @@ def _along(field: str, axis: int, flight: Flight) -> Series:
     return _control(flight).times_s, _control(flight)[field][:, axis]
 
 
-def _commanded(axis: int, flight: Flight) -> Series:
-    own = _control(flight)
-    return own.times_s, np.where(own.times_s >= _lifted_s(flight), own["acc_att_world"][:, axis], np.nan)
+def _acceleration(field: str, axis: int, flight: Flight) -> Series:
+    times_s, values = _along(field, axis, flight)
+    return _in_air(flight, times_s, values)
 
 
 def _true_acceleration(axis: int, flight: Flight) -> Series:
     truth = flight.columns("sim_truth", ["acc_world"])
-    return truth.times_s, np.where(truth.times_s >= _lifted_s(flight), truth["acc_world"][:, axis], np.nan)
+    return _in_air(flight, truth.times_s, truth["acc_world"][:, axis])
 
 
-def _lifted_s(flight: Flight) -> float:
-    """When its thrust first carried it: before, thrust that ramps up on the ground looks like a fall."""
-    own = _control(flight)
-    carried = own["thrust_norm"] >= 0.9 * own["hover_thrust"]
-    return float(own.times_s[int(np.argmax(carried))]) if carried.any() else np.inf
+def _in_air(flight: Flight, times_s_M: Array, values_M: Array) -> Series:
+    """Without what is told on the ground: a thrust that ramps up there looks like a fall, or like a disturbance."""
+    return times_s_M, np.where(flight.airborne_M(times_s_M), values_M, np.nan)
 
 
 def _angle(field: str, axis: int, flight: Flight) -> Series:
@@ -193,6 +192,20 @@ def _doubt(flight: Flight) -> Series:
     return told.times_s, told["odometry_doubt"]
 
 
+def thrust_limits(flight: Flight) -> tuple[float, float] | None:
+    """The least and the most that is commanded, of full thrust; None: the vehicle file does not tell."""
+    try:
+        airframe = tomllib.loads(flight.header.vehicle_toml)["airframe"]
+        return float(airframe["min_thrust"]), float(airframe["max_thrust"])
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError):
+        return None
+
+
+def _thrust_limit(which: int, flight: Flight) -> Series:
+    limits, times_s = thrust_limits(flight), _control(flight).times_s
+    return times_s, np.full(len(times_s), np.nan if limits is None else 100.0 * limits[which])
+
+
 def _cost(flight: Flight) -> Series:
     return flight.chosen_cost
 
@@ -213,6 +226,8 @@ DERIVED: Mapping[str, Derived] = {
     "age of the plan": Derived(unit="ms", rgb=theme.VEHICLE, read=_scaled("plan_age_s", 1e3)),
     "thrust": Derived(unit="%", rgb=theme.VEHICLE, read=_scaled("thrust_norm", 100.0)),
     "hover thrust": Derived(unit="%", rgb=theme.TRUTH, read=_scaled("hover_thrust", 100.0), dashed=True),
+    "least thrust": Derived(unit="%", rgb=theme.WARN, read=partial(_thrust_limit, 0), dashed=True),
+    "most thrust": Derived(unit="%", rgb=theme.WARN, read=partial(_thrust_limit, 1), dashed=True),
     "tilt": Derived(unit="°", rgb=theme.VEHICLE, read=_tilt),
     "attitude error": Derived(unit="°", rgb=theme.BAD, read=_attitude_error),
     "battery": Derived(unit="%", rgb=theme.GOOD, read=_battery),
@@ -220,17 +235,14 @@ DERIVED: Mapping[str, Derived] = {
     "σ of the target's place": Derived(unit="m", rgb=theme.TARGET, read=_sigma, dashed=True),
     "error of the target's place": Derived(unit="m", rgb=theme.TARGET, read=_target_error),
     **{
-        f"{name} {axis}": Derived(unit="m/s²", rgb=rgb, read=partial(_along, field, k))
+        f"{name} {axis}": Derived(unit="m/s²", rgb=rgb, read=partial(_acceleration, field, k))
         for k, axis in enumerate(AXES)
         for name, field, rgb in (
             ("measured acceleration", "acc_meas_world", theme.MEASURED),
             ("desired acceleration", "acc_des_world", theme.GOOD),
+            ("commanded acceleration", "acc_att_world", theme.BAD),
             ("disturbance", "acc_disturbance_world", theme.DISTURBANCE),
         )
-    },
-    **{
-        f"commanded acceleration {axis}": Derived(unit="m/s²", rgb=theme.BAD, read=partial(_commanded, k))
-        for k, axis in enumerate(AXES)
     },
     **{
         f"velocity {axis}": Derived(unit="m/s", rgb=rgb, read=partial(_along, "vel_world", k))

@@ -27,6 +27,10 @@ VECTORS = {"ang_vel": "rad/s", "specific_force": "m/s²", "pos": "m", "vel": "m/
 COLORS = (
     theme.VEHICLE, theme.TARGET, theme.GOOD, theme.DISTURBANCE, theme.SECOND, theme.REPLAY, theme.TRUTH, theme.BAD,
 )  # fmt: skip
+ACCELERATIONS = (
+    "measured acceleration", "desired acceleration", "commanded acceleration", "disturbance", "true acceleration",
+)  # fmt: skip
+"""What is shown over each other along each axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,16 +47,7 @@ CHARTS = (
     Chart(signals=("distance to target", "true distance to target"), compared=1),
     Chart(signals=("true clearance", "clearance by depth"), compared=1),
     Chart(signals=("cost flown", REPLAYED), compared=1),
-    *(
-        Chart(
-            signals=tuple(
-                f"{name} {axis}"
-                for name in ("measured acceleration", "desired acceleration", "disturbance", "true acceleration")
-            ),
-            compared=1,
-        )
-        for axis in ("east", "north", "up")
-    ),
+    *(Chart(signals=tuple(f"{name} {axis}" for name in ACCELERATIONS), compared=1) for axis in ("east", "north", "up")),
     Chart(signals=("roll", "roll asked", "pitch", "pitch asked"), compared=1),
     Chart(signals=("thrust", "age of the plan"), compared=1),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.instruments.chart import Line, chart_svg
 from goshawk_dashboards.instruments.track import ACCELERATIONS, AXES, Track
@@ -30,12 +31,14 @@ HIGH, FULL = 0.6, 0.9
 
 
 def disturbance_html(snap: Snapshot, track: Track) -> str:
-    """Arrow and numbers of this instant."""
+    """Arrow and numbers of this instant, with the swatches of the charts."""
     control = snap.control
     if control is None:
-        return f'<div style="{DIM}">no controller step yet</div>'
+        return f'<div style="{DIM}">no controller step yet</div>{_legend(snap)}'
     if not track.airborne(snap):
-        return f'<div style="{DIM}">On the ground: what stands there feels no wind.</div>'
+        return f'<div style="{DIM}">On the ground: what stands there feels no wind.</div>{_legend(snap)}'
+    if control.mode == pb.MODE_FAULT:
+        return f'<div style="{DIM}">Handed back to the autopilot: nothing is estimated.</div>{_legend(snap)}'
     size, limit_mps2 = float(np.linalg.norm(control.acc_disturbance_world_3)), control.disturbance_limit_mps2
     share = None if not limit_mps2 else size / limit_mps2
     color = theme.DISTURBANCE if share is None or share < HIGH else theme.WARN if share < FULL else theme.BAD
@@ -83,7 +86,7 @@ def _rose(push_3: Array, radius_mps2: float, color: theme.Rgb) -> str:
 
 
 def _numbers(snap: Snapshot, control: ControlView) -> str:
-    """Every acceleration, axis by axis; the headings are the legend of the charts."""
+    """Every acceleration, axis by axis; their names are the legend of the charts."""
     true_3 = snap.truth.acc_world_3 if snap.truth is not None and snap.fresh("sim_truth") else None
     rows = (control.acc_des_world_3, control.acc_att_world_3, control.acc_meas_world_3,
             control.acc_disturbance_world_3, true_3)  # fmt: skip
@@ -99,6 +102,13 @@ def _numbers(snap: Snapshot, control: ControlView) -> str:
         f'<table data-goshawk="accelerations" style="{TABLE}">'
         f'<tr style="{DIM}"><td>m/s&sup2;</td>{head}</tr>{body}</table>'
     )
+
+
+def _legend(snap: Snapshot) -> str:
+    """What the charts draw, where no number of this instant stands beside a name."""
+    names = (name for name in ACCELERATIONS if name != "true" or snap.truth is not None)
+    words = "".join(f'<span style="white-space:nowrap">{_swatch(name)} {name}</span>' for name in names)
+    return f'<div style="display:flex;flex-wrap:wrap;gap:0 12px">{words}</div>'
 
 
 def _swatch(name: str) -> str:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.instruments.history import SAMPLES, History
-from goshawk_dashboards.state.snapshot import FLYING, Snapshot
+from goshawk_dashboards.state.airborne import Ground, Step
+from goshawk_dashboards.state.snapshot import IN_AIR, Snapshot
 from goshawk_dashboards.state.views import Array, ControlView
 
 AXES = ("east", "north", "up")
@@ -21,8 +21,6 @@ ACCELERATIONS = ("desired", "commanded", "measured", "disturbance", "true")
 a simulation knows."""
 COLUMNS = (*(f"{what} {axis}" for what in ACCELERATIONS for axis in AXES), "position", "velocity", "innovation",
            "sigmas", "objectness", "rival", "hover", "lag")  # fmt: skip
-LIFTED_M = 0.3
-"""A vehicle this much above where it stood is in the air."""
 _NAN = float("nan")
 
 
@@ -38,10 +36,9 @@ class Track:
         self._history = History(len(COLUMNS), capacity)
         self._last_ns: int | None = None
         self._flew: bool | None = None
+        self._ground = Ground()
         self.gate_sigmas: float | None = None
         """The target filter's, as it was told last."""
-        self.stood_z_m: float | None = None
-        """Height of the ground that it took off from, in the world frame; None: it was not seen to stand."""
         self.took_off_ns: int | None = None
         """When it began to fly, by its own clock; None: that was not seen."""
 
@@ -55,6 +52,11 @@ class Track:
         return track
 
     @property
+    def stood_z_m(self) -> float | None:
+        """Height of the ground that it took off from, in the world frame; None: it was not seen to stand."""
+        return self._ground.stood_z_m
+
+    @property
     def nbytes(self) -> int:
         """Memory held, constant."""
         return self._history.nbytes
@@ -65,13 +67,12 @@ class Track:
         if control is None or control.stamp_ns == self._last_ns:
             return
         if self._last_ns is not None and control.stamp_ns < self._last_ns:
-            self.stood_z_m = self.took_off_ns = None  # another clock: it was started anew
+            self.took_off_ns = None  # another clock: it was started anew
         self._last_ns = control.stamp_ns
         self._watch(control)
+        self._ground.take(Step.of(control))
         if snap.target is not None and snap.target.look is not None:
             self.gate_sigmas = snap.target.look.gate_sigmas
-        if control.mode not in FLYING or (self.stood_z_m is None and control.mode == pb.MODE_TAKEOFF):
-            self.stood_z_m = float(control.pos_world_3[2])
         self._history.add(control.stamp_ns * 1e-9, np.array([*self._accelerations(snap), *self._target(snap)]))
 
     def fill(self, snap: Snapshot) -> None:
@@ -82,10 +83,16 @@ class Track:
 
     def _watch(self, control: ControlView) -> None:
         """Notices a take-off; the time stays after the landing, for what happened is told by it."""
-        flies = control.mode in FLYING
+        flies = control.mode in IN_AIR
         if flies and self._flew is False:
             self.took_off_ns = control.stamp_ns
         self._flew = flies
+
+    def tell_take_off(self, stamp_ns: int) -> None:
+        """Hears afterwards of a take-off that was not seen here."""
+        heard = self._last_ns is not None and stamp_ns <= self._last_ns
+        if heard and (self.took_off_ns is None or stamp_ns > self.took_off_ns):
+            self.took_off_ns = stamp_ns
 
     def flight_s(self, stamp_ns: int) -> float | None:
         """Seconds since the last take-off; None: it was not seen."""
@@ -93,10 +100,7 @@ class Track:
 
     def airborne(self, snap: Snapshot) -> bool:
         """Whether it has left the ground, and has not come back to it."""
-        if snap.control is None or snap.control.mode not in FLYING:
-            return False
-        lifted = self.stood_z_m is None or snap.control.pos_world_3[2] - self.stood_z_m > LIFTED_M
-        return bool(lifted) or snap.control.mode not in (pb.MODE_TAKEOFF, pb.MODE_STOPPING)
+        return snap.control is not None and self._ground.airborne(Step.of(snap.control))
 
     def _accelerations(self, snap: Snapshot) -> list[float]:
         c = snap.control

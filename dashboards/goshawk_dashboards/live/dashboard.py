@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import viser
 
-from goshawk_dashboards.gate import Gate, PortBusyError, Role
+from goshawk_dashboards.gate import Addition, Gate, PortBusyError, Role
 from goshawk_dashboards.live.feed import Feed, Watched
+from goshawk_dashboards.live.overlay import foot_html
 from goshawk_dashboards.live.panels import LivePanels
 from goshawk_dashboards.page.serving import close_server, open_server
 from goshawk_dashboards.page.viewer import Guard, Viewer, Views
@@ -91,9 +92,10 @@ class LiveDashboard:
             raise ValueError("a dashboard needs a vehicle")
         self.feeds = [Feed(vehicle) for vehicle in vehicles]
         self._gate = gate
+        over = Addition(foot=foot_html())
         self.servers = {
-            Role.OPERATOR: open_server(gate, Role.OPERATOR, "Goshawk"),
-            Role.OBSERVER: open_server(gate, Role.OBSERVER, "Goshawk, observing"),
+            Role.OPERATOR: open_server(gate, Role.OPERATOR, "Goshawk", over),
+            Role.OBSERVER: open_server(gate, Role.OBSERVER, "Goshawk, observing", over),
         }
         self._views = [self._views_of(role) for role in self.servers]
         self._guard = Guard()

@@ -27,6 +27,9 @@ from goshawk_dashboards.state.views import CommandView, ControlView, HealthView,
 MAX_ALERTS = 4
 """Lines of the banner; the worst come first, and the rest is counted."""
 
+TOOK_OFF = "→ Takeoff:"
+"""What the vehicle's event of a take-off holds."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Watched:
@@ -133,6 +136,9 @@ class Feed:
         """Goes on to a snapshot."""
         self.snap = snap  # first: whatever fails below, an old one must not look fresh
         self.track.add(snap)
+        for event in snap.events:
+            if event.late and event.kind == "mode" and TOOK_OFF in event.text:
+                self.track.tell_take_off(event.stamp_ns)
         self.words = Words(snap, self.track, self._ground_z_m(snap))
         for curves in self.curves:
             curves.sample(snap)

@@ -1,6 +1,6 @@
 // Stop, alerts and the last command's outcome in a layer of their own, above whatever viser's panels do: scrolled,
 // folded away or behind a dialog, they would take their content with them.
-if (!window.goshawkOver) {
+{
   const press = (key, code, held = {}) =>
     // viser's hotkeys listen here, and ignore a key whose target is an input field: so the target is the document.
     document.documentElement.dispatchEvent(new KeyboardEvent("keydown", { key, code, bubbles: true, ...held }));
@@ -8,12 +8,13 @@ if (!window.goshawkOver) {
   const layer = document.createElement("div");
   layer.id = "goshawk-over";
   layer.innerHTML =
-    '<div class="goshawk-news"></div><div class="goshawk-stops" hidden>' +
+    '<div class="goshawk-column"><div></div><div></div></div><div class="goshawk-stops" hidden>' +
     '<button class="goshawk-all"><span></span><kbd aria-hidden="true">shift + space, twice</kbd></button>' +
     '<button class="goshawk-one"><span></span><kbd aria-hidden="true">space</kbd></button>' +
-    '<button class="goshawk-cancel"><span></span></button></div><div></div>';
+    '<button class="goshawk-cancel"><span></span></button></div>';
   document.body.append(layer);
-  const [news, stops, card] = layer.children;
+  const [column, stops] = layer.children;
+  const [news, card] = column.children;
   const [all, one, cancel] = stops.children;
   one.onclick = () => stop(false);
   all.onclick = () => stop(true);
@@ -67,8 +68,7 @@ if (!window.goshawkOver) {
     button.firstChild.textContent = words;
     button.hidden = words === "";
   };
-  window.goshawkOver = (template) => {
-    if (!template) return; // a newer one took its place
+  const tell = (template) => {
     const facts = template.dataset;
     news.innerHTML = template.innerHTML;
     stops.hidden = facts.stop === "";
@@ -78,10 +78,21 @@ if (!window.goshawkOver) {
     all.dataset.armed = facts.armed;
     remember(facts);
   };
-  window.goshawkPhone = (template) => {
-    // None: a newer card took its place before it was shown. What lies between the panels of a wide window may be narrow.
-    if (template) card.innerHTML = window.innerWidth > 576 ? "" : template.innerHTML;
+  const showCard = (template) => {
+    // What lies between the panels of a wide window may be narrow.
+    card.innerHTML = window.innerWidth > 576 ? "" : template.innerHTML;
   };
-  const waiting = document.querySelector("template[data-stop]");
-  if (waiting) window.goshawkOver(waiting);
+
+  // viser makes a template anew when its text is new.
+  const takers = { over: tell, "over-phone": showCard };
+  const taken = {};
+  const look = () => {
+    for (const [name, take] of Object.entries(takers)) {
+      const template = document.querySelector(`template[data-goshawk="${name}"]`);
+      if (!template || template === taken[name]) continue;
+      taken[name] = template;
+      take(template);
+    }
+  };
+  new MutationObserver(look).observe(document, { childList: true, subtree: true });
 }

@@ -1,8 +1,8 @@
 """What lies over the whole window, wherever the panels are scrolled, folded or docked: Stop, alerts, the last command.
 
-viser lays out its panels by itself, and what is in a folded one is not shown. So `overlay.js` makes a layer beside
-viser's; it comes inside an HTML element of viser's, so nothing is fetched, and each new text is handed to it from
-there. Its buttons and the stop key go the way of viser's own hotkeys.
+viser lays out its panels by itself, and what is in a folded one is not shown. So `overlay.js`, at the end of viser's
+page, makes a layer beside viser's. Each new text comes as a template in an HTML element of viser's, where the script
+finds it. Its buttons and the stop key go the way of viser's own hotkeys.
 """
 
 from __future__ import annotations
@@ -17,16 +17,11 @@ from goshawk_dashboards.state.alerts import COMMAND_S, Alert
 from goshawk_dashboards.state.snapshot import Snapshot
 
 
-def frame_html() -> str:
-    """The layer itself; sent once."""
+def foot_html() -> str:
+    """The layer itself: style and script, at the end of viser's page."""
     here = resources.files("goshawk_dashboards.live")
     style, script = (here.joinpath(name).read_text(encoding="utf-8") for name in ("overlay.css", "overlay.js"))
-    return f"<style>{style}</style>{_run(script)}"
-
-
-def _run(script: str) -> str:
-    """HTML that runs a script when it is shown: a picture that cannot be one. (A script element would not run.)"""
-    return f'<img alt="" hidden src="data:," onerror="{escape(script)}">'
+    return f"<style>\n{style}</style><script>\n{script}</script>"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,16 +69,12 @@ def overlay_html(
         "vehicles": " ".join(vehicles),
     }
     data = " ".join(f'data-{name}="{escape(value)}"' for name, value in facts.items())
-    return f"<template {data}>{news}</template>" + _run(
-        "window.goshawkOver && goshawkOver(this.previousElementSibling)"
-    )
+    return f'<template data-goshawk="over" {data}>{news}</template>'
 
 
 def phone_over_html(card: str) -> str:
     """A phone's card, apart from the rest: it is new with each picture, and Stop must not wait for one."""
-    if not card:
-        return ""
-    return f"<template>{card}</template>" + _run("window.goshawkPhone && goshawkPhone(this.previousElementSibling)")
+    return f'<template data-goshawk="over-phone">{card}</template>' if card else ""
 
 
 def _alert(name: str, alert: Alert) -> str:

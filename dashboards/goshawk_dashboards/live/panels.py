@@ -49,7 +49,6 @@ class LivePanels:
         self._visit = uuid.uuid4().hex
         """Tells the page that it is connected anew, here or to a ground station that was started again."""
         gui = viewer.gui
-        gui.add_html(overlay.frame_html())
         self._overlay = gui.add_html("")
         self._phone = gui.add_html("")
         self._fleet = self._make_fleet(commands) if len(feeds) > 1 else None
@@ -176,7 +175,7 @@ class LivePanels:
         for handle, curves in zip(self._charts, self._feeds[self.shown].curves, strict=True):
             handle.content = curves.charts_html()
 
-    def _stops(self, snap: Snapshot) -> overlay.Stops:
+    def stops(self, snap: Snapshot) -> overlay.Stops:
         """What the buttons over the window say."""
         if self.commands is None:
             return overlay.Stops()
@@ -193,7 +192,7 @@ class LivePanels:
         self._overlay.content = overlay.overlay_html(
             snap,
             worst_alerts(self._feeds),
-            stops=self._stops(snap),
+            stops=self.stops(snap),
             visit=self._visit,
             vehicles=[f.vehicle.name for f in self._feeds],
         )

@@ -6,7 +6,7 @@
     for phase in flight.phases: print(phase.name, phase.start_s, phase.end_s)
 
 Times are seconds since the first record of telemetry (``start_ns`` on the vehicle's clock) unless a name ends in
-``_ns``. Shape suffixes: M records, 3 a vector, 4 a quaternion (w, x, y, z).
+``_ns``. Shape suffixes: M records, S controller steps, 3 a vector, 4 a quaternion (w, x, y, z).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 from google.protobuf.message import DecodeError, Message
 from goshawk_proto import KEYS, PROTOCOL
 from goshawk_proto import goshawk_pb2 as pb
+from numpy.typing import NDArray
 
 from goshawk_dashboards.log.columns import Columns, read_columns
 from goshawk_dashboards.log.frame import FrameView
@@ -29,6 +30,7 @@ from goshawk_dashboards.log.phases import Phase, phases_of
 from goshawk_dashboards.log.progress import Progress, unheard
 from goshawk_dashboards.state import decode, words
 from goshawk_dashboards.state import views as view
+from goshawk_dashboards.state.airborne import Ground, Step
 
 __all__ = ["CHANNELS", "Columns", "Flight", "ForeignLogError", "LogError", "header_of"]
 
@@ -44,6 +46,7 @@ CHANNELS: Mapping[str, tuple[str, type[Message]]] = {
             ("map", pb.ObstacleMap),
             ("target", pb.Target),
             ("health", pb.Health),
+            ("preview", pb.Preview),
             ("event", pb.Event),
             ("sim_truth", pb.SimTruth),
         )
@@ -187,6 +190,10 @@ class Flight:
         """The newest RGB-D frame at a time, still compressed."""
         return self._view_at("rgbd", time_s, FrameView.of)
 
+    def preview_at(self, time_s: float) -> view.PreviewView | None:
+        """The newest small picture that the link brought; only what a ground recorded has any."""
+        return self._view_at("preview", time_s, decode.preview)
+
     @cached_property
     def world(self) -> view.WorldView | None:
         """The simulator's world; None where it was not logged."""
@@ -225,6 +232,24 @@ class Flight:
         runs = Phase.runs(self._modes.times_s, self._modes["fallback"])
         below = [p for p in runs if int(p.name) != pb.FALLBACK_NONE]
         return tuple(replace(p, name=words.fallback(int(p.name))) for p in below)
+
+    def airborne_M(self, times_s_M: Array) -> NDArray[np.bool_]:
+        """Whether it was in the air at each of these times, by the newest controller step."""
+        steps_s, flown_S = self._airborne
+        newest_M = np.searchsorted(steps_s, times_s_M, side="right") - 1
+        return (newest_M >= 0) & np.append(flown_S, False)[newest_M]
+
+    @cached_property
+    def _airborne(self) -> tuple[Array, NDArray[np.bool_]]:
+        """The time of each controller step, and whether it was made in the air."""
+        own, ground = self.columns("control", ["mode", "pos_world", "vel_world", "acc_att_world"]), Ground()
+        flown: list[bool] = []
+        ups = (own[name][:, 2].tolist() for name in ("pos_world", "vel_world", "acc_att_world"))
+        for time_s, mode, *up in zip(own.times_s.tolist(), own["mode"].tolist(), *ups, strict=True):
+            step = Step(round(time_s * 1e9), mode, *up)
+            ground.take(step)
+            flown.append(ground.airborne(step))
+        return own.times_s, np.array(flown, dtype=bool)
 
     @cached_property
     def _modes(self) -> Columns:

@@ -17,7 +17,7 @@ from goshawk_dashboards.state import views as view
 from goshawk_dashboards.state.snapshot import SAMPLE_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array
 
-CHANNELS = ("control", "plan", "map", "target", "health", "event", "sim_truth")
+CHANNELS = ("control", "plan", "map", "target", "health", "preview", "event", "sim_truth")
 SHORT_S = 0.1
 """A shorter phase is no place to jump to: the mission passes through search on its way to track."""
 TRAIL_S = 30.0
@@ -35,7 +35,6 @@ class Mark:
 
 def snapshot_at(flight: Flight, time_s: float) -> Snapshot:
     """All that the log knows at a time, with each channel's age as the live view counts it."""
-    frame = frame_at(flight, time_s)
     return Snapshot(
         now_s=time_s,
         vehicle=flight.header.vehicle or flight.path.stem,
@@ -47,11 +46,19 @@ def snapshot_at(flight: Flight, time_s: float) -> Snapshot:
         control=flight.control_at(time_s),
         target=flight.target_at(time_s),
         health=flight.health_at(time_s),
-        preview=None if frame is None else frame.preview,
+        preview=_preview_at(flight, time_s),
         truth=flight.truth_at(time_s),
         world=flight.world,
         channels=tuple(_channel(flight, name, time_s) for name in CHANNELS),
     )
+
+
+def _preview_at(flight: Flight, time_s: float) -> view.PreviewView | None:
+    """Of a flight that the ground recorded, which has no frames, what the link brought."""
+    if not flight.count("rgbd"):
+        return flight.preview_at(time_s)
+    frame = frame_at(flight, time_s)
+    return None if frame is None else frame.preview
 
 
 def _channel(flight: Flight, name: str, time_s: float) -> view.ChannelView:

@@ -172,15 +172,16 @@ def disturbance_figure(material: Material) -> Figure | None:
     names = {"desired": "acc_des_world", "attitude": "acc_att_world", "disturbance": "acc_disturbance_world",
              "measured": "acc_meas_world"}  # fmt: skip
     control = flight.columns("control", [*names.values(), "thrust_n"], max_hz=_rate(flight, MOST_ROWS))
-    # Without thrust there is no command to speak of: its "attitude acceleration" is that of a fall.
-    pushing = control["thrust_n"] > 0.0
-    if np.count_nonzero(pushing) < 2:
+    # Without thrust there is no command to speak of, and on the ground none is an estimate of the air.
+    flown = (control["thrust_n"] > 0.0) & flight.airborne_M(control.times_s)
+    if np.count_nonzero(flown) < 2:
         return None
-    curves = {name: np.where(pushing[:, None], control[field], np.nan) for name, field in names.items()}
+    curves = {name: np.where(flown[:, None], control[field], np.nan) for name, field in names.items()}
     felt = bool(np.isfinite(curves["measured"]).any())
     shown = [name for name in ("measured", "desired", "attitude", "disturbance") if felt or name != "measured"]
     truth = flight.columns("sim_truth", ["acc_world"], max_hz=_rate(flight, MOST_ROWS))
-    simulated = bool(np.isfinite(truth["acc_world"]).any())
+    true_M3 = np.where(flight.airborne_M(truth.times_s)[:, None], truth["acc_world"], np.nan)
+    simulated = bool(np.isfinite(true_M3).any())
 
     def draw(canvas: Canvas, palette: Palette) -> None:
         rows = canvas.subplots(3, 1, sharex=True)
@@ -189,7 +190,7 @@ def disturbance_figure(material: Material) -> Figure | None:
             for name in shown:
                 axes.plot(control.times_s, curves[name][:, k], color=getattr(palette, name), lw=1.1, label=name)
             if simulated:
-                axes.plot(truth.times_s, truth["acc_world"][:, k], color=palette.ink, lw=0.8, ls=":", label="true")
+                axes.plot(truth.times_s, true_M3[:, k], color=palette.ink, lw=0.8, ls=":", label="true")
             axes.set_ylabel(f"{AXES[k]}, m/s²")
         rows[2].set_xlabel("s")
         rows[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.13), ncols=5, borderaxespad=0.0)
@@ -199,7 +200,7 @@ def disturbance_figure(material: Material) -> Figure | None:
         table |= columns_of(name, values_M3, "mps2")
     tables = {"disturbance": table}
     if simulated:
-        tables["disturbance_true"] = {"time_s": truth.times_s, **columns_of("true", truth["acc_world"], "mps2")}
+        tables["disturbance_true"] = {"time_s": truth.times_s, **columns_of("true", true_M3, "mps2")}
     came = "what the autopilot's IMU felt (measured): measured should follow desired."
     return Figure(
         name="disturbance",

@@ -39,7 +39,8 @@ CHARTS: Mapping[str, tuple[str, ...]] = {
     "Attitude error": ("attitude error",),
     "Roll rate": ("roll rate", "roll rate asked"),
     "Pitch rate": ("pitch rate", "pitch rate asked"),
-    "Thrust": ("thrust", "hover thrust"),
+    "Yaw rate": ("yaw rate", "yaw rate asked"),
+    "Thrust": ("thrust", "hover thrust", "least thrust", "most thrust"),
     "Battery": ("battery",),
     "Odometry's consistency": ("doubt of the odometry",),
     "Target filter's consistency": ("error of the target's place", "σ of the target's place"),
@@ -70,7 +71,7 @@ def over_time(flight: Flight, seen: Clearance | None, phase_colors: Mapping[str,
     bands = [
         {"from_s": p.start_s, "to_s": p.end_s, "color": phase_colors.get(p.name, "#b3bac1")} for p in phases
     ]  # fmt: skip
-    felt = np.isfinite(signals.read(["measured acceleration up"])["measured acceleration up"][1]).any()
+    felt = np.isfinite(flight.columns("control", ["acc_meas_world"])["acc_meas_world"]).any()
     unfelt = "" if felt else " There was no IMU: no acceleration was measured."
     data = json.dumps({"bounds": bounds, "bands": bands, "charts": charts}, ensure_ascii=False, separators=(",", ":"))
     return (

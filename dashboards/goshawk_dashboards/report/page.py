@@ -12,6 +12,7 @@ from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.recorded import begins_s, snapshot_at
+from goshawk_dashboards.page.status import grouped
 from goshawk_dashboards.report.latency import Latencies
 from goshawk_dashboards.report.made import Report
 from goshawk_dashboards.report.over_time import over_time
@@ -166,8 +167,10 @@ def _estimates(flight: Flight) -> str:
     if not on_task:
         return ""
     end_s, from_s = on_task[-1].end_s, begins_s(flight)
+    # Just before, while it was in the phase: the next one may be on the ground, or another's to fly.
+    last_s = end_s - 1e-3
     every_s = max((end_s - from_s) / ESTIMATE_ROWS, 0.05)
-    snaps = [snapshot_at(flight, float(t)) for t in np.append(np.arange(from_s, end_s, every_s), end_s)]
+    snaps = [snapshot_at(flight, float(t)) for t in np.append(np.arange(from_s, last_s, every_s), last_s)]
     track = Track.of(snaps)
     return (
         f"<section class='panel' id='estimates'><h2>Estimates</h2><p class='soft'>At {end_s:.2f} s, the end of its "
@@ -192,13 +195,14 @@ def _told(latencies: Latencies) -> str:
 
 
 def _events(flight: Flight) -> str:
+    """By their time. What comes again and again is one line, counted, where it came last."""
     if not flight.events:
         return ""
     rows = "".join(
         f"<tr><td class='number'>{(e.stamp_ns - flight.start_ns) * 1e-9:.2f}</td>"
         f"<td{'' if e.severity == pb.SEVERITY_INFO else ' class=bad'}>{words.severity(e.severity)}</td>"
-        f"<td>{escape(e.kind)}</td><td>{escape(e.text)}</td></tr>"
-        for e in flight.events
+        f"<td>{escape(e.kind)}</td><td>{escape(e.text)}{f' <b>× {count}</b>' if count > 1 else ''}</td></tr>"
+        for e, count in reversed(grouped(flight.events))
     )
     names = "<th class='number'>s</th><th></th><th>kind</th><th>event</th>"
     return (

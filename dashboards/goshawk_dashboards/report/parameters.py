@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, cast
 
 from goshawk_proto import goshawk_pb2 as pb
@@ -13,7 +16,9 @@ from goshawk_dashboards.log.flight import Flight, header_of
 from goshawk_dashboards.log.recover import recovered_from
 
 MOST_TRIED = 5
-"""Logs before this one, until one is of the same vehicle."""
+"""Logs of a folder, until one is of the same vehicle."""
+MOST_LISTED, MOST_FOLDERS = 1000, 20
+"""Of the folders beside a log's own so many are listed, and those looked into that are nearest to it in time."""
 ABSENT = "–"
 
 
@@ -35,8 +40,9 @@ class Earlier:
 
 
 def flight_before(flight: Flight) -> Earlier | None:
-    """The newest log beside a flight's that is older, by name as the vehicle names them, and of the same vehicle.
+    """The newest log of the same vehicle that is older: beside the flight's, else in a folder beside its own.
 
+    Beside it the name tells, as the vehicle names its logs; elsewhere the header's date, which simulated flights lack.
     A recovered log, or the one that it was made of, is no other flight.
     """
     path, now = flight.path, flight.header
@@ -45,7 +51,42 @@ def flight_before(flight: Flight) -> Earlier | None:
         header = header_of(candidate)
         if header is not None and header.vehicle == now.vehicle and not _one_flight(header, now):
             return Earlier(name=candidate.name, header=header)
-    return None
+    return _in_folders_beside(path.absolute(), now)
+
+
+def _in_folders_beside(path: Path, now: pb.LogHeader) -> Earlier | None:
+    """A demo's logs lie in a folder each."""
+    began = _date(now)
+    if began is None:
+        return None
+    found: list[tuple[datetime, Earlier]] = []
+    for folder in _folders_beside(path):
+        for log in sorted(folder.glob("*.mcap"), reverse=True)[:MOST_TRIED]:
+            header = header_of(log)
+            date = None if header is None else _date(header)
+            if header is not None and date is not None and date < began and header.vehicle == now.vehicle:
+                found.append((date, Earlier(name=f"{folder.name}/{log.name}", header=header)))
+    return max(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def _folders_beside(path: Path) -> list[Path]:
+    """Those that changed about when the log did."""
+    try:
+        written_ns = path.stat().st_mtime_ns
+        listed = list(itertools.islice(path.parent.parent.iterdir(), MOST_LISTED))
+        folders = [p for p in listed if p != path.parent and p.is_dir() and not p.is_symlink()]
+        return sorted(folders, key=lambda p: abs(p.stat().st_mtime_ns - written_ns))[:MOST_FOLDERS]
+    except OSError:
+        return []
+
+
+def _date(header: pb.LogHeader) -> datetime | None:
+    """When a flight began; None: it has no date."""
+    try:
+        date = datetime.fromisoformat(header.wall_time)
+    except ValueError:
+        return None
+    return date if date.tzinfo else date.replace(tzinfo=UTC)
 
 
 def _one_flight(a: pb.LogHeader, b: pb.LogHeader) -> bool:

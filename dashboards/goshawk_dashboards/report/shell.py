@@ -33,11 +33,12 @@ def tiles(numbers: Iterable[tuple[str, str, str]], first: str = "") -> str:
     return f"<div class='tiles'>{first}{rest}</div>"
 
 
-def panel(figure: Figure, below: str = "") -> str:
-    """A figure with its words."""
+def panel(figure: Figure, below: str = "", *, narrow: Figure | None = None) -> str:
+    """A figure with its words; ``narrow`` is what a phone shows in its place, under another name."""
+    phone = "" if narrow is None else f"<div class='narrow'>{svg(narrow)}</div>"
     return (
         f"<figure class='panel'><h2>{escape(figure.title)}</h2><figcaption>{escape(figure.caption)}</figcaption>"
-        f"{svg(figure)}{below}</figure>"
+        f"{svg(figure)}{phone}{below}</figure>"
     )
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from goshawk_dashboards.charts.derived import DERIVED
+from goshawk_dashboards.charts.derived import DERIVED, thrust_limits
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.state.views import Array
 
@@ -68,13 +67,10 @@ def tracking(flight: Flight, spectrum: Spectrum | None) -> Tracking:
 
 
 def _at_limit(flight: Flight, thrust_M: NDArray[np.float64]) -> float | None:
-    try:
-        airframe = tomllib.loads(flight.header.vehicle_toml)["airframe"]
-        least, most = float(airframe["min_thrust"]), float(airframe["max_thrust"])
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError):
+    limits = thrust_limits(flight)
+    if limits is None or len(thrust_M) == 0:
         return None
-    if len(thrust_M) == 0:
-        return None
+    least, most = limits
     return float(np.mean((thrust_M <= least + AT_LIMIT) | (thrust_M >= most - AT_LIMIT)))
 
 

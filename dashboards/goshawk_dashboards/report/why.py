@@ -9,11 +9,14 @@ from goshawk_proto import goshawk_pb2 as pb
 
 from goshawk_dashboards.log.flight import Flight
 from goshawk_dashboards.log.phases import Phase
-from goshawk_dashboards.state.views import Array
+from goshawk_dashboards.state.views import Array, EventView
 
 LAST_S = 5.0
 """Before the end: what may have to do with it."""
 NEAR_M = 1.0
+UNDER_WAY = frozenset({"Takeoff", "Track", "Navigate", "Search", "Hold"})
+"""The modes of a flight until it is ended, as the vehicle tells them."""
+GROUND = frozenset({"Idle", "Ready", "Landed"})
 
 
 def why(flight: Flight) -> list[str]:
@@ -22,17 +25,43 @@ def why(flight: Flight) -> list[str]:
 
 
 def _end(flight: Flight) -> Iterator[str]:
-    """The mode that it ended in, and what led there."""
+    """What ended it, or the mode that it is in at the end of the log."""
     told = [e for e in flight.events if e.kind == "mode" and " → " in e.text]
     if told:
-        at_s = (told[-1].stamp_ns - flight.start_ns) * 1e-9
-        yield f"Its last change of mode came at {at_s:.2f} s. {told[-1].text}."
+        for event in _ending(told):
+            at_s = (event.stamp_ns - flight.start_ns) * 1e-9
+            before, after = _modes(event)
+            ended = before in UNDER_WAY and after not in UNDER_WAY
+            came = "What ended the flight came" if ended else "Its last change of mode came"
+            yield f"{came} at {at_s:.2f} s. {event.text}."
     elif flight.phases:
         yield f"It was in {flight.phases[-1].name} to the end, and told of no change of mode."
     if flight.missing:
         yield f"The log is damaged: {', '.join(flight.missing)} missing."
     elif not flight.closed:
         yield "The log was cut off, by a kill or a loss of power: what came after is not known."
+
+
+def _ending(told: list[EventView]) -> list[EventView]:
+    """The change of mode that ended the flight, and one that its landing took after it.
+
+    Of a flight that goes on, or never began, the last change alone.
+    """
+    found: list[EventView] = []
+    for event in reversed(told):
+        before, after = _modes(event)
+        # What comes after a flight says nothing of it: "Landed → Ready: all readiness checks hold".
+        if before in UNDER_WAY or after not in GROUND:
+            found.insert(0, event)
+            if before != "Stopping":
+                break
+    return found or told[-1:]
+
+
+def _modes(event: EventView) -> tuple[str, str]:
+    """From and to, of "Track → Stopping: the operator's Stop"."""
+    before, _, rest = event.text.partition(" → ")
+    return before, rest.partition(":")[0]
 
 
 def _collision(flight: Flight) -> Iterator[str]:

@@ -68,7 +68,8 @@ class ReviewView:
         self._recording = recording
         flight, table = recording.flights[0], recording.table
         by_s = table.alignments[recording.aligned]
-        self.player = Player(table.duration_s(by_s), wake)
+        begin_s, end_s = table.axis_s(by_s)
+        self.player = Player(end_s, wake, begin_s=begin_s)
         self.player.seek(recorded.begins_s(flight))
         self.seat = Seat(player=self.player, aligned=recording.aligned, by_s=by_s)
         self.scene = ReviewScene(viewer, recording.flights, recording.replay)

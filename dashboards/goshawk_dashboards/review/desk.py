@@ -119,9 +119,9 @@ class Table:
     beside: Beside | None = None
     """Another log of the first flight."""
 
-    def duration_s(self, by_s: Sequence[float]) -> float:
-        """Until the last of the flights ends."""
-        return max(f.duration_s + by for f, by in zip(self.flights, by_s, strict=True))
+    def axis_s(self, by_s: Sequence[float]) -> tuple[float, float]:
+        """From where the first of the flights begins to where the last ends, by the reviewed flight's own seconds."""
+        return min(by_s), max(f.duration_s + by for f, by in zip(self.flights, by_s, strict=True))
 
 
 @dataclass(kw_only=True, eq=False)
@@ -277,8 +277,9 @@ class Desk:
     def align(self, seat: Seat, to: str) -> None:
         """Lays the flights over each other at a moment that they have in common."""
         seat.aligned, seat.by_s = to, self._table.alignments[to]
-        seat.player.duration_s = self._table.duration_s(seat.by_s)
-        seat.player.touch()
+        player = seat.player
+        player.begin_s, player.end_s = self._table.axis_s(seat.by_s)
+        player.seek(player.time_s)  # it may stand where there is nothing any more
 
     def _source(self, seat: Seat, flight: int, name: str) -> tuple[Signals | Beside, str] | None:
         """Where a flight's signal is read, and its name there; None: that flight has no such one."""
@@ -308,7 +309,8 @@ class Desk:
         short = short_names([f.path.stem for f in self._table.flights])
         return {
             "type": "about",
-            "duration_s": seat.player.duration_s,
+            "begin_s": seat.player.begin_s,
+            "end_s": seat.player.end_s,
             "speeds": SPEEDS,
             "flights": [
                 {"name": f.path.name, "short": short[k], "color": theme.css(color_of(k)), "by_s": by_s}

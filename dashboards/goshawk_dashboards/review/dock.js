@@ -7,7 +7,10 @@
     return element;
   };
   const option = (value, words = value) => make("option", { value, textContent: words });
-  const share = (timeS) => `${(100 * timeS) / about.duration_s}%`;
+  const whole_s = () => about.end_s - about.begin_s;
+  const share = (seconds) => `${(100 * seconds) / whole_s()}%`;
+  const place = (timeS) => share(timeS - about.begin_s);
+  const LISTED = 200; // signals of the picker
   let about = null;
   let viewer = null;
   let socket = null;
@@ -87,9 +90,9 @@
       band.style.marginRight = `${dock.clientWidth - right}px`;
     },
     onzoom: (from_s, to_s) => {
-      windowed.style.left = share(from_s);
+      windowed.style.left = place(from_s);
       windowed.style.width = share(to_s - from_s);
-      windowed.style.display = to_s - from_s < 0.999 * about.duration_s ? "" : "none";
+      windowed.style.display = to_s - from_s < 0.999 * whole_s() ? "" : "none";
       host.dataset.window = `${from_s.toFixed(3)} ${to_s.toFixed(3)}`;
     },
   });
@@ -111,10 +114,11 @@
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
     const names = Object.keys(about?.units || {}).filter((name) => words.every((w) => name.toLowerCase().includes(w)));
     found.replaceChildren(
-      ...names.slice(0, 200).map((name) =>
+      ...names.slice(0, LISTED).map((name) =>
         make("li", {}, make("button", { type: "button", onclick: () => pick(name) }, name, make("small", { textContent: about.units[name] }))),
       ),
     );
+    if (names.length > LISTED) found.append(make("li", { textContent: `… and ${names.length - LISTED} more, type to narrow` }));
     if (!names.length) found.append(make("li", { textContent: "no signal goes by these words" }));
   };
   const pick = (name) => {
@@ -217,7 +221,8 @@
   const open = (message) => {
     const before = about;
     about = message;
-    length.textContent = `of ${about.duration_s.toFixed(2)} s`;
+    const begin = about.begin_s < 0 ? `${about.begin_s.toFixed(2).replace("-", "−")} to ` : "";
+    length.textContent = `of ${begin}${about.end_s.toFixed(2)} s`;
     if (!before) {
       speed.replaceChildren(...about.speeds.map((s) => option(s, `${s} ×`)));
       speed.value = "1";
@@ -248,16 +253,16 @@
       flights.append(span);
     }
     drawBand();
-    stack.bounds = [0, about.duration_s];
+    stack.bounds = [about.begin_s, about.end_s];
     stack.bands = about.phases;
     if (!before) about.charts.forEach((signals) => stack.add(signals));
-    if (before?.duration_s === about.duration_s) stack.zoom(...stack.window);
+    if (before?.begin_s === about.begin_s && before.end_s === about.end_s) stack.zoom(...stack.window);
     else stack.whole();
   };
   const drawBand = () => {
     const at = (className, from_s, to_s, title) => {
       const element = make("div", { className, title });
-      element.style.left = share(from_s);
+      element.style.left = place(from_s);
       if (to_s !== null) element.style.width = share(to_s - from_s);
       return element;
     };
@@ -266,7 +271,7 @@
       const element = at("phase", phase.from_s, phase.to_s, words);
       element.style.background = phase.color;
       element.dataset.phase = phase.name;
-      if ((phase.to_s - phase.from_s) / about.duration_s > 0.009 * phase.name.length) element.textContent = phase.name;
+      if ((phase.to_s - phase.from_s) / whole_s() > 0.009 * phase.name.length) element.textContent = phase.name;
       return element;
     });
     const fallbacks = about.fallbacks.map((f) => at("fallback", f.from_s, f.to_s, `fallback: ${f.name}`));
@@ -276,19 +281,28 @@
       element.dataset.tall = mark.tall;
       return element;
     });
-    const step = [0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600].find((s) => about.duration_s / s <= 14) || 1200;
+    band.replaceChildren(...phases, ...fallbacks, ...marks, windowed, cursor);
+    band.dataset.phases = about.phases.map((phase) => phase.name).join("|");
+    drawTicks();
+  };
+  // As many as have room for their words.
+  const drawTicks = () => {
+    if (!about) return;
+    const most = Math.min(14, Math.max(2, band.clientWidth / 45));
+    const step = [0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600].find((s) => whole_s() / s <= most) || 1200;
     const ticks = [];
-    for (let t = step; t < 0.985 * about.duration_s; t += step) {
-      const tick = at("tick", t, null, "");
-      tick.textContent = `${+t.toFixed(1)} s`;
+    for (let k = Math.floor(about.begin_s / step) + 1; k * step < about.end_s - 0.015 * whole_s(); k++) {
+      const tick = make("div", { className: "tick", textContent: `${+(k * step).toFixed(1)} s`.replace("-", "−") });
+      tick.style.left = place(k * step);
       ticks.push(tick);
     }
-    band.replaceChildren(...phases, ...fallbacks, ...ticks, ...marks, windowed, cursor);
-    band.dataset.phases = about.phases.map((phase) => phase.name).join("|");
+    for (const old of band.querySelectorAll(".tick")) old.remove();
+    windowed.before(...ticks);
   };
+  new ResizeObserver(drawTicks).observe(band);
   const now = ({ time_s, playing, values }) => {
     cursor.dataset.time = time_s.toFixed(3);
-    if (about) cursor.style.left = share(time_s);
+    if (about) cursor.style.left = place(time_s);
     play.textContent = playing ? "Pause" : "Play";
     if (document.activeElement !== time) time.value = time_s.toFixed(2);
     stack.now(time_s, values);
@@ -302,7 +316,7 @@
   const seekTo = (event, hand) => {
     const box = band.getBoundingClientRect();
     const part = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
-    say({ type: "seek", time_s: part * about.duration_s, hand });
+    say({ type: "seek", time_s: about.begin_s + part * whole_s(), hand });
   };
   band.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !about) return;

@@ -111,7 +111,8 @@ class ReviewPanels:
             truth=box["truth"],
             frustum=box["frustum"],
             remembered=box["remembered"],
-            depth=False,  # drawn in full by the review itself
+            # Of frames the review itself draws it in full; what the ground recorded has it only as the map tells it.
+            depth=box["depth"] and not self._flight.count("rgbd"),
         )
         others: OthersMode = self._others.value
         return ReviewOptions(view=view, depth=box["depth"], replay=box["replay"], others=others)

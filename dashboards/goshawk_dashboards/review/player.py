@@ -14,11 +14,12 @@ SCRUB_HOLD_S = 0.4
 
 
 class Player:
-    """A position within 0 .. ``duration_s``. Safe from any thread."""
+    """A position within ``begin_s`` .. ``end_s``. Safe from any thread."""
 
-    def __init__(self, duration_s: float, wake: threading.Event | None = None) -> None:
-        """``wake`` is set with ``moved``: several players can have one for whoever waits for any of them."""
-        self.duration_s = duration_s
+    def __init__(self, end_s: float, wake: threading.Event | None = None, *, begin_s: float = 0.0) -> None:
+        """It stands at 0. ``wake`` is set with ``moved``: several players can have one for whoever waits for any of
+        them."""
+        self.begin_s, self.end_s = begin_s, end_s
         self.moved = threading.Event()
         """Set by everything but the passing of time: there is something new to show at once."""
         self._wake = wake
@@ -52,13 +53,13 @@ class Player:
             if not self._playing:
                 return
             self._time_s += self._speed * (elapsed_s - held_s)
-            if self._time_s >= self.duration_s:
-                self._time_s, self._playing = self.duration_s, False
+            if self._time_s >= self.end_s:
+                self._time_s, self._playing = self.end_s, False
 
     def seek(self, time_s: float) -> None:
         """Goes to a time, or as near as the recording has."""
         with self._lock:
-            self._time_s = min(max(time_s, 0.0), self.duration_s)
+            self._time_s = min(max(time_s, self.begin_s), self.end_s)
         self.touch()
 
     def scrub(self, time_s: float) -> None:
@@ -70,8 +71,8 @@ class Player:
     def toggle(self) -> None:
         """Plays or pauses; at the end it plays from the start."""
         with self._lock:
-            if not self._playing and self._time_s >= self.duration_s:
-                self._time_s = 0.0
+            if not self._playing and self._time_s >= self.end_s:
+                self._time_s = self.begin_s
             self._playing, self._hold_s = not self._playing, 0.0
         self.touch()
 

@@ -104,7 +104,7 @@ class ReviewScene:
         """
         time_s = snap.now_s
         self.first.retrace(*recorded.trails_at(self._flight, time_s))
-        self.first.update(snap, options.view)
+        _update(self.first, snap, options.view)
         self._draw_depth(time_s, options.depth)
         self._draw_replayed(snap, replayed if options.replay or altered else None)
         self._draw_altered(replayed if altered and self.first.chosen.node.visible else None)
@@ -166,7 +166,15 @@ class ReviewScene:
         snap = replace(snap, plan=recorded.only_chosen(snap.plan), preview=None)
         other.scene.retrace(*recorded.trails_at(other.flight, time_s))
         beside = options.others == "Side by side"
-        other.scene.update(snap, replace(options.view, frustum=False, world=options.view.world and beside))
+        shown = replace(options.view, frustum=False, depth=False, world=options.view.world and beside)
+        _update(other.scene, snap, shown)
+
+
+def _update(scene: LiveScene, snap: Snapshot, view: ViewOptions) -> None:
+    """Where flights are laid over each other, one may not have begun yet: then nothing of it is drawn."""
+    scene.update(snap, view)
+    if snap.control is None:
+        scene.forget()
 
 
 def _highest_north_m(way_N3: Array) -> float:

@@ -22,6 +22,8 @@ OPACITY = 0.25
 
 FUSED = 4
 """Images that make one cloud: one a second is told."""
+APART_NS = 5_000_000_000
+"""Images farther apart are not of one place."""
 SPARE_M = 50_000.0
 """Below the lens, where nothing is drawn."""
 POINT_M = 0.02
@@ -55,8 +57,8 @@ class FusedDepth:
         last_ns = self._images[-1][0] if self._images else None
         if depth.frame_ns == last_ns:
             return
-        if last_ns is not None and depth.frame_ns < last_ns:
-            self._images.clear()  # it was started anew
+        if last_ns is not None and not 0 < depth.frame_ns - last_ns < APART_NS:
+            self._images.clear()  # it was started anew, or a reviewer has jumped
         self._images.append((depth.frame_ns, points_world_P3(depth, target_3)))
         self._draw(depth.cam_world_3, tf.SO3(depth.world_from_cam_4).as_matrix()[:, 0].astype(np.float64))
 

@@ -20,6 +20,7 @@ from goshawk_dashboards.scene.remembered import FusedDepth, RememberedScene
 from goshawk_dashboards.scene.target import TargetScene
 from goshawk_dashboards.scene.tubes import Fan, Tube
 from goshawk_dashboards.scene.world import GRID, NEAR_M, WorldScene
+from goshawk_dashboards.state.airborne import Ground, Step
 from goshawk_dashboards.state.snapshot import MAP_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array, ControlView, PlanView
 
@@ -91,6 +92,7 @@ class LiveScene:
         self.remembered = RememberedScene(viewer, root)
         self.depth = FusedDepth(viewer, f"{root}/depth")
         self._vehicle_trail = shapes.Trail(spacing_m=0.3)
+        self._ground = Ground()
         self._make_vehicle()
         self._make_plan()
         self.target = TargetScene(viewer, root)
@@ -113,7 +115,7 @@ class LiveScene:
         self._label = scene.add_label(
             f"{self._root}/vehicle/label", "last seen here", position=(0.0, 0.0, 0.55), visible=False
         )
-        self._disturbance = scene.add_arrows(
+        self.disturbance = scene.add_arrows(
             f"{self._root}/disturbance",
             np.zeros((1, 2, 3)),
             theme.vivid(theme.DISTURBANCE),
@@ -177,9 +179,10 @@ class LiveScene:
     def forget(self) -> None:
         """Shows nothing of what was drawn: another vehicle is to be shown next."""
         self.clear_trails()
+        self._ground = Ground()
         self._preview_seq = None
         self.frustum.image = None
-        for node in (self.vehicle, self.camera, self._disturbance, self._vehicle_line.node):
+        for node in (self.vehicle, self.camera, self.disturbance, self._vehicle_line.node):
             node.visible = False
         self.detections.hide()
         self.target.forget()
@@ -199,14 +202,15 @@ class LiveScene:
         self.vehicle.wxyz = control.world_from_body_4
         self.model.visible = fresh
         self.ghost.visible = self._label.visible = not fresh
-        push_3 = control.acc_disturbance_world_3
+        push_3, step = control.acc_disturbance_world_3, Step.of(control)
         size = float(np.linalg.norm(push_3))
-        self._disturbance.visible = fresh and size > 0.2
-        if self._disturbance.visible:
+        self._ground.take(step)
+        self.disturbance.visible = fresh and size > 0.2 and self._ground.airborne(step)
+        if self.disturbance.visible:
             # 1 m/s2 is drawn 0.4 m long.
             tip_3 = 0.4 * push_3 * min(1.0, 5.0 / size)
-            self._disturbance.position = control.pos_world_3
-            self._disturbance.points = np.array([[np.zeros(3), tip_3]], dtype=np.float32)
+            self.disturbance.position = control.pos_world_3
+            self.disturbance.points = np.array([[np.zeros(3), tip_3]], dtype=np.float32)
         if self._vehicle_trail.add(control.pos_world_3):
             self._vehicle_line.draw(self._vehicle_trail.points_S3())
         self._vehicle_line.node.visible = options.trails and len(self._vehicle_trail) > 1

@@ -112,7 +112,8 @@ def _of_flight(snap: Snapshot) -> list[Alert]:
         found.append(Alert(key="fault", severe=True, text="FAULT: authority is handed back to the autopilot"))
     if not snap.flying or snap.stale:
         return found
-    if control is not None and control.fallback != pb.FALLBACK_NONE:
+    # A hand-back is the fault that is told above.
+    if control is not None and control.fallback not in (pb.FALLBACK_NONE, pb.FALLBACK_HAND_BACK):
         found.append(Alert(key="fallback", severe=True, text=f"FALLBACK: {words.fallback(control.fallback)}"))
     if health is not None:
         found += [Alert(key=f"fault {k}", severe=True, text=fault) for k, fault in enumerate(health.faults)]

@@ -172,18 +172,18 @@ def target(m: pb.Target) -> view.TargetView:
         stamp_ns=m.stamp_ns,
         pos_world_3=_vec("target position", m.pos_world),
         vel_world_3=_vec("target velocity", m.vel_world),
-        covariance_66=_symmetric(_array("target covariance", m.covariance_upper, (21,))) if m.covariance_upper else None,
+        covariance_66=_symmetric("target covariance", m.covariance_upper) if m.covariance_upper else None,
         confirmed=m.confirmed,
         since_seen_s=_number("target since_seen", m.since_seen_s),
         look=_look(m.look) if m.HasField("look") else None,
     )
 
 
-def _symmetric(upper_21: view.Array) -> view.Array:
+def _symmetric(what: str, upper: Any) -> view.Array:
     """The whole matrix, of its values on and above the diagonal, by rows."""
     whole_66 = np.zeros((6, 6))
     rows, columns = np.triu_indices(6)
-    whole_66[rows, columns] = whole_66[columns, rows] = upper_21
+    whole_66[rows, columns] = whole_66[columns, rows] = _array(what, upper, (21,))
     return whole_66
 
 

@@ -34,7 +34,9 @@ view flicker in a flight in which nothing is wrong. The review keeps to it, so t
 MAP_STALE_S = 3.0
 """The same for what the planner remembers, which comes once a second."""
 FLYING = frozenset({pb.MODE_TAKEOFF, pb.MODE_TRACK, pb.MODE_NAVIGATE, pb.MODE_SEARCH, pb.MODE_HOLD, pb.MODE_STOPPING})
-"""The modes in which the vehicle is in the air."""
+"""The modes in which the vehicle flies by itself."""
+IN_AIR = FLYING | {pb.MODE_FAULT}
+"""The modes in which it is, or may be, in the air: after a fault somebody else flies it, until its motors are off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,5 +106,5 @@ class Snapshot:
 
     @property
     def flying(self) -> bool:
-        """Whether the vehicle was in the air when it was last heard."""
-        return self.mode in FLYING
+        """Whether the vehicle was, or may have been, in the air when it was last heard."""
+        return self.mode in IN_AIR

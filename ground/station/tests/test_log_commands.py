@@ -181,6 +181,21 @@ def test_logs_gives_each_flight_one_line_of_80_columns(season: Path, monkeypatch
     assert "ended: landing" in lines[1] and "is no flight" in lines[0]
 
 
+def test_logs_shortens_a_long_name_in_its_middle(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for stamp in ("20261129-142122", "20261129-181232"):
+        demo = tmp_path / "logs" / f"demo-{stamp}" / f"goshawk-2026-11-29T{stamp[9:]}193Z.mcap"
+        demo.parent.mkdir(parents=True)
+        demo.write_bytes(log.read_bytes())
+    _, *lines = goshawk("logs", tmp_path / "logs").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == [
+        "demo-20261129-142…T142122193Z.mcap", "demo-20261129-181…T181232193Z.mcap"
+    ]  # fmt: skip
+    assert max(map(len, lines)) <= 80
+    assert all("ended: landing" in line for line in lines)
+
+
 def test_logs_sorts_and_filters_by_any_column(season: Path) -> None:
     def names(*options: str) -> list[str]:
         flights = json.loads(goshawk("logs", season, "--json", *options).stdout)["flights"]

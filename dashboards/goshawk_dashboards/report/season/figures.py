@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
-from goshawk_dashboards.report.canvas import Figure, Palette, legend, plain
+from goshawk_dashboards.report.canvas import HALF_IN, Figure, Palette, legend, plain
 from goshawk_dashboards.state.views import Array
 
 NEIGHBOURS = 7
 """Flights of one kind whose median is the trend."""
 MOST_KINDS = 5
 """Kinds of flights with a colour of their own; all others share one."""
+NARROW_KINDS = 2
+"""Of these so many stand side by side on a phone."""
 OTHERS = "others"
 _MARGIN = 0.6
 
@@ -64,6 +66,11 @@ def figures(flights: Flights) -> list[Figure]:
     return [_figure(trend, flights) for trend in TRENDS if any(f[trend.column] is not None for f in flights)]
 
 
+def narrow(figure: Figure) -> Figure:
+    """The same for a phone's width."""
+    return replace(figure, name=f"{figure.name}-narrow", size_in=(HALF_IN, 3.2))
+
+
 def _figure(trend: Trend, flights: Flights) -> Figure:
     value_F = np.array([np.nan if f[trend.column] is None else f[trend.column] for f in flights], dtype=np.float64)
     good_F = np.array([f["good"] for f in flights], dtype=bool)
@@ -88,7 +95,7 @@ def _figure(trend: Trend, flights: Flights) -> Figure:
             axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         axes.set_ylabel(f"{trend.title.lower()}, {trend.unit}")
         axes.set_xlabel("flight")
-        legend(axes, MOST_KINDS)
+        legend(axes, MOST_KINDS if canvas.get_figwidth() > HALF_IN else NARROW_KINDS)
 
     table = {"flight": number_F, "kind": kind_F, "good": good_F, trend.column: value_F}
     note = f" Hollow: it did not end well. The line is the median of {NEIGHBOURS} flights of one vehicle and policy."

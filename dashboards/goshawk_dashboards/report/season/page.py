@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from goshawk_dashboards.report.season.figures import Flights, figures
+from goshawk_dashboards.report.season.figures import Flights, figures, narrow
 from goshawk_dashboards.report.season.row import writable
 from goshawk_dashboards.report.season.table import BY_DATE, Season, wrong
 from goshawk_dashboards.report.shell import document, panel, table, tiles
@@ -43,7 +44,7 @@ def page(season: Season, folder: Path, beside: Path) -> str:
     parts = [
         _head(folder, sums),
         tiles(_tiles(sums)),
-        *(panel(figure) for figure in figures(flights)),
+        *(panel(figure, narrow=narrow(figure)) for figure in figures(flights)),
         _kinds(season),
         _faults(season, folder),
         _flights(flights, folder, beside),
@@ -76,7 +77,7 @@ def _kinds(season: Season) -> str:
         digits = {"minutes": 1, "clearance_m": 2, "least_m": 2, "disturbance_mps2": 2, "faults": 1}
         yield from (f"<td class='number'>{_number(of[name], n)}</td>" for name, n in digits.items())
 
-    body = table(heads, (row(of) for of in season.ask(_KINDS)), "season")
+    body = _table(heads, (row(of) for of in season.ask(_KINDS)))
     return f"<section class='panel'><h2>Vehicles and policies</h2>{body}</section>"
 
 
@@ -90,12 +91,12 @@ def _faults(season: Season, folder: Path) -> str:
         yield f"<td class='number'>{of['flights']}</td>"
         yield f"<td>{escape(_name(of['path'], folder))}</td>"
 
-    body = table((WORDS("fault"), "flights", WORDS("the last by name")), (row(of) for of in found), "season")
+    body = _table((WORDS("fault"), "flights", WORDS("the last by name")), (row(of) for of in found))
     return f"<section class='panel'><h2>Faults</h2>{body}</section>"
 
 
 def _flights(flights: Flights, folder: Path, beside: Path) -> str:
-    heads = ("", WORDS("log"), WORDS("outcome"), "s", "clearance, m", "disturbance, m/s²", WORDS("faults"),
+    heads = ("flight", WORDS("log"), WORDS("outcome"), "s", "clearance, m", "disturbance, m/s²", WORDS("faults"),
              WORDS("look at it"))  # fmt: skip
 
     def row(number: int, of: dict[str, Any]) -> Iterator[str]:
@@ -111,8 +112,19 @@ def _flights(flights: Flights, folder: Path, beside: Path) -> str:
         yield f"<td><code>goshawk review {escape(shlex.quote(of['path']))}</code></td>"
 
     note = "The name of a flight leads to its report, where one lies beside its log: <code>goshawk report LOG</code>."
-    body = table(heads, (row(k, of) for k, of in enumerate(flights, 1)), "season")
+    body = _table(heads, (row(k, of) for k, of in enumerate(flights, 1)))
     return f"<section class='panel'><h2>Flights</h2><p class='soft'>{note}</p>{body}</section>"
+
+
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """On a phone each row is a list, and each cell tells the name of its column."""
+    heads = list(heads)
+    names = [" ".join(re.sub(r"<[^>]+>", " ", head).split()) for head in heads]
+    named = (
+        [cell.replace("<td", f"<td data-name='{name}'", 1) for name, cell in zip(names, row, strict=True)]
+        for row in rows
+    )
+    return table(heads, named, "season")
 
 
 def _name(path: str, folder: Path) -> str:

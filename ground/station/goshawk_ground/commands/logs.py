@@ -37,6 +37,7 @@ _HINTS = {
 }
 OTHERS_WIDTH, OUTCOME_WIDTH = 46, 17
 """Columns of all but a log's name, and of the longest outcome: 34 are left for a name in a table of 80."""
+LEAST_NAME_WIDTH = 20
 
 
 def cache_folder() -> Path:
@@ -49,7 +50,10 @@ def report(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="The page; default: beside the log.")] = None,
     figures: Annotated[Path | None, typer.Option(help="A folder for the figures as PNG and CSV.")] = None,
     against: Annotated[
-        Path | None, typer.Option(help="The log whose parameters are compared; default: the one before, beside it.")
+        Path | None,
+        typer.Option(
+            help="The log whose parameters are compared; default: the one before, in its folder or in one beside that."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -167,7 +171,8 @@ def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
     names = [visible(str(Path(f["path"]).relative_to(writable(str(folder))))) for f in flights]
     console = Console(highlight=False)
     table = Table(box=None, pad_edge=False, expand=True)
-    table.add_column("log", overflow="fold", width=min(max(map(len, names)), max(20, console.width - OTHERS_WIDTH)))
+    width = min(max(map(len, names)), max(LEAST_NAME_WIDTH, console.width - OTHERS_WIDTH))
+    table.add_column("log", overflow="ellipsis", no_wrap=True, width=width)
     for head in ("s", "near m", "m/s²"):
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("outcome", max_width=OUTCOME_WIDTH, overflow="ellipsis", no_wrap=True)
@@ -175,7 +180,7 @@ def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
     for name, f in zip(names, flights, strict=True):
         told = [visible(text) for text in wrong(f)]
         table.add_row(
-            Text(name),
+            Text(shortened(name, width)),
             *(
                 "-" if f[column] is None else f"{f[column]:.{digits}f}"
                 for column, digits in (("duration_s", 1), ("clearance_m", 2), ("disturbance_mps2", 2))
@@ -184,6 +189,14 @@ def _print_flights(flights: list[dict[str, Any]], folder: Path) -> None:
             Text(f"{len(told)}: {'; '.join(told)}" if len(told) > 1 else "".join(told) or "-"),
         )
     console.print(table)
+
+
+def shortened(name: str, width: int) -> str:
+    """Without its middle if it is too long: a folder's name begins, and a log's ends, with what tells it apart."""
+    if len(name) <= width:
+        return name
+    tail = (width - 1) // 2
+    return f"{name[: width - 1 - tail]}…{name[-tail:]}"
 
 
 def export(

@@ -216,6 +216,8 @@ def review(
     operator_password_file: OperatorPassword = None,
 ) -> None:
     """Serve recorded flights on a timeline until Ctrl-C: charts of any signal, play, step, compare, plan again."""
+    from goshawk_dashboards.log.progress import progress_bar
+
     from goshawk_ground.commands import admission  # viser takes a second to import: only where it is used
     from goshawk_ground.pages.replan import replanner_of
     from goshawk_ground.pages.review import BesideError, LogError, open_review
@@ -227,16 +229,18 @@ def review(
         admitted = admission.admit(host, files)
         try:
             replanner = replanner_of(bin_dir or places.programs(), [*places.policies(), *(policy or [])])
-            dashboard = open_review(
-                logs,
-                replay,
-                host=host,
-                port=port,
-                access=admitted.access,
-                tls=admitted.tls,
-                replanner=replanner,
-                beside=beside,
-            )
+            with progress_bar(counted=False) as progress:
+                dashboard = open_review(
+                    logs,
+                    replay,
+                    host=host,
+                    port=port,
+                    access=admitted.access,
+                    tls=admitted.tls,
+                    replanner=replanner,
+                    beside=beside,
+                    progress=progress,
+                )
         except (BesideError, LogError) as error:
             fail(str(error), NO_REPLY)
     with until_interrupted():

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from goshawk_dashboards.log.flight import Flight, LogError
+from goshawk_dashboards.log.flight import LogError, header_of
 from goshawk_dashboards.review.altering import Alteration, AlterError
 
 LONGEST_S = 300.0
@@ -74,4 +74,5 @@ class AirReplanner:
         if self._by_sha256 is None:
             files = self._policies.values()
             self._by_sha256 = {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in files}
-        return self._by_sha256.get(Flight.open(flight).header.policy_sha256)
+        header = header_of(flight)
+        return None if header is None else self._by_sha256.get(header.policy_sha256)
