@@ -76,6 +76,16 @@ def test_the_demo_flies_and_its_log_opens_in_the_stock_reader(tmp_path: Path) ->
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_the_demo_of_a_navigation_reaches_the_vehicle_files_goal(tmp_path: Path) -> None:
+    summary = tmp_path / "summary.json"
+    command = [GOSHAWK, "demo", "--headless", "--task", "navigate", "--seed", "3", "--spacing", "7"]
+    command += ["--log-dir", tmp_path, "--json", summary]
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=240)
+    printed = done.stdout + done.stderr
+    assert done.returncode == 0 and json.loads(summary.read_text())["succeeded"], printed
+    assert "90" in printed and "goal" in printed, printed
+
+
 def test_the_ground_sees_the_simulators_buildings_and_what_moves_between_them(rig: Rig) -> None:
     rig.air()
     rig.sim("--world", "buildings", "--seed", "2", "--moving", "3")

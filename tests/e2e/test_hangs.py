@@ -44,8 +44,8 @@ def standing(tid: int) -> Generator[None]:
         LIBC.ptrace(DETACH, tid, 0, 0)
 
 
-def takes_off(rig: Rig) -> None:
-    rig.sim("--seed", "5", "--spacing", "6", "--speed", "2")
+def takes_off(rig: Rig, *mishaps: str) -> None:
+    rig.sim("--seed", "5", "--spacing", "6", "--speed", "2", *mishaps)
     with rig.link() as link:
         assert link.wait_for(lambda s: s.health is not None and s.health.ready, 40.0), rig.output("air")
         assert link.start().accepted
@@ -117,6 +117,18 @@ def test_a_terminal_that_goes_in_flight_takes_nothing_down_and_on_the_ground_the
         assert air.wait(timeout=60) == 0
     (log,) = rig.logs.glob("*.mcap")
     assert f"log finished: {log}" in rig.output("air")
+
+
+@pytest.mark.usefixtures("terminal")
+def test_a_terminal_that_goes_takes_nothing_down_while_the_pilot_flies(rig: Rig) -> None:
+    """He took it over: it is in the air, its log goes on, and so does what it tells."""
+    air = rig.air()
+    takes_off(rig, "--mishap", "sticks=1.5@3")
+    with rig.link() as link:
+        assert link.wait_for(lambda s: s.mode == pb.MODE_FAULT, 20.0), rig.output("air")
+        air.send_signal(signal.SIGHUP)
+        time.sleep(2.0)
+        assert air.poll() is None and link.snapshot().mode == pb.MODE_FAULT, rig.output("air")
 
 
 def test_who_stops_reading_what_the_simulator_prints_does_not_end_its_world(rig: Rig, tmp_path: Path) -> None:

@@ -121,7 +121,12 @@ def test_one_changed_input_is_found_with_its_time(
 
 
 @pytest.mark.parametrize(
-    ("topic", "words"), [("tel/control", "the answer of controller step"), ("tel/plan", "the plan")]
+    ("topic", "words"),
+    [
+        ("tel/control", "the answer of controller step"),
+        ("tel/plan", "the plan"),
+        ("tel/target", "the target after plan"),
+    ],
 )
 def test_an_answer_that_a_log_lacks_is_named_and_is_no_success(
     flight: Path, tmp_path: Path, topic: str, words: str
@@ -129,6 +134,17 @@ def test_an_answer_that_a_log_lacks_is_named_and_is_no_success(
     status, printed = replay(with_a_flip(flight, tmp_path / "without.mcap", topic, lambda _: None))
     assert status == 1, printed
     assert f"missing from the log: {words}" in printed
+
+
+def test_an_image_that_a_log_lacks_is_named_and_all_others_are_answered_as_they_were(
+    flight: Path, tmp_path: Path
+) -> None:
+    figures = tmp_path / "replay.json"
+    log = with_a_flip(flight, tmp_path / "without.mcap", "log/rgbd", lambda _: None)
+    status, printed = replay(log, "--policy", POLICY, "--json", figures)
+    assert status == 1 and "missing from the log: the image of plan" in printed, printed
+    network = json.loads(figures.read_text())["network"]
+    assert network["same"] == network["of"] > 100
 
 
 def test_a_frame_that_the_network_failed_on_is_seen_and_not_answered(flight: Path, tmp_path: Path) -> None:

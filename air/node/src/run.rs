@@ -1,5 +1,6 @@
 //! Builds every part from the vehicle file, starts the threads, and waits for the signal to stop.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{channel, sync_channel};
@@ -13,6 +14,7 @@ use goshawk_bus::Bus;
 use goshawk_core::{FlightController, Planner, PlanningDemand, Profile};
 use goshawk_policy::{AnswerMonitor, Policy, PolicyError, golden};
 use goshawk_proto::keys::Key;
+use goshawk_proto::v1;
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::{OdometrySource, Vehicle};
 use goshawk_vehicle::mounting;
@@ -22,7 +24,7 @@ use crate::flight::camera::CameraInput;
 use crate::flight::control::Control;
 use crate::flight::planning::Planning;
 use crate::flight::realtime::{self, Schedule};
-use crate::flight::shared::{REPORT_QUEUE, Shared};
+use crate::flight::shared::{REPORT_QUEUE, Report, Shared};
 use crate::flight::vision;
 use crate::network::access::{Access, Guard};
 use crate::network::commands;
@@ -186,16 +188,19 @@ fn wait(shared: &Shared, threads: Vec<JoinHandle<()>>) -> Result<()> {
     }
     // A thread that ended by itself is a defect. In flight the others go on: the controller's ladder brings the vehicle
     // down without a planner, and the autopilot's own failsafe does without a controller.
-    let mut told = false;
+    let mut told = HashSet::new();
     while !asked_to_stop.load(Ordering::Relaxed) {
         thread::sleep(Duration::from_millis(50));
         // The terminal is gone, as when the link over which it was opened broke: no reason to leave a flight.
-        if hung_up.load(Ordering::Relaxed) && !shared.flies() {
+        if hung_up.load(Ordering::Relaxed) && !shared.may_be_in_the_air() {
             break;
         }
-        if !told && let Some(ended) = threads.iter().find(|thread| thread.is_finished()) {
-            tracing::error!("the {} thread ended unexpectedly", ended.thread().name().unwrap_or("unnamed"));
-            told = true;
+        for ended in threads.iter().filter(|thread| thread.is_finished()) {
+            if told.insert(ended.thread().id()) {
+                let text = format!("the {} thread ended unexpectedly", ended.thread().name().unwrap_or("unnamed"));
+                tracing::error!("{text}");
+                shared.report(Report::Event(v1::Severity::Error, "process", text));
+            }
         }
     }
     tracing::info!("stopping");

@@ -147,6 +147,28 @@ fn a_disk_that_cannot_sync_ends_the_recording_and_says_so() {
 }
 
 #[test]
+fn a_recording_that_ended_in_the_middle_is_no_whole_log() {
+    for panics in [false, true] {
+        let sink = Arc::new(Mutex::new(Vec::new()));
+        let disk = SmallDisk { sink: Arc::clone(&sink), left: usize::MAX };
+        let sync = move || if panics { Ok(()) } else { Err(Error::other("cable pulled")) };
+        let mut recorder = Recorder::over(disk, Box::new(sync), Path::new("ended")).unwrap();
+        record(&recorder, 0);
+        if panics {
+            recorder.record(events(), 0, Box::new(|| panic!("on purpose")));
+        }
+        while recorder.failure().is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        recorder.close();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ended.mcap");
+        std::fs::write(&path, sink.lock().unwrap().as_slice()).unwrap();
+        assert!(!LogReader::open(&path).unwrap().is_closed(), "panics: {panics}");
+    }
+}
+
+#[test]
 fn a_panic_on_the_recorders_thread_is_a_failure_and_no_more() {
     let mut recorder = Recorder::over(Vec::new(), Box::new(|| Ok(())), Path::new("panic")).unwrap();
     recorder.record(events(), 0, Box::new(|| panic!("on purpose")));

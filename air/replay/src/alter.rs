@@ -312,10 +312,10 @@ impl<'a> Replanning<'a> {
         let stamp = logged.frame.odometry.stamp;
         // The logged answer counts wherever the network that flew is asked the same.
         let same_network = self.seeing.as_ref().is_none_or(|seeing| seeing.flew(self.recording));
+        let asked = planner.see(&logged.frame);
         if !same_network && !self.seeing.as_ref().is_some_and(|seeing| seeing.has(stamp)) {
             return Ok(None);
         }
-        let asked = planner.see(&logged.frame);
         let same = same_network
             && asked.state().len() == logged.state.len()
             && asked.state().iter().zip(logged.state.iter()).all(|(a, b)| a.to_bits() == b.to_bits());

@@ -24,7 +24,9 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
     let mut plans = BTreeMap::new();
     let mut last: Option<u64> = None;
     let mut unanswered: Option<u64> = None;
+    let mut owes_target: Option<u64> = None;
     let lacks = |seq: u64| format!("the plan of input {seq}");
+    let lacks_target = |seq: u64| format!("the target after plan {seq}");
     let first = &mut outcome.first_difference;
     for entry in recording.log.entries() {
         let mut differs = |what: String, [field, logged, replayed]: [String; 3]| {
@@ -53,11 +55,17 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
                 continue;
             };
             unanswered = unanswered.filter(|seq| *seq != logged.seq);
+            let owes = plan.target.is_some().then_some(logged.seq);
+            outcome.missing.extend(std::mem::replace(&mut owes_target, owes).map(lacks_target));
             if let Some(field) = outcome.plans.compare(&logged, &convert::plan(plan, Time(logged.ready_ns))) {
                 differs(format!("plan {}", logged.seq), field);
             }
         } else if let Some(logged) = entry.decode::<v1::Target>(target_channel) {
-            let Some(plan) = last.and_then(|seq| plans.get(&seq)) else { continue };
+            owes_target = None;
+            let Some(plan) = last.and_then(|seq| plans.get(&seq)) else {
+                outcome.missing.push(format!("the plan of target {}", logged.seq));
+                continue;
+            };
             let mut replayed = convert::target(logged.seq, plan).unwrap_or_default();
             if logged.look.is_none() {
                 replayed.look = None; // a log from before the look was told
@@ -67,7 +75,9 @@ pub(super) fn again(recording: &Recording, outcome: &mut Outcome) -> Result<BTre
             }
         }
     }
-    outcome.missing.extend(unanswered.filter(|_| recording.log.is_closed()).map(lacks));
+    let whole = recording.log.is_closed();
+    outcome.missing.extend(unanswered.filter(|_| whole).map(lacks));
+    outcome.missing.extend(owes_target.filter(|_| whole).map(lacks_target));
     Ok(plans)
 }
 

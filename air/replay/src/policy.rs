@@ -96,17 +96,26 @@ pub(super) fn again(recording: &Recording, path: &Path, out: Option<&Path>, outc
     let mut planner = Planner::new(recording.vehicle.planner_config(seeing.policy.contract().model()))?;
     let mut flown = Planner::new(recording.vehicle.planner_config(recording.contract.model()))?;
     let mut choices = Choices::default();
-    let mut network = Count::default();
+    let (mut network, mut begun) = (Count::default(), false);
     for entry in recording.log.entries() {
         seeing.keep(&entry);
         let Some(message) = entry.decode::<v1::PlannerInput>(Channel::PLANNER_INPUT) else { continue };
         let Some(logged) = Logged::of(&message) else { continue }; // which was told
         let stamp = logged.frame.odometry.stamp;
-        if !seeing.has(stamp) {
-            continue;
-        }
         let (asked, flown_asked) = (planner.see(&logged.frame), flown.see(&logged.frame));
         let Some(logged_network) = &logged.network else { continue };
+        if !seeing.has(stamp) {
+            // The first input's image may be of before the log was opened. What was seen is remembered all the same.
+            if begun {
+                outcome.missing.push(format!("the image of plan {}", message.seq));
+            }
+            let _ = flown_asked.answer(logged_network);
+            if same_policy {
+                let _ = asked.answer(logged_network);
+            }
+            continue;
+        }
+        begun = true;
         let answer = seeing.answer(stamp, asked.state())?;
         let plan = asked.answer(&answer);
         choices.count(&flown_asked.answer(logged_network), &plan);

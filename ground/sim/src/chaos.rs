@@ -143,7 +143,7 @@ impl ChaosArgs {
         progress.bar.finish_and_clear();
         let took_s = begun.elapsed().as_secs_f64();
         let mut report = Report::of(self.seed, &flights);
-        report.failures = self.failures(&hangar, first, &flights)?;
+        report.failures = self.failures(&hangar, first, &flights);
         if let Some((mut file, unfinished)) = json {
             file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }
@@ -166,7 +166,7 @@ impl ChaosArgs {
     }
 
     /// What failed, the first of each property shrunk.
-    fn failures(&self, hangar: &Hangar, first: u64, flights: &[(Schedule, Flown)]) -> Result<Vec<Failure>> {
+    fn failures(&self, hangar: &Hangar, first: u64, flights: &[(Schedule, Flown)]) -> Vec<Failure> {
         let mut failures: Vec<Failure> = Vec::new();
         for (index, (schedule, flown)) in (first..).zip(flights) {
             let Some(violation) = flown.violation.clone() else { continue };
@@ -174,15 +174,19 @@ impl ChaosArgs {
             if known && failures.len() >= SHOWN {
                 continue;
             }
-            let shrunk = if known || self.no_shrink { None } else { Some(self.shrunk(hangar, schedule, flown)?) };
+            let shrunk = (!known && !self.no_shrink).then(|| {
+                // Shrinking takes its time, and may be ended.
+                eprintln!("{violation}; it is made small. As it was drawn: --schedule '{}'", schedule.line());
+                self.shrunk(hangar, schedule, flown)
+            });
             failures.push(Failure { index, schedule: schedule.clone(), violation, shrunk });
         }
-        Ok(failures)
+        failures
     }
 
-    fn shrunk(&self, hangar: &Hangar, schedule: &Schedule, flown: &Flown) -> Result<Small> {
+    fn shrunk(&self, hangar: &Hangar, schedule: &Schedule, flown: &Flown) -> Small {
         let property = flown.violation.as_ref().map_or(Property::NeverSilent, |violation| violation.property);
-        let small = shrink(schedule, flown, property, &|schedule| hangar.fly(schedule))?;
+        let small = shrink(schedule, flown, property, &|schedule| hangar.fly(schedule));
         let mut command = "goshawk-sim chaos".to_owned();
         if let Some(bug) = self.inject {
             command += &format!(" --inject {}", bug.name());
@@ -191,6 +195,6 @@ impl ChaosArgs {
             command += &format!(" --vehicle-file {}", quoted(self.vehicle_file.display().to_string()));
         }
         command += &format!(" --schedule '{}'", small.schedule.line());
-        Ok(Small { schedule: small.schedule, violation: small.flown.violation, flights: small.flights, command })
+        Small { schedule: small.schedule, violation: small.flown.violation, flights: small.flights, command }
     }
 }

@@ -30,6 +30,7 @@ use crate::sense::file::SensorArgs;
 use crate::sense::rgbd::mix;
 use crate::trial::airframe::airframe;
 use crate::trial::fault::CameraFault;
+use crate::trial::scene::COURSE_M;
 use crate::trial::{Fault, Scene, SceneConfig, WorldSource};
 use crate::vehicle::quadrotor::{Quadrotor, STEP_S, Wind};
 use autopilot::{Autopilot, AutopilotArgs, Instant, Start};
@@ -60,7 +61,7 @@ fn say(line: &str) {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  goshawk-sim serve --seed 3 --spacing 5 --speed 3\n  \
                   goshawk-sim serve --world buildings --moving 8\n  \
-                  goshawk-sim serve --task navigate --distance 90 --vehicle-file air/vehicles/navigate.toml\n  \
+                  goshawk-sim serve --task navigate --vehicle-file air/vehicles/navigate.toml\n  \
                   goshawk-sim serve --connect tcp/127.0.0.1:7448 --mavlink-port 14541\n  \
                   goshawk-sim serve --attitude-lag 0.3 --mishap no-position@8 --mishap restart@20\n  \
                   goshawk-sim serve --autopilot px4 --firmware ~/PX4-Autopilot\n  \
@@ -85,9 +86,10 @@ pub struct ServeArgs {
     /// What the evader runs: goal, eight, or a CSV file of waypoints (x,y in m ahead and left).
     #[arg(long, value_name = "COURSE", default_value = "goal")]
     course: String,
-    /// How far ahead of the vehicle the goal is, the evader's or the vehicle's own, m.
-    #[arg(long, value_name = "M", default_value_t = 40.0)]
-    distance: f64,
+    /// How far ahead of the vehicle the goal is, the evader's or the vehicle's own, m; absent: 40, or as far as the
+    /// goal of the vehicle file's default profile.
+    #[arg(long, value_name = "M")]
+    distance: Option<f64>,
     /// The vehicle file.
     #[arg(long, value_name = "FILE", default_value = "air/vehicles/sim.toml")]
     vehicle_file: PathBuf,
@@ -126,7 +128,7 @@ impl ServeArgs {
     pub fn run(self) -> Result<()> {
         for (name, value, least, most) in [
             ("--speed", self.speed, 0.1, 12.0),
-            ("--distance", self.distance, 5.0, 500.0),
+            ("--distance", self.distance.unwrap_or(COURSE_M), 5.0, 500.0),
             ("--frame-rate", self.frame_rate, 1.0, 120.0),
             ("--wind", self.wind, 0.0, 30.0),
         ] {
@@ -148,11 +150,12 @@ impl ServeArgs {
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop)).wrap_err("cannot handle signals")?;
         }
+        let distance_m = self.distance_m(&vehicle);
         let course = Course::parse(&self.course)?;
         let scene = Arc::new(Scene::new(&SceneConfig {
             seed: self.seed,
             world: WorldSource::parse(&self.world, self.spacing)?,
-            distance_m: self.distance,
+            distance_m,
             evader: (self.task == TaskName::Track).then(|| (course.clone(), self.speed)),
             moving: self.moving.moving,
         })?);
@@ -166,11 +169,11 @@ impl ServeArgs {
         let quad = Quadrotor::new(parameters, start.pos_world, start.heading_rad);
         let mut session = Session::dial(&vehicle.name, &self.connect, &scene, autopilot.local())?;
         let camera = Camera::start(&session, &vehicle, &sensors, &scene, self.seed, fault, Arc::clone(&stop))?;
-        let mut simulation = Simulation::new(&self, course, quad, autopilot, &scene);
+        let mut simulation = Simulation::new(&self, course, distance_m, quad, autopilot, &scene);
         let (seed, world, obstacles) = (self.seed, &self.world, scene.world.parts().len());
         let what = match self.task {
-            TaskName::Track => format!("the target runs {} m at up to {} m/s", self.distance, self.speed),
-            TaskName::Navigate => format!("the goal lies {} m ahead", self.distance),
+            TaskName::Track => format!("the target runs {distance_m} m at up to {} m/s", self.speed),
+            TaskName::Navigate => format!("the goal lies {distance_m} m ahead"),
         };
         say(&format!("seed {seed}, {world} ({obstacles} obstacles): {what}; vehicle at {}, {met_at}", self.connect));
         let end = self.exit_after.map(|s| clock::now().plus(s));
@@ -182,6 +185,14 @@ impl ServeArgs {
         let frames = camera.join();
         say(&simulation.watch.summary(frames, simulation.skipped_s));
         Ok(())
+    }
+}
+
+impl ServeArgs {
+    /// A navigation's goal is the vehicle file's, unless another distance is asked for.
+    fn distance_m(&self, vehicle: &Vehicle) -> f64 {
+        let goal = vehicle.profile(None).and_then(|profile| profile.goal).filter(|_| self.task == TaskName::Navigate);
+        self.distance.or(goal.map(|goal| goal.xy().norm())).unwrap_or(COURSE_M)
     }
 }
 
@@ -207,12 +218,19 @@ struct Simulation<'a> {
 }
 
 impl<'a> Simulation<'a> {
-    fn new(args: &ServeArgs, course: Course, quad: Quadrotor, autopilot: Autopilot, scene: &'a Arc<Scene>) -> Self {
+    fn new(
+        args: &ServeArgs,
+        course: Course,
+        distance_m: f64,
+        quad: Quadrotor,
+        autopilot: Autopilot,
+        scene: &'a Arc<Scene>,
+    ) -> Self {
         let now = clock::now();
         Self {
-            target: Target::new(Arc::clone(scene), course, args.distance, args.speed, args.seed, now),
+            target: Target::new(Arc::clone(scene), course, distance_m, args.speed, args.seed, now),
             scene,
-            distance_m: args.distance,
+            distance_m,
             goal_world: None,
             quad,
             autopilot,
@@ -235,6 +253,11 @@ impl<'a> Simulation<'a> {
         if behind > HOPELESS_NS {
             let skipped = behind - STEP_NS;
             self.now = Time(self.now.0 + skipped);
+            // All stand still meanwhile, as the vehicle does.
+            self.target.skip(skipped);
+            for at in [&mut self.airborne_since, &mut self.runs].into_iter().flatten().chain([&mut self.next_frame]) {
+                *at = Time(at.0 + skipped);
+            }
             self.skipped_s += skipped as f64 * 1e-9;
         }
         while self.now.0 + STEP_NS <= wall.0 {
@@ -274,7 +297,8 @@ impl<'a> Simulation<'a> {
             self.target.decide(self.now, self.quad.state());
             self.place_the_goal();
             let surroundings = Surroundings { world, moving: self.scene.moving_at(since), evader: self.target.state() };
-            self.watch.look(self.now, surroundings, self.quad.state(), self.runs.is_some(), camera.sees_target());
+            let chase = self.airborne_since.is_some() && (self.target.has_begun() || self.scene.evader.is_none());
+            self.watch.look(self.now, surroundings, self.quad.state(), chase, camera.sees_target());
             if self.step.is_multiple_of(TRUTH_STEPS) {
                 session.truth(self.watch.truth(self.now, self.quad.state(), self.goal_world));
             }

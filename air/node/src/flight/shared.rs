@@ -219,6 +219,12 @@ impl Shared {
         matches!(mode, Takeoff | Track | Navigate | Search | Hold | Stopping)
     }
 
+    /// A flight is under way, or somebody else may be flying its end: a fault in the air lasts until the motors are off.
+    #[must_use]
+    pub fn may_be_in_the_air(&self) -> bool {
+        self.flies() || self.mode.load(Ordering::Relaxed) == v1::Mode::Fault as i32
+    }
+
     /// Whether to wind up.
     #[must_use]
     pub fn stopping(&self) -> bool {

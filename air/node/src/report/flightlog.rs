@@ -129,7 +129,8 @@ impl FlightLog {
 
     /// The flight is over: finish the file a moment later.
     pub fn finish_soon(&mut self, now: Time) {
-        self.finish_at = Some(now.plus(TAIL_S));
+        // Readiness that comes and goes does not put it off.
+        self.finish_at.get_or_insert(now.plus(TAIL_S));
     }
 
     /// Has a due file finished; returns why the recording failed, once.

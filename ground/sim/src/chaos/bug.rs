@@ -1,8 +1,8 @@
 //! Bugs put around the controller on purpose, to show that the properties find them. None of them is in flight code.
 
 use goshawk_core::{
-    AttitudeThrust, Cause, Command, ControllerOutput, Fallback, FlightController, Mode, Plan, Rot, StepInput, Time,
-    Vec3,
+    AttitudeThrust, Cause, Command, ControllerOutput, Fallback, FlightController, Mode, Plan, Refusal, Rot, StepInput,
+    Time, Vec3,
 };
 
 /// What is wrong with the controller as the chaos flight sees it.
@@ -20,6 +20,8 @@ pub enum Bug {
     UnloggedStep,
     /// The battery's end leads to a fault instead of a landing.
     WrongTransition,
+    /// A Start is answered as refused, and flown.
+    RefusedStart,
 }
 
 impl Bug {
@@ -56,6 +58,10 @@ impl Bugged<FlightController> {
         let mut output = self.inner.step(now, &heard, plan);
         if deaf {
             output.reply = Some(Ok(()));
+        }
+        let starts = matches!(input.command, Some(Command::Start(_))) && output.reply == Some(Ok(()));
+        if starts && self.bug == Some(Bug::RefusedStart) {
+            output.reply = Some(Err(Refusal::ChecksFailed));
         }
         self.spoil(now, &mut output);
         self.mode = output.mode;

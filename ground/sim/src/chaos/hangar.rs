@@ -86,6 +86,12 @@ impl Hangar {
             Odometry::Zenoh => "zenoh",
         };
         set(&mut table, "sensors", "odometry", odometry.into());
+        // What the file says of another source, or of its own profiles, is not of this vehicle.
+        for (section, key) in [("autopilot", "vision"), ("switch", "profile")] {
+            if let Some(section) = table.get_mut(section).and_then(toml::Value::as_table_mut) {
+                section.remove(key);
+            }
+        }
         let mut profile = toml::Table::new();
         profile.insert("name".to_owned(), "chaos".into());
         profile.insert("speed_mps".to_owned(), SPEED_MPS.into());

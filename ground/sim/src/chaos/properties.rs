@@ -311,6 +311,10 @@ impl Judge {
             if delivered.given_up && facts.stepped.started {
                 return Err((Property::RefusedIsRefused, format!("{} was refused, and takes off", delivered.id)));
             }
+            let refused = matches!(delivered.command, Command::Start(_)) && matches!(output.reply, Some(Err(_)));
+            if refused && output.mode.has_authority() && !self.mode.has_authority() {
+                return Err((Property::RefusedIsRefused, format!("{} is refused, and takes off", delivered.id)));
+            }
             if delivered.command == Command::Stop {
                 let was_flying = UNDER_WAY.contains(&self.mode);
                 self.stopped = self.stopped.or(Some(facts.now).filter(|_| was_flying));

@@ -11,6 +11,9 @@ const FLIGHTS: usize = 300;
 /// After the violation nothing matters, but for what is read from the log in the end, s.
 const AFTER_S: f64 = 0.5;
 
+/// The shortest flight of a schedule, s.
+const SHORTEST_S: f64 = 1.0;
+
 /// The smallest that was found, and what came of it.
 pub struct Shrunk {
     /// Smallest schedule.
@@ -29,63 +32,60 @@ struct Search<'a> {
 }
 
 /// Shrinks `schedule`, in whose flight `flown` a property failed.
-///
-/// # Errors
-/// A flight cannot be flown.
 pub fn shrink(
     schedule: &Schedule,
     flown: &Flown,
     property: Property,
     fly: &dyn Fn(&Schedule) -> Result<Flown>,
-) -> Result<Shrunk> {
+) -> Shrunk {
     let mut search = Search { fly, property, best: (schedule.clone(), flown.clone()), flights: 0 };
     loop {
         let before = search.best.0.clone();
-        search.fewer()?;
-        search.plainer()?;
-        search.shorter()?;
-        search.simpler()?;
+        search.fewer();
+        search.plainer();
+        search.shorter();
+        search.simpler();
         if search.best.0 == before || search.flights >= FLIGHTS {
             let (schedule, flown) = search.best;
-            return Ok(Shrunk { schedule, flown, flights: search.flights });
+            return Shrunk { schedule, flown, flights: search.flights };
         }
     }
 }
 
 impl Search<'_> {
-    /// Takes `schedule` if the property fails in it too.
-    fn attempt(&mut self, schedule: Schedule) -> Result<bool> {
+    /// Takes `schedule` if the property fails in it too. One that no vehicle can fly, such as a goal beyond the fence, is
+    /// none.
+    fn attempt(&mut self, schedule: Schedule) -> bool {
         if schedule == self.best.0 || self.flights >= FLIGHTS {
-            return Ok(false);
+            return false;
         }
         self.flights += 1;
-        let flown = (self.fly)(&schedule)?;
+        let Ok(flown) = (self.fly)(&schedule) else { return false };
         let fails = flown.violation.as_ref().is_some_and(|violation| violation.property == self.property);
         if fails {
             self.best = (schedule, flown);
         }
-        Ok(fails)
+        fails
     }
 
     /// Delta debugging: drops ever smaller parts of the faults.
-    fn fewer(&mut self) -> Result<()> {
+    fn fewer(&mut self) {
         let mut part = self.best.0.faults.len().div_ceil(2);
         while part > 0 {
             let mut from = 0;
             while from < self.best.0.faults.len() {
                 let mut schedule = self.best.0.clone();
                 schedule.faults.drain(from..(from + part).min(schedule.faults.len()));
-                if !self.attempt(schedule)? {
+                if !self.attempt(schedule) {
                     from += part;
                 }
             }
             part /= 2;
         }
-        Ok(())
     }
 
     /// One plain value of the setting after the other.
-    fn plainer(&mut self) -> Result<()> {
+    fn plainer(&mut self) {
         let changes: [fn(&mut Setting); 7] = [
             |s| s.wind_mps = 0.0,
             |s| s.fence_m = 200.0,
@@ -98,34 +98,31 @@ impl Search<'_> {
         for change in changes {
             let mut schedule = self.best.0.clone();
             change(&mut schedule.setting);
-            self.attempt(schedule)?;
+            self.attempt(schedule);
         }
-        Ok(())
     }
 
-    fn shorter(&mut self) -> Result<()> {
+    fn shorter(&mut self) {
         let ends_s = self.best.1.violation.as_ref().map_or(f64::INFINITY, |violation| violation.at_s + AFTER_S);
         let mut schedule = self.best.0.clone();
-        schedule.setting.length_s = round(schedule.setting.length_s.min(ends_s), 10.0);
-        self.attempt(schedule)?;
+        schedule.setting.length_s = round(schedule.setting.length_s.min(ends_s), 10.0).max(SHORTEST_S);
+        self.attempt(schedule);
         for index in 0..self.best.0.faults.len() {
-            while self.change(index, |fault| Fault { for_s: round(fault.for_s / 2.0, 1000.0), ..fault })? {}
+            while self.change(index, |fault| Fault { for_s: round(fault.for_s / 2.0, 1000.0), ..fault }) {}
         }
-        Ok(())
     }
 
-    fn simpler(&mut self) -> Result<()> {
+    fn simpler(&mut self) {
         for index in 0..self.best.0.faults.len() {
             let whole = |kind: Kind| kind.with_number(|x| round(x, 10.0));
-            self.change(index, |fault| Fault { at_s: round(fault.at_s, 1.0), ..fault })?;
-            self.change(index, |fault| Fault { at_s: round(fault.at_s, 10.0), ..fault })?;
-            self.change(index, |fault| Fault { for_s: round(fault.for_s, 10.0), ..fault })?;
-            self.change(index, |fault| Fault { what: whole(fault.what), ..fault })?;
+            self.change(index, |fault| Fault { at_s: round(fault.at_s, 1.0), ..fault });
+            self.change(index, |fault| Fault { at_s: round(fault.at_s, 10.0), ..fault });
+            self.change(index, |fault| Fault { for_s: round(fault.for_s, 10.0), ..fault });
+            self.change(index, |fault| Fault { what: whole(fault.what), ..fault });
         }
-        Ok(())
     }
 
-    fn change(&mut self, index: usize, change: impl Fn(Fault) -> Fault) -> Result<bool> {
+    fn change(&mut self, index: usize, change: impl Fn(Fault) -> Fault) -> bool {
         let mut schedule = self.best.0.clone();
         schedule.faults[index] = change(schedule.faults[index]);
         self.attempt(schedule)

@@ -35,7 +35,7 @@ fn failed<'a>(action: &'static str, path: &'a Path) -> impl FnOnce(io::Error) ->
 /// Makes the folder and `dataset.json`, or checks that what is there is the same data set.
 pub(super) fn open(config: &DatasetConfig) -> Result<(), DatasetError> {
     let camera = config.camera;
-    let json = DatasetJson {
+    let mut json = DatasetJson {
         version: 1,
         width: camera.width,
         height: camera.height,
@@ -57,6 +57,11 @@ pub(super) fn open(config: &DatasetConfig) -> Result<(), DatasetError> {
         });
         if !same {
             return Err(DatasetError::Other { path: config.out.clone(), found: text.replace('\n', " ") });
+        }
+        // Scenes of before were made by another revision.
+        if let Ok(there) = serde_json::from_str::<DatasetJson>(&text) {
+            let known = there.commit.split(", ").any(|commit| commit == json.commit);
+            json.commit = if known { there.commit } else { format!("{}, {}", there.commit, json.commit) };
         }
     }
     let text = serde_json::to_string_pretty(&json).expect("plain data is JSON");

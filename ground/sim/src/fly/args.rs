@@ -276,6 +276,7 @@ impl FlyArgs {
             arguments.extend(["--seed".to_owned(), report.seed.to_string()]);
         }
         report.command = pick::command(arguments);
+        println!("{}{}", table(&report), failures::failures(&report));
         if let Some((mut file, unfinished)) = records {
             let lines = campaign.records(&report);
             file.write_all(&lines).and_then(|()| unfinished.finish()).wrap_err("cannot write the records")?;
@@ -283,7 +284,6 @@ impl FlyArgs {
         if let Some((mut file, unfinished)) = json {
             file.write_all(&report.to_json()).and_then(|()| unfinished.finish()).wrap_err("cannot write the JSON")?;
         }
-        println!("{}{}", table(&report), failures::failures(&report));
         if let Some(path) = &self.json {
             println!("draw it: goshawk campaign report {}", path.display());
         }
@@ -358,6 +358,10 @@ impl FlyArgs {
             ensure!(self.course == ["goal"], "--evader reactive runs where it likes: leave out --course");
             ensure!(self.moving.moving == 0, "--evader reactive does not look out for what moves: leave out --moving");
         }
+        ensure!(
+            task == Task::Track || self.course == ["goal"],
+            "--course is what a target runs: it is for --task track"
+        );
         Ok(())
     }
 

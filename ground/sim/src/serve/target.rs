@@ -99,6 +99,20 @@ impl Target {
         }
     }
 
+    /// It has begun to run, and stands for no other run yet.
+    pub(super) fn has_begun(&self) -> bool {
+        self.doing != Doing::Stands
+    }
+
+    /// Lets time go in which nothing moves, ns.
+    pub(super) fn skip(&mut self, skipped_ns: u64) {
+        let later = |at: Time| Time(at.0 + skipped_ns);
+        (self.before, self.grounded) = (later(self.before), self.grounded.map(later));
+        if let Doing::Waits(since) = self.doing {
+            self.doing = Doing::Waits(later(since));
+        }
+    }
+
     /// Moves it on to `now`.
     pub(super) fn advance(&mut self, now: Time) {
         let dt_s = now.since(self.before);

@@ -12,6 +12,9 @@ use crate::world::{Part, World};
 /// Contacts closer together than this are one collision, s.
 const ONE_COLLISION_S: f64 = 1.0;
 
+/// An evader that is so far back on its way at once is another one, m.
+const ANOTHER_M: f64 = 1.0;
+
 /// What is around the vehicle at one instant.
 pub(super) struct Surroundings<'a> {
     pub(super) world: &'a World,
@@ -23,6 +26,8 @@ pub(super) struct Surroundings<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
     evader: Option<EvaderState>,
+    /// What the evaders before this one ran, m.
+    ran_m: f64,
     moving: Vec<Part>,
     clearance_m: f64,
     least_clearance_m: f64,
@@ -38,6 +43,7 @@ impl Default for Watch {
     fn default() -> Self {
         Self {
             evader: None,
+            ran_m: 0.0,
             moving: Vec::new(),
             clearance_m: f64::INFINITY,
             least_clearance_m: f64::INFINITY,
@@ -52,7 +58,7 @@ impl Default for Watch {
 }
 
 impl Watch {
-    /// Looks once. `chase`: the evader has begun to run.
+    /// Looks once. `chase`: the vehicle is in the air, and the evader has begun to run.
     pub(super) fn look(
         &mut self,
         now: Time,
@@ -79,6 +85,11 @@ impl Watch {
             self.looks_in_view += u64::from(visible);
             self.most_distance_m = self.most_distance_m.max((evader.centre_world() - at).norm());
         }
+        // Who comes back goes back by steps; another one begins anew.
+        let before_m = self.evader.map_or(0.0, |evader| evader.path_m);
+        if evader.is_some_and(|evader| before_m - evader.path_m > ANOTHER_M) {
+            self.ran_m += before_m;
+        }
         (self.evader, self.moving) = (evader, moving);
     }
 
@@ -98,7 +109,7 @@ impl Watch {
             "none measured".to_owned()
         };
         let mut line = self.evader.map_or(String::new(), |evader| {
-            let (way, most) = (evader.path_m, self.most_distance_m);
+            let (way, most) = (self.ran_m + evader.path_m, self.most_distance_m);
             format!("the target ran {way:.1} m, in view {in_view:.0} % of the time, at most {most:.1} m away; ")
         });
         line += &format!("least clearance {clearance}, {} collisions; {frames} images", self.collisions);
