@@ -83,7 +83,8 @@ def test_the_demo_of_a_navigation_reaches_the_vehicle_files_goal(tmp_path: Path)
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=240)
     printed = done.stdout + done.stderr
     assert done.returncode == 0 and json.loads(summary.read_text())["succeeded"], printed
-    assert "90" in printed and "goal" in printed, printed
+    flew = re.search(r"the vehicle flew ([0-9.]+) m", printed)
+    assert flew is not None and float(flew[1]) > 85.0, printed
 
 
 def test_the_ground_sees_the_simulators_buildings_and_what_moves_between_them(rig: Rig) -> None:
