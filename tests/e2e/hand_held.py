@@ -76,7 +76,7 @@ class HandHeld:
         (north, east, below), turn = self._pose(now)
         (before_m, before), (after_m, after) = self._pose(now - 0.01), self._pose(now + 0.01)
         velocity = (after_m - before_m) / 0.02
-        rates = mounted.inv().apply((before.inv() * after).as_rotvec() / 0.02)
+        rolls, pitches, yaws = self.rates_sign * mounted.inv().apply((before.inv() * after).as_rotvec() / 0.02)
         turn = turn * mounted
         x, y, z, w = turn.as_quat()
         ahead, right, down = turn.inv().apply(velocity)
@@ -86,7 +86,7 @@ class HandHeld:
         messages: list[Any] = [
             mavlink.MAVLink_odometry_message(
                 stamp, mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD, north, east, below, [w, x, y, z],
-                ahead, right, down, *(self.rates_sign * rates), [0.01] * 21, [0.01] * 21, 0, 8, 100,
+                ahead, right, down, rolls, pitches, yaws, [0.01] * 21, [0.01] * 21, 0, 8, 100,
             ),
             mavlink.MAVLink_highres_imu_message(*imu),
         ]  # fmt: skip
