@@ -234,7 +234,7 @@ def test_over_a_weak_link_the_flight_is_watched_and_stopped_and_flies_on_unhinde
         assert shown is not None and newest is not None
         late_s = (newest.seq - shown.seq) / alone_hz
         print(f"plans: {alone_hz:.1f} Hz alone, {beside_hz:.1f} Hz beside the weak link; over it {late_s:.1f} s late")
-        assert late_s < 10.0
+        assert late_s < 20.0
         # The answer comes behind the telemetry; the command itself does not wait.
         sent_s = time.monotonic()
         stopping = threading.Thread(target=far.stop, kwargs={"timeout_s": 30.0})

@@ -51,6 +51,8 @@ class Checked:
         self.hand = HandHeld(rig.mavlink_port, pose, **mounted)
         self.hand.way = ((PLACE, LEVEL), (PLACE, LEVEL), 0.0)
         self.said: list[str] = []
+        self.asked = (PLACE, MOVES["lift its nose"])
+        """Where the last move began, and where it led."""
 
     def follow(self, until: str = "") -> None:
         """Does what is asked, up to the line that begins so; else to the end."""
@@ -60,11 +62,12 @@ class Checked:
             move = next((move for words, move in MOVES.items() if words in line), None)
             if until and line.startswith(until):
                 return
+            if move is not None:
+                self.asked = (PLACE if "level again" in line else self.hand.way[1][0], move)
             if move is not None or "Once more" in line:
-                asked = move or MOVES["lift its nose"]
-                at = asked[0] if move is not None and "level again" in line else None
-                self.hand.move(PLACE if at is not None else self.hand.way[1][0], LEVEL)
-                self.hand.move(self.hand.way[1][0], LEVEL)  # it lies still
+                start, asked = self.asked
+                self.hand.move(start, LEVEL)
+                self.hand.move(start, LEVEL)  # it lies still
                 self.hand.move(*asked)
 
     def close(self) -> None:
