@@ -230,11 +230,16 @@ def test_over_a_weak_link_the_flight_is_watched_and_stopped_and_flies_on_unhinde
         # All that while, nobody else sees less of the flight.
         beside_hz = plan_rate_hz(near)
         assert beside_hz > 0.8 * alone_hz
-        shown, newest = far.snapshot().plan, near.snapshot().plan
-        assert shown is not None and newest is not None
-        late_s = (newest.seq - shown.seq) / alone_hz
-        print(f"plans: {alone_hz:.1f} Hz alone, {beside_hz:.1f} Hz beside the weak link; over it {late_s:.1f} s late")
-        assert late_s < 20.0
+
+        def late_s(shown: Snapshot) -> float:
+            newest = near.snapshot().plan
+            assert shown.plan is not None and newest is not None
+            return (newest.seq - shown.plan.seq) / alone_hz
+
+        # A loss may hold it up for a moment: it is to catch up again.
+        caught_up = far.wait_for(lambda s: late_s(s) < 10.0, 20.0)
+        print(f"plans: {alone_hz:.1f} Hz alone, {beside_hz:.1f} Hz beside the weak link")
+        assert caught_up is not None, f"over the weak link {late_s(far.snapshot()):.1f} s late"
         # The answer comes behind the telemetry; the command itself does not wait.
         sent_s = time.monotonic()
         stopping = threading.Thread(target=far.stop, kwargs={"timeout_s": 30.0})

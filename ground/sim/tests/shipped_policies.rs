@@ -57,8 +57,8 @@ fn the_navigator_succeeds_as_often_as_measured() {
 
 #[test]
 fn the_x500_chases_by_what_a_d435_sees() {
-    // Measured: 16 of these 20.
+    // Measured: 18 and 16 of 20, before and since braking counts on no more than the tilt gives.
     let camera = ["--vehicle-file", "air/vehicles/x500.toml", "--sensors", "ground/sim/sensors/d435.toml"];
-    let (flown, bar) = (successes("track", "2", &camera), bar(0.8));
+    let (flown, bar) = (successes("track", "2", &camera), bar(0.85));
     assert!(flown >= u64::from(bar), "{flown} of {FLIGHTS}, at least {bar}");
 }
