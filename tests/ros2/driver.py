@@ -1,16 +1,22 @@
 """What a ROS 2 camera driver and a visual-inertial estimator would publish, of the simulator's world.
 
 The simulator dials this instead of the vehicle: its images become `sensor_msgs/Image`. Its MAVLink passes through here,
-and ODOMETRY becomes `nav_msgs/Odometry`.
+and ODOMETRY becomes `nav_msgs/Odometry`. It is a process of its own: what a test does meanwhile
+must not hold up odometry.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
+import json
+import signal
 import socket
 import threading
 import time
+import tomllib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +24,6 @@ from goshawk_proto import goshawk_pb2 as pb
 from goshawk_proto import key_expression
 from pictures import camera_info, image, odometry
 from pymavlink.dialects.v20 import common as mavlink
-from rig import free_port
 from ros_peer import RosPeer, listening
 from scipy.spatial.transform import Rotation
 
@@ -45,17 +50,15 @@ def odometry_reader() -> Callable[[bytes], list[Any]]:
 class Driver:
     """Both, for one simulator. Close it when done."""
 
-    def __init__(self, ros: RosPeer, topics: dict[str, Any], vehicle: str, mavlink_port: int) -> None:
+    def __init__(self, ros: RosPeer, topics: dict[str, Any], vehicle: str, port: int, mavlink: tuple[int, int]) -> None:
+        """It listens for images on `port`; MAVLink comes to the first port and goes on to the second."""
         self.ros, self.topics = ros, topics
-        self.port = free_port()
-        self.endpoint = f"tcp/127.0.0.1:{self.port}"
-        self.mavlink_port = free_port(socket.SOCK_DGRAM)
-        self._session = listening(self.port, "peer")
+        self._session = listening(port, "peer")
         self._session.declare_subscriber(key_expression("rgbd", vehicle), lambda s: self._image(s.payload.to_bytes()))
         self._closing = threading.Event()
         self._from_sim, self._to_vehicle = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
-        self._from_sim.bind(("127.0.0.1", self.mavlink_port))
-        self._to_vehicle.connect(("127.0.0.1", mavlink_port))
+        self._from_sim.bind(("127.0.0.1", mavlink[0]))
+        self._to_vehicle.connect(("127.0.0.1", mavlink[1]))
         self._sim: Any = None
         self.estimates: list[Any] = []
         """ODOMETRY of the simulated autopilot."""
@@ -115,3 +118,30 @@ class Driver:
         for end in (self._from_sim, self._to_vehicle):
             end.close()
         self._session.close()  # pyright: ignore[reportUnknownMemberType]
+
+
+def main() -> None:
+    """Until SIGTERM; then both lists of ODOMETRY are in a file."""
+    parser = argparse.ArgumentParser()
+    for name, kind in [("router", str), ("topics", Path), ("vehicle", str), ("port", int), ("heard", Path)]:
+        parser.add_argument(f"--{name}", type=kind, required=True)
+    parser.add_argument("--mavlink", type=int, nargs=2, required=True)
+    given = parser.parse_args()
+    # Before any thread begins, so that none of them takes it.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+    ros = RosPeer(given.router)
+    topics = tomllib.loads(given.topics.read_text())
+    driver = Driver(ros, topics, given.vehicle, given.port, (given.mavlink[0], given.mavlink[1]))
+    print("ready", flush=True)
+    signal.sigwait({signal.SIGTERM})
+    driver.close()
+    ros.close()
+    heard = {
+        "estimates": [message.to_dict() for message in driver.estimates],
+        "sent_on": [message.to_dict() | {"component": message.get_srcComponent()} for message in driver.sent_on],
+    }
+    given.heard.write_text(json.dumps(heard))
+
+
+if __name__ == "__main__":
+    main()

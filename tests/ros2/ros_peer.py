@@ -66,13 +66,29 @@ class Heard:
     attachment: bytes
 
 
-class RosPeer:
-    """The router and one node of ROS 2. Close it when done."""
+def dialled(endpoint: str) -> zenoh.Session:
+    """A client's session by the router there."""
+    config = zenoh.Config()
+    for key, value in {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "scouting/multicast/enabled": False,
+        "transport/shared_memory/enabled": False,
+    }.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
 
-    def __init__(self, port: int, domain: int = 0) -> None:
-        self.endpoint = f"tcp/127.0.0.1:{port}"
+
+class RosPeer:
+    """One node of ROS 2: with its router, which listens on the port, or by another's at that address.
+
+    Close it when done.
+    """
+
+    def __init__(self, router: int | str, domain: int = 0) -> None:
+        self.endpoint = router if isinstance(router, str) else f"tcp/127.0.0.1:{router}"
         self.domain = domain
-        self.session = listening(port, "router")
+        self.session = dialled(router) if isinstance(router, str) else listening(router, "router")
         self.tokens: set[str] = set()
         self.heard: dict[str, list[Heard]] = defaultdict(list)
         self._lock = threading.Lock()

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterator
+import socket
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
-from bridge_rig import TOPICS, VEHICLE, BridgeRig
-from driver import Driver
+from bridge_rig import SHIPPED, VEHICLE, BridgeRig
 from goshawk_proto import goshawk_pb2 as pb
 from pymavlink.dialects.v20 import common as mavlink
-from rig import BIN, copied
-from ros_peer import Heard
+from rig import BIN, copied, free_port
+from ros_peer import Heard, until
 from scipy.spatial.transform import Rotation
 
+DRIVER = Path(__file__).with_name("driver.py")
 FLYING = {pb.MODE_TRACK, pb.MODE_SEARCH, pb.MODE_HOLD}
-
-
-@pytest.fixture
-def driver(bridge: BridgeRig) -> Iterator[Driver]:
-    """The ROS 2 driver, which is also between the simulator's autopilot and the vehicle."""
-    driver = Driver(bridge.ros, TOPICS, VEHICLE, bridge.rig.mavlink_port)
-    yield driver
-    driver.close()
 
 
 def away_m(heard: Heard, first: Any) -> float:
@@ -32,24 +26,34 @@ def away_m(heard: Heard, first: Any) -> float:
     return math.hypot(pos.x - first.x, pos.y - first.y)
 
 
-def is_sent_on(driver: Driver) -> None:
+def is_sent_on(heard: dict[str, Any]) -> None:
     """What went from the autopilot by ROS 2, bridge and vehicle came back to it as it was, its velocity in the body."""
-    sent = driver.sent_on[-1]
-    assert (sent.frame_id, sent.child_frame_id, sent.estimator_type) == (
-        mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD, mavlink.MAV_ESTIMATOR_TYPE_VIO,
+    sent = heard["sent_on"][-1]
+    assert (sent["frame_id"], sent["child_frame_id"], sent["estimator_type"], sent["component"]) == (
+        mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD, mavlink.MAV_ESTIMATOR_TYPE_VIO, 191,
     )  # fmt: skip
-    assert sent.get_srcComponent() == 191
-    [was] = [e for e in driver.estimates if np.allclose([e.x, e.y, e.z], [sent.x, sent.y, sent.z], atol=1e-5)][-1:]
-    assert np.isclose(abs(np.dot(was.q, sent.q)), 1.0, atol=1e-6)
-    w, x, y, z = was.q
-    vel_body = Rotation.from_quat([x, y, z, w]).inv().apply([was.vx, was.vy, was.vz])
-    assert np.allclose(vel_body, [sent.vx, sent.vy, sent.vz], atol=1e-4)
-    rates = [[m.rollspeed, m.pitchspeed, m.yawspeed] for m in (was, sent)]
-    assert np.allclose(*rates, atol=1e-5)
+
+    def of(message: dict[str, Any], *names: str) -> list[float]:
+        return [message[name] for name in names]
+
+    estimates = [e for e in heard["estimates"] if np.allclose(of(e, *"xyz"), of(sent, *"xyz"), atol=1e-5)]
+    [was] = estimates[-1:]
+    assert np.isclose(abs(np.dot(was["q"], sent["q"])), 1.0, atol=1e-6)
+    w, x, y, z = was["q"]
+    velocity, rates = ("vx", "vy", "vz"), ("rollspeed", "pitchspeed", "yawspeed")
+    vel_body = Rotation.from_quat([x, y, z, w]).inv().apply(of(was, *velocity))
+    assert np.allclose(vel_body, of(sent, *velocity), atol=1e-4)
+    assert np.allclose(of(was, *rates), of(sent, *rates), atol=1e-5)
 
 
-def test_ros2_odometry_and_images_fly_a_chase(bridge: BridgeRig, driver: Driver) -> None:
+def test_ros2_odometry_and_images_fly_a_chase(bridge: BridgeRig) -> None:
     rig = bridge.rig
+    images, autopilot, told = free_port(), free_port(socket.SOCK_DGRAM), rig.folder / "odometry.json"
+    driver = rig.spawn(
+        "driver", sys.executable, DRIVER, "--router", bridge.ros.endpoint, "--topics", SHIPPED, "--vehicle", VEHICLE,
+        "--port", str(images), "--mavlink", str(autopilot), str(rig.mavlink_port), "--heard", told,
+    )  # fmt: skip
+    until(lambda: "ready" in rig.output("driver"), "no driver")
     text = copied()
     assert 'odometry = "autopilot"' in text
     vehicle = rig.folder / "vehicle.toml"
@@ -60,7 +64,7 @@ def test_ros2_odometry_and_images_fly_a_chase(bridge: BridgeRig, driver: Driver)
     rig.air(vehicle=vehicle)
     # The vehicle's sensors are ROS 2's alone: the simulator dials the driver.
     rig.spawn(
-        "sim", BIN / "goshawk-sim", "serve", "--connect", driver.endpoint, "--mavlink-port", str(driver.mavlink_port),
+        "sim", BIN / "goshawk-sim", "serve", "--connect", f"tcp/127.0.0.1:{images}", "--mavlink-port", str(autopilot),
         "--seed", "3",
     )  # fmt: skip
     bridge.start()
@@ -75,7 +79,9 @@ def test_ros2_odometry_and_images_fly_a_chase(bridge: BridgeRig, driver: Driver)
         assert far is not None, f"{away_m(heard[-1], first):.1f} m flown\n" + rig.output("air") + bridge.said()
         assert link.wait_for(lambda s: s.mode in FLYING, 5.0) is not None, rig.output("air")
     assert bridge.ros.heard["/goshawk/plan"]
-    is_sent_on(driver)
+    driver.terminate()
+    assert driver.wait(20.0) == 0, rig.output("driver")
+    is_sent_on(json.loads(told.read_text()))
     # On a machine that has other work, the first images come before their lens, and some come late.
     refused = [line for line in bridge.said().splitlines() if "refused" in line]
     expected = ("no camera_info came yet", "s old by this computer's clock")
