@@ -180,6 +180,7 @@ bench: setup setup-train setup-campaign setup-camera $(if $(X86),$(VENV)/.openvi
 	try $(VENV)/bin/python ground/station/benches/dashboard.py; \
 	try $(VENV)/bin/python ground/station/benches/dashboard.py --frames --seconds 30; \
 	try $(VENV)/bin/python ground/station/benches/gate.py; \
+	try $(VENV)/bin/python dashboards/benches/review.py; \
 	try $(VENV)/bin/python ground/train/benches/campaign_scaling.py; \
 	$(if $(X86),try env PYTHONPATH=air/sensors/tests:ground/station/benches $(VENV)/bin/python air/sensors/benches/camera.py,echo "goshawk-camera is not timed: there is no package of librealsense for this processor"); \
 	test -z "$$missing" || { printf "these have no figure, run them again:$$missing\n"; exit 1; }

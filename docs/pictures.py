@@ -1,7 +1,8 @@
 """Takes the pictures of the pages in `docs/pictures`: `make docs`. They are committed.
 
 A demo flies, in a forest that is always the same, and Chromium looks at it: in flight, on the ground, and at its log
-afterwards. So the pictures are alike each time, and never the same to the pixel.
+afterwards. Then it looks at a small campaign, at the comparison that is shipped, and at the login. So the pictures
+are alike each time, and never the same to the pixel.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from goshawk_ground.pages.ports import free_port
 from PIL import Image
@@ -53,8 +55,28 @@ class PictureError(RuntimeError):
     """A picture cannot be taken; one line says why and what to do."""
 
 
+LINK = r"http://127[^\s\x1b]+"
+"""A page's address as a command prints it for this machine."""
+LINK_FOR_OTHERS = r"https://[^\s\x1b]+"
+CAMPAIGN = (
+    "fly",
+    "--seeds",
+    "tuning",
+    "--task",
+    "track",
+    "--speed",
+    "5,7",
+    "--spacing",
+    "4",
+    "--trials",
+    "4",
+    "--seed",
+    "5",
+)
+
+
 @contextmanager
-def served(*arguments: str) -> Generator[str]:
+def served(*arguments: str, link: str = LINK) -> Generator[str]:
     """The address of the page that a command of `goshawk` serves; the command ends with the block."""
     # As on a terminal a demo waits until somebody looks.
     environment = {**os.environ, "FORCE_COLOR": "1", "COLUMNS": "200"}
@@ -62,7 +84,7 @@ def served(*arguments: str) -> Generator[str]:
         command = (*GOSHAWK, *arguments, "--port", str(free_port(PORT)))
         process = subprocess.Popen(command, stdout=heard, stderr=heard, cwd=ROOT, env=environment)
         try:
-            while not (found := re.search(r"http://127[^\s\x1b]+", Path(heard.name).read_text(encoding="utf-8"))):
+            while not (found := re.search(link, Path(heard.name).read_text(encoding="utf-8"))):
                 if process.poll() is not None:
                     said = Path(heard.name).read_text(encoding="utf-8")
                     raise PictureError(f"goshawk {arguments[0]} showed no page:\n{said}")
@@ -84,7 +106,9 @@ def take(page: Page, name: str) -> None:
 def visit(browser: Browser, url: str, size: tuple[int, int] = DESKTOP) -> Page:
     """A page of its own."""
     scale = 2 if size == PHONE else 1
-    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
+    page = browser.new_page(
+        viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale, ignore_https_errors=True
+    )
     page.set_default_timeout(PATIENCE_MS)
     # viser would draw fewer pixels, for it is slow without a graphics card. This is its own word for all of them.
     whole = f"history.replaceState(null, '', '/?fixedDpr={scale}')"
@@ -107,6 +131,15 @@ def live(browser: Browser, logs: Path, size: tuple[int, int], kind: str) -> None
         page.close()
 
 
+def both(browser: Browser, url: str, name: str) -> None:
+    """A page that is no scene, on a desktop and on a phone."""
+    for size, prefix in ((DESKTOP, ""), (PHONE, "phone-")):
+        page = visit(browser, url, size)
+        page.wait_for_timeout(SETTLES_MS)
+        take(page, prefix + name)
+        page.close()
+
+
 def afterwards(browser: Browser, logs: Path) -> None:
     """What a log becomes: review, report, and the page over a folder of flights."""
     log = max(logs.rglob("*.mcap"), key=lambda path: path.stat().st_mtime)
@@ -120,12 +153,24 @@ def afterwards(browser: Browser, logs: Path) -> None:
     report, season = logs.with_name("report.html"), logs.with_name("season.html")
     for command in (("report", str(log), "-o", str(report)), ("logs", logs.name, "--report", str(season))):
         subprocess.run((*GOSHAWK, *command), check=True, capture_output=True, cwd=logs.parent)
-    for file, name in ((report, "report"), (season, "season")):
-        for size, prefix in ((DESKTOP, ""), (PHONE, "phone-")):
-            page = visit(browser, file.as_uri(), size)
-            page.wait_for_timeout(SETTLES_MS)
-            take(page, prefix + name)
-            page.close()
+    both(browser, report.as_uri(), "report")
+    both(browser, season.as_uri(), "season")
+
+
+def campaigns(browser: Browser, folder: Path) -> None:
+    """A campaign's page, and the comparison of two pilots."""
+    flown, drawn = folder / "campaign.json", folder / "campaign.html"
+    simulator = (ROOT / "target/release/goshawk-sim", *CAMPAIGN, "--json", flown)
+    for command in (simulator, (*GOSHAWK, "campaign", "report", str(flown))):
+        subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
+    both(browser, drawn.as_uri(), "campaign")
+    both(browser, (ROOT / "docs/learned-against-classical.html").as_uri(), "comparison")
+
+
+def login(browser: Browser) -> None:
+    """What another machine's browser is shown first."""
+    with served("ground", "--host", "0.0.0.0", link=LINK_FOR_OTHERS) as url:
+        both(browser, urlsplit(url)._replace(path="/", query="", fragment="").geturl(), "login")
 
 
 def main() -> int:
@@ -147,6 +192,8 @@ def main() -> int:
             live(browser, logs, DESKTOP, "live")
             live(browser, logs, PHONE, "phone")
             afterwards(browser, logs)
+            campaigns(browser, Path(folder))
+            login(browser)
         except PictureError as error:
             print(f"docs/pictures.py: {error}", file=sys.stderr)
             return 1

@@ -55,10 +55,15 @@ def test_what_was_told_after_a_cut_fills_the_gap_of_the_charts_once(snap: Make) 
     feed = feed_of(base)
     for at_s in (10.0, 20.0):
         feed.take(replace(base, control=step(base, at_s, 1.0)))
-    late = tuple(step(base, at_s, 5.0) for at_s in (13.0, 14.0))
+    assert base.target is not None
+    target = replace(base.target, stamp_ns=round(13.95e9), covariance_66=np.diag([0.04] * 3 + [0.25] * 3))
+    late = (step(base, 13.0, 5.0), target, step(base, 14.0, 5.0))
     for at_s in (20.5, 21.0):
         feed.take(replace(base, control=step(base, at_s, 1.0), late=late))
     ago_S, columns = feed.track.window(60.0)
     assert ago_S.tolist() == [-11.0, -8.0, -7.0, -1.0, -0.5, 0.0]
     assert columns["disturbance east"].tolist() == [1.0, 5.0, 5.0, 1.0, 1.0, 1.0]
-    assert np.isnan(columns["position"][1:3]).all(), "of the target nothing was told"
+    for column, sigma in (("position", 0.2), ("velocity", 0.5)):
+        assert np.isnan(columns[column][1]) and np.isclose(columns[column][2], sigma), (
+            "of one step's target it was told"
+        )

@@ -147,6 +147,7 @@ fn missed() -> Missed {
         dropped_events: 5000,
         dropped_samples: 6000,
         more: true,
+        targets: vec![target()],
     }
 }
 

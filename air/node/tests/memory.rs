@@ -23,6 +23,7 @@ fn all(memory: &Memory, mut asked: v1::MissedRequest) -> v1::Missed {
         let page = memory.page(&asked);
         assert!(page.encoded_len() < PAGE_BYTES + 64, "{} bytes", page.encoded_len());
         let stamps = page.controls.iter().map(|c| c.stamp_ns).chain(page.healths.iter().map(|h| h.stamp_ns));
+        let stamps = stamps.chain(page.targets.iter().map(|t| t.stamp_ns));
         asked.after_ns = stamps.max().unwrap_or(asked.after_ns);
         (asked.session, asked.after_event) =
             (page.session, page.events.last().map_or(asked.after_event, |event| event.seq));
@@ -30,6 +31,7 @@ fn all(memory: &Memory, mut asked: v1::MissedRequest) -> v1::Missed {
         whole.dropped_samples = page.dropped_samples;
         whole.events.extend(page.events);
         whole.controls.extend(page.controls);
+        whole.targets.extend(page.targets);
         whole.healths.extend(page.healths);
         if !page.more {
             return whole;
@@ -58,16 +60,40 @@ fn five_seconds_before_and_after_an_alert_are_kept_and_nothing_else() {
             memory.event(event(30, v1::Severity::Warning, "an alert"));
         }
         memory.control(&control(k * SECOND / 10));
+        memory.target(&v1::Target { stamp_ns: k * SECOND / 10, confirmed: true, ..Default::default() });
         if k % 5 == 0 {
             memory.health(&v1::Health { stamp_ns: k * SECOND / 10, ..Default::default() });
         }
     }
     let told = all(&memory, v1::MissedRequest { before_ns: u64::MAX, ..Default::default() });
-    let times: Vec<u64> = told.controls.iter().map(|control| control.stamp_ns / (SECOND / 10)).collect();
-    assert_eq!(times, (250..=350).step_by(2).collect::<Vec<u64>>());
+    let tenths = |stamps: Vec<u64>| stamps.into_iter().map(|stamp| stamp / (SECOND / 10)).collect::<Vec<u64>>();
+    let want: Vec<u64> = (250..=350).step_by(2).collect();
+    assert_eq!(tenths(told.controls.iter().map(|control| control.stamp_ns).collect()), want);
+    assert_eq!(tenths(told.targets.iter().map(|target| target.stamp_ns).collect()), want);
     assert_eq!(told.healths.len(), 21);
     let within = v1::MissedRequest { after_ns: 29 * SECOND, before_ns: 30 * SECOND, ..Default::default() };
     assert_eq!(all(&memory, within).controls.len(), 4);
+}
+
+#[test]
+fn of_an_image_that_was_taken_before_a_step_or_with_it_nothing_is_lost_between_pages() {
+    for before_ns in [0, SECOND / 20] {
+        let mut memory = Memory::default();
+        memory.event(event(10, v1::Severity::Warning, "an alert"));
+        for k in 0..26 {
+            let stamp_ns = 10 * SECOND + k * SECOND / 5;
+            memory.control(&control(stamp_ns));
+            memory.target(&v1::Target {
+                stamp_ns: stamp_ns - before_ns,
+                covariance_upper: vec![1.0; 200],
+                ..Default::default()
+            });
+        }
+        let asked = v1::MissedRequest { before_ns: u64::MAX, ..Default::default() };
+        assert!(memory.page(&asked).more);
+        let told = all(&memory, asked);
+        assert_eq!((told.controls.len(), told.targets.len()), (26, 26));
+    }
 }
 
 #[test]
@@ -76,7 +102,9 @@ fn a_flood_of_events_fills_no_memory_and_what_fell_out_is_counted() {
     for k in 1..=10_000 {
         memory.event(event(k, v1::Severity::Warning, &"long ".repeat(if k % 2 == 0 { 1 } else { 100 })));
         for tenth in 0..10 {
-            memory.control(&v1::Control { thrust_n: 1.0, ..control(k * SECOND + tenth * SECOND / 10) });
+            let stamp_ns = k * SECOND + tenth * SECOND / 10;
+            memory.control(&v1::Control { thrust_n: 1.0, ..control(stamp_ns) });
+            memory.target(&v1::Target { stamp_ns, covariance_upper: vec![1.0; 21], ..Default::default() });
         }
     }
     let told = all(&memory, v1::MissedRequest { before_ns: u64::MAX, ..Default::default() });
@@ -84,6 +112,7 @@ fn a_flood_of_events_fills_no_memory_and_what_fell_out_is_counted() {
     assert_eq!(told.events.last().unwrap().seq, 10_000);
     let bytes = |lengths: Vec<usize>| lengths.iter().sum::<usize>();
     assert!(told.events.len() <= 200 && bytes(told.events.iter().map(Message::encoded_len).collect()) <= 64 << 10);
-    assert!(bytes(told.controls.iter().map(Message::encoded_len).collect()) <= 512 << 10);
-    assert_eq!(told.dropped_samples + told.controls.len() as u64, 50_000);
+    let lengths = told.controls.iter().map(Message::encoded_len).chain(told.targets.iter().map(Message::encoded_len));
+    assert!(bytes(lengths.collect()) <= 512 << 10);
+    assert_eq!(told.dropped_samples + (told.controls.len() + told.targets.len()) as u64, 100_000);
 }

@@ -37,9 +37,10 @@ def opening() -> str:
 
 def sign_in(*, wrong: str = "", with_password: bool) -> str:
     """Asks for the link, and for a password where there are any."""
+    first = "The ground station printed the password, unless it was given one. Or open" if with_password else "Open"
     link = (
-        "<p>Open the link that the ground station printed when it started. It ends in <code>?token=…</code>"
-        " and lets this browser in for a day.</p>"
+        f"<p>{first} the link that the ground station printed when it started. It ends in"
+        ' <code style="white-space:nowrap">?token=…</code> and lets this browser in for a day.</p>'
     )
     if not with_password:
         return _page("This dashboard needs its link", f'<div data-gate="sign-in">{link}</div>')

@@ -21,11 +21,14 @@ from goshawk_dashboards.page.status import (
 )
 from goshawk_dashboards.scene.relief import Relief
 from goshawk_dashboards.state.alerts import Alert, AlertBoard
-from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import CommandView, ControlView, HealthView, WorldView
+from goshawk_dashboards.state.snapshot import LateView, Snapshot
+from goshawk_dashboards.state.views import ChannelView, CommandView, ControlView, HealthView, TargetView, WorldView
 
 MAX_ALERTS = 4
 """Lines of the banner; the worst come first, and the rest is counted."""
+
+TOGETHER_NS = 200_000_000
+"""Of what is told after a cut, a target belongs to a controller step so near in time: both come five times a second."""
 
 TOOK_OFF = "→ Takeoff:"
 """What the vehicle's event of a take-off holds."""
@@ -112,10 +115,20 @@ class Words:
         return strip_html(self._snap, fresh=self._fresh)
 
 
-def then(snap: Snapshot, view: ControlView | HealthView) -> Snapshot:
-    """The same vehicle when it said ``view``, of which nothing else is known."""
+def then(snap: Snapshot, view: ControlView | HealthView, targets: Sequence[TargetView]) -> Snapshot:
+    """The same vehicle when it said ``view``, of which nothing else is known but the ``targets`` of about then."""
     control, health = (view, None) if isinstance(view, ControlView) else (None, view)
-    return replace(snap, control=control, health=health, channels=(), round_trip_s=None)
+
+    def off_ns(target: TargetView) -> int:
+        return abs(target.stamp_ns - view.stamp_ns)
+
+    target = min(targets, key=off_ns, default=None)
+    if target is None or off_ns(target) > TOGETHER_NS:
+        return replace(snap, control=control, health=health, target=None, channels=(), round_trip_s=None)
+    fresh = ChannelView(
+        name="target", count=1, age_s=0.0, rate_hz=0.0, bytes_per_s=0.0, loss_fraction=None, malformed=0
+    )
+    return replace(snap, control=control, health=health, target=target, channels=(fresh,), round_trip_s=None)
 
 
 class Feed:
@@ -129,7 +142,7 @@ class Feed:
         self.words = Words(self.snap, self.track, None)
         self.curves = tuple(plots.Curves(kind) for kind in plots.KINDS)
         self.alerts: list[Alert] = []
-        self._late: tuple[ControlView | HealthView, ...] = ()
+        self._late: tuple[LateView, ...] = ()
         self._board = AlertBoard()
 
     def take(self, snap: Snapshot) -> None:
@@ -147,9 +160,12 @@ class Feed:
     def _fill(self, snap: Snapshot) -> None:
         """Draws what was told afterwards into the gaps of the charts."""
         known, self._late = self._late, snap.late
-        for view in snap.late if snap.late is not known else ():
-            if not any(view is kept for kept in known):
-                moment = then(snap, view)
+        if snap.late is known:
+            return
+        targets = [view for view in snap.late if isinstance(view, TargetView)]
+        for view in snap.late:
+            if not isinstance(view, TargetView) and not any(view is kept for kept in known):
+                moment = then(snap, view, targets)
                 self.track.fill(moment)
                 for curves in self.curves:
                     curves.fill(moment)

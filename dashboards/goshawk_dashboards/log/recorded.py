@@ -6,6 +6,7 @@ Shape suffixes: M records, N trail points, 3 a vector.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from goshawk_dashboards.state.snapshot import SAMPLE_STALE_S, Snapshot
 from goshawk_dashboards.state.views import Array
 
 CHANNELS = ("control", "plan", "map", "target", "health", "preview", "event", "sim_truth")
+ESTIMATES = ("control", "target", "sim_truth")
 SHORT_S = 0.1
 """A shorter phase is no place to jump to: the mission passes through search on its way to track."""
 TRAIL_S = 30.0
@@ -35,21 +37,28 @@ class Mark:
 
 def snapshot_at(flight: Flight, time_s: float) -> Snapshot:
     """All that the log knows at a time, with each channel's age as the live view counts it."""
+    return replace(
+        estimates_at(flight, time_s, CHANNELS),
+        plan=flight.plan_at(time_s),
+        remembered=flight.remembered_at(time_s),
+        health=flight.health_at(time_s),
+        preview=_preview_at(flight, time_s),
+        world=flight.world,
+    )
+
+
+def estimates_at(flight: Flight, time_s: float, channels: Sequence[str] = ESTIMATES) -> Snapshot:
+    """The same of controller, target filter and truth alone, all that a track of the estimates reads."""
     return Snapshot(
         now_s=time_s,
         vehicle=flight.header.vehicle or flight.path.stem,
         endpoint=flight.path.name,
         linked=True,
         alive=True,
-        plan=flight.plan_at(time_s),
-        remembered=flight.remembered_at(time_s),
         control=flight.control_at(time_s),
         target=flight.target_at(time_s),
-        health=flight.health_at(time_s),
-        preview=_preview_at(flight, time_s),
         truth=flight.truth_at(time_s),
-        world=flight.world,
-        channels=tuple(_channel(flight, name, time_s) for name in CHANNELS),
+        channels=tuple(_channel(flight, name, time_s) for name in channels),
     )
 
 

@@ -11,7 +11,7 @@ from goshawk_proto import goshawk_pb2 as pb
 from goshawk_dashboards.instruments.panel import panel_html
 from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.log.recorded import begins_s, snapshot_at
+from goshawk_dashboards.log.recorded import begins_s, estimates_at, snapshot_at
 from goshawk_dashboards.page.status import grouped
 from goshawk_dashboards.report.latency import Latencies
 from goshawk_dashboards.report.made import Report
@@ -170,11 +170,11 @@ def _estimates(flight: Flight) -> str:
     # Just before, while it was in the phase: the next one may be on the ground, or another's to fly.
     last_s = end_s - 1e-3
     every_s = max((end_s - from_s) / ESTIMATE_ROWS, 0.05)
-    snaps = [snapshot_at(flight, float(t)) for t in np.append(np.arange(from_s, last_s, every_s), last_s)]
-    track = Track.of(snaps)
+    track = Track.of(estimates_at(flight, float(t)) for t in np.append(np.arange(from_s, last_s, every_s), last_s))
+    panel = panel_html(snapshot_at(flight, last_s), track, window_s=end_s - from_s + 1.0)
     return (
         f"<section class='panel' id='estimates'><h2>Estimates</h2><p class='soft'>At {end_s:.2f} s, the end of its "
-        f"task, and until then.</p>{panel_html(snaps[-1], track, window_s=end_s - from_s + 1.0)}</section>"
+        f"task, and until then.</p>{panel}</section>"
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from goshawk_dashboards.instruments.panel import WINDOW_S
 from goshawk_dashboards.instruments.track import Track
 from goshawk_dashboards.log.flight import Flight
-from goshawk_dashboards.log.recorded import begins_s, snapshot_at
+from goshawk_dashboards.log.recorded import begins_s, estimates_at
 
 EVERY_S = 0.1
 
@@ -25,9 +25,9 @@ class Past:
             self._track = Track()
             # Where it stood tells the height that it lifts off from.
             begin_s = begins_s(self._flight)
-            self._track.add(snapshot_at(self._flight, begin_s))
+            self._track.add(estimates_at(self._flight, begin_s))
             self._until_s = max(begin_s, time_s - WINDOW_S)
         while self._until_s + EVERY_S <= time_s:
             self._until_s += EVERY_S
-            self._track.add(snapshot_at(self._flight, self._until_s))
+            self._track.add(estimates_at(self._flight, self._until_s))
         return self._track

@@ -39,6 +39,10 @@ IN_AIR = FLYING | {pb.MODE_FAULT}
 """The modes in which it is, or may be, in the air: after a fault somebody else flies it, until its motors are off."""
 
 
+LateView = ControlView | HealthView | TargetView
+"""What is told after a cut about its alerts."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Snapshot:
     """All that is known about one vehicle now."""
@@ -61,7 +65,7 @@ class Snapshot:
     world: WorldView | None = None
     events: tuple[EventView, ...] = ()
     """The newest last; bounded."""
-    late: tuple[ControlView | HealthView, ...] = ()
+    late: tuple[LateView, ...] = ()
     """What was told afterwards about the alerts of a time in which the link was away, by its time; bounded."""
     channels: tuple[ChannelView, ...] = ()
     command: CommandView | None = None

@@ -19,6 +19,7 @@ pub mod trace;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -161,6 +162,18 @@ pub enum CampaignError {
     /// The firmware that flew is not there to be compared.
     #[error(transparent)]
     Firmware(#[from] ProcessError),
+    /// A flight cannot be flown, and others were.
+    #[error("{flights} of {all} flights were flown, then: {why}")]
+    Cut {
+        /// So many.
+        flights: usize,
+        /// Of so many.
+        all: usize,
+        /// What they came to.
+        flown: Box<Report>,
+        /// Why no more were.
+        why: Box<CampaignError>,
+    },
     /// Threads cannot be started.
     #[error("cannot start {0} threads: {1}")]
     Threads(usize, rayon::ThreadPoolBuildError),
@@ -192,7 +205,7 @@ impl Campaign {
     /// Flies it. `make` is called at most once a thread; `done` after each flight.
     ///
     /// # Errors
-    /// See [`CampaignError`]. Flights that end badly are no error.
+    /// See [`CampaignError`]. Flights that end badly are no error; those before one are in [`CampaignError::Cut`].
     pub fn run(
         &self,
         vehicle: &Vehicle,
@@ -212,30 +225,45 @@ impl Campaign {
             .num_threads(self.threads)
             .build()
             .map_err(|e| CampaignError::Threads(self.threads, e))?;
-        let flown: Vec<Flown> = pool.install(|| {
-            picks
-                .par_iter()
-                .with_max_len(1)
-                .map(|&pick| {
-                    let held = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-                    let mut network = match held {
-                        Some(network) => network,
-                        None => make().map_err(CampaignError::Network)?,
-                    };
-                    let cell = &cells[pick.cell];
-                    let (flown, spent) = self.fly(cell, pick, vehicle, network.as_deref_mut())?;
-                    let mut all = spending.lock().unwrap_or_else(PoisonError::into_inner);
-                    all.entry(report::pilot_name(cell.pilot)).or_default().extend(spent);
-                    drop(all);
-                    spare.lock().unwrap_or_else(PoisonError::into_inner).push(network);
-                    done(&flown.flight);
-                    Ok(flown)
-                })
-                .collect::<Result<_, CampaignError>>()
-        })?;
+        let one = |pick: Pick| {
+            let held = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let mut network = match held {
+                Some(network) => network,
+                None => make().map_err(CampaignError::Network)?,
+            };
+            let cell = &cells[pick.cell];
+            let (flown, spent) = self.fly(cell, pick, vehicle, network.as_deref_mut())?;
+            let mut all = spending.lock().unwrap_or_else(PoisonError::into_inner);
+            all.entry(report::pilot_name(cell.pilot)).or_default().extend(spent);
+            drop(all);
+            spare.lock().unwrap_or_else(PoisonError::into_inner).push(network);
+            done(&flown.flight);
+            Ok(flown)
+        };
+        // After one that cannot be flown none begins; those in flight are flown to their end.
+        let cut = AtomicBool::new(false);
+        let results: Vec<Result<Flown, CampaignError>> = pool.install(|| {
+            let begun = picks.par_iter().with_max_len(1).filter(|_| !cut.load(Ordering::Relaxed));
+            begun.map(|&pick| one(pick).inspect_err(|_| cut.store(true, Ordering::Relaxed))).collect()
+        });
+        let (mut flown, mut why) = (Vec::new(), None);
+        for result in results {
+            match result {
+                Ok(flight) => flown.push(flight),
+                Err(error) => why = why.or(Some(error)),
+            }
+        }
         let compute = Compute::of(&spending.into_inner().unwrap_or_else(PoisonError::into_inner));
         let timing = Timing::of(begun.elapsed(), &flown, pool.current_num_threads(), compute);
-        Ok(self.report(vehicle, &cells, flown, timing))
+        match why {
+            Some(why) if flown.is_empty() => Err(why),
+            Some(why) => {
+                let (flights, all) = (flown.len(), picks.len());
+                let flown = Box::new(self.report(vehicle, &cells, flown, timing));
+                Err(CampaignError::Cut { flights, all, flown, why: Box::new(why) })
+            }
+            None => Ok(self.report(vehicle, &cells, flown, timing)),
+        }
     }
 
     /// That the vehicle may fly each cell, before the first flight.

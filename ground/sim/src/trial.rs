@@ -268,6 +268,10 @@ pub struct Flight {
     pub unseen_s: Option<f64>,
     /// All of it, from the Start command, s.
     pub flown_s: f64,
+    /// From the task's beginning to the end, s: what moves stands where it was by then. No cell has it, so a record
+    /// leaves it out.
+    #[serde(skip)]
+    pub stage_s: f64,
     /// Changes of mode: s since the Start command, what to, why.
     pub modes: Vec<(f64, Mode, Cause)>,
     /// When the fault began, s since the Start command; none: it never did.

@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
@@ -16,7 +18,7 @@ use goshawk_sim::fly::stats::quantile;
 use goshawk_sim::fly::{Campaign, CampaignError, Pick, table};
 use goshawk_sim::seeds::Identity;
 use goshawk_sim::sense::file::Sensors;
-use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, WorldSource};
+use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, TrialError, WorldSource};
 use goshawk_vehicle::config::Vehicle;
 use serde_json::Value;
 
@@ -187,6 +189,32 @@ fn a_flight_that_is_missing_twice_there_or_another_campaigns_is_refused_in_words
         let words = refused(&other, &[&one, &two]);
         assert!(words.contains("flight 0:0 was flown with") && words.contains(what), "{words}");
     }
+}
+
+#[test]
+fn flights_before_one_that_cannot_be_flown_are_kept_and_are_those_of_the_whole() {
+    let of = Campaign { trials: 6, traced: false, ..campaign(Task::Navigate) };
+    let (made, flown) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    // The second thread's network cannot be had once the first thread has flown.
+    let make = || {
+        if made.fetch_add(1, Ordering::Relaxed) == 0 {
+            return Ok(Some(Box::new(Straight::new(of.task)) as Box<dyn Network + Send>));
+        }
+        while flown.load(Ordering::Relaxed) == 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Err(TrialError::NoPolicy)
+    };
+    let cut = of.run(&vehicle(), &make, &|_| {
+        flown.fetch_add(1, Ordering::Relaxed);
+    });
+    let Err(CampaignError::Cut { flights, all: 12, flown: kept, why }) = cut else { panic!("it was flown") };
+    assert!((1..12).contains(&flights) && flights == flown.load(Ordering::Relaxed));
+    assert!(matches!(*why, CampaignError::Network(_)));
+    let whole = of.records(&fly(&of).unwrap());
+    let lines = |records: &[u8]| String::from_utf8(records.to_vec()).unwrap().lines().map(str::to_owned).collect();
+    let (kept, whole): (BTreeSet<String>, BTreeSet<String>) = (lines(&of.records(&kept)), lines(&whole));
+    assert!(kept.len() == flights && kept.is_subset(&whole));
 }
 
 #[test]

@@ -34,6 +34,12 @@ def step(at_s: float) -> pb.Control:
     return pb.Control(stamp_ns=round(at_s * SECOND), world_from_body=pb.Quat(w=1.0), mode=pb.MODE_READY)
 
 
+def target(at_s: float) -> pb.Target:
+    return pb.Target(
+        stamp_ns=round(at_s * SECOND), confirmed=True, pos_world=pb.Vec3(x=at_s), covariance_upper=[1.0] * 21
+    )
+
+
 def asked_of(missed: Missed) -> pb.MissedRequest:
     asked = missed.request()
     assert asked is not None
@@ -118,14 +124,15 @@ def test_a_vehicle_that_cannot_tell_is_not_asked() -> None:
     assert missed.request() is None
 
 
-def test_a_step_that_was_heard_is_not_told_again() -> None:
+def test_a_step_or_a_target_that_was_heard_is_not_told_again() -> None:
     missed = caught_up(Missed())
     missed.heard_step(step(10.2).stamp_ns)
+    missed.heard_target(target(10.3).stamp_ns)
     missed.heard_health(beat(20.0))
     asked = asked_of(missed)
-    page = pb.Missed(session=7, controls=[step(10.2), step(10.4)])
+    page = pb.Missed(session=7, controls=[step(10.2), step(10.4)], targets=[target(10.3), target(10.5)])
     assert missed.take(asked, page)
-    assert [control.stamp_ns for control in page.controls] == [step(10.4).stamp_ns]
+    assert (list(page.controls), list(page.targets)) == ([step(10.4)], [target(10.5)])
 
 
 def test_a_flickering_link_and_a_flood_of_events_fill_no_memory() -> None:
@@ -134,7 +141,8 @@ def test_a_flickering_link_and_a_flood_of_events_fill_no_memory() -> None:
         missed.heard_health(beat(10.0 * k))
         missed.heard_event(2 * k + 2)
         missed.heard_step(k)
-    assert missed.held <= 2 * GAPS + STEPS + EVENTS_BEYOND
+        missed.heard_target(k)
+    assert missed.held <= 2 * GAPS + 2 * STEPS + EVENTS_BEYOND
 
 
 class Vehicle:
@@ -166,7 +174,10 @@ class Vehicle:
         self.asked.append("missed")
         asked = pb.MissedRequest.FromString(query.payload.to_bytes() if query.payload else b"")
         steps = [s for s in (step(11.0), step(12.0)) if asked.after_ns < s.stamp_ns < asked.before_ns]
-        page = pb.Missed(session=7, events=[event(1, 1.0), event(2, 12.0)], controls=steps)
+        page = pb.Missed(
+            session=7, events=[event(1, 1.0), event(2, 12.0)], controls=steps,
+            targets=[target(s.stamp_ns / SECOND) for s in steps],
+        )  # fmt: skip
         query.reply(query.key_expr, page.SerializeToString())
 
     def put(self, name: str, message: pb.Health | pb.Event | pb.Control) -> None:
@@ -201,8 +212,8 @@ def test_what_was_missed_is_asked_for_when_the_stop_is_answered_and_stands_in_it
         told = link.wait_for(lambda s: len(s.events) == 3, 10.0)
         assert told is not None and told.stop is None
         assert [(e.text, e.late) for e in told.events] == [("event 1", True), ("event 2", True), ("event 3", False)]
-        assert [view.stamp_ns for view in told.late] == [11 * SECOND, 12 * SECOND]
-        assert told.control is None, "what was told afterwards is not what is now"
+        assert [view.stamp_ns for view in told.late] == [11 * SECOND, 11 * SECOND, 12 * SECOND, 12 * SECOND]
+        assert told.control is None and told.target is None, "what was told afterwards is not what is now"
         assert vehicle.asked.count("missed") == 1
 
 
@@ -224,7 +235,7 @@ def test_a_recording_holds_what_was_told_after_a_cut_in_its_place(
         writing.join()
     flight = Flight.open(path)
     assert [e.text for e in flight.events] == ["event 2"], "the first was before the recording"
-    assert flight.times_s("control").tolist() == [1.0, 2.0]
+    assert flight.times_s("control").tolist() == flight.times_s("target").tolist() == [1.0, 2.0]
 
 
 def test_a_vehicle_that_boots_anew_is_recorded_in_a_file_of_its_own(

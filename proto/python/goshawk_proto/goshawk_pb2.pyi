@@ -464,7 +464,7 @@ class MissedRequest(_message.Message):
     def __init__(self, session: _Optional[int] = ..., after_event: _Optional[int] = ..., after_ns: _Optional[int] = ..., before_ns: _Optional[int] = ...) -> None: ...
 
 class Missed(_message.Message):
-    __slots__ = ("session", "events", "controls", "healths", "dropped_events", "dropped_samples", "more")
+    __slots__ = ("session", "events", "controls", "healths", "dropped_events", "dropped_samples", "more", "targets")
     SESSION_FIELD_NUMBER: _ClassVar[int]
     EVENTS_FIELD_NUMBER: _ClassVar[int]
     CONTROLS_FIELD_NUMBER: _ClassVar[int]
@@ -472,6 +472,7 @@ class Missed(_message.Message):
     DROPPED_EVENTS_FIELD_NUMBER: _ClassVar[int]
     DROPPED_SAMPLES_FIELD_NUMBER: _ClassVar[int]
     MORE_FIELD_NUMBER: _ClassVar[int]
+    TARGETS_FIELD_NUMBER: _ClassVar[int]
     session: int
     events: _containers.RepeatedCompositeFieldContainer[Event]
     controls: _containers.RepeatedCompositeFieldContainer[Control]
@@ -479,7 +480,8 @@ class Missed(_message.Message):
     dropped_events: int
     dropped_samples: int
     more: bool
-    def __init__(self, session: _Optional[int] = ..., events: _Optional[_Iterable[_Union[Event, _Mapping]]] = ..., controls: _Optional[_Iterable[_Union[Control, _Mapping]]] = ..., healths: _Optional[_Iterable[_Union[Health, _Mapping]]] = ..., dropped_events: _Optional[int] = ..., dropped_samples: _Optional[int] = ..., more: _Optional[bool] = ...) -> None: ...
+    targets: _containers.RepeatedCompositeFieldContainer[Target]
+    def __init__(self, session: _Optional[int] = ..., events: _Optional[_Iterable[_Union[Event, _Mapping]]] = ..., controls: _Optional[_Iterable[_Union[Control, _Mapping]]] = ..., healths: _Optional[_Iterable[_Union[Health, _Mapping]]] = ..., dropped_events: _Optional[int] = ..., dropped_samples: _Optional[int] = ..., more: _Optional[bool] = ..., targets: _Optional[_Iterable[_Union[Target, _Mapping]]] = ...) -> None: ...
 
 class Rgbd(_message.Message):
     __slots__ = ("seq", "stamp_ns", "width", "height", "hfov_rad", "vfov_rad", "rgb", "depth_mm")

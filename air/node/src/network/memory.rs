@@ -1,5 +1,5 @@
-//! What a ground that was away has missed: the newest events, and what controller and health said about each alert. It
-//! is bounded in number and bytes: the oldest falls out, and is counted.
+//! What a ground that was away has missed: the newest events, and what controller, target filter and health said about
+//! each alert. It is bounded in number and bytes: the oldest falls out, and is counted.
 
 use std::collections::VecDeque;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -15,8 +15,8 @@ const EVENT_BYTES: usize = 64 << 10;
 const SAMPLE_BYTES: usize = 512 << 10;
 /// Before an alert and after it, ns: 5 s. Chosen by eye.
 const AROUND_NS: u64 = 5_000_000_000;
-/// A controller step so often, ns: 5 Hz.
-const CONTROL_PERIOD_NS: u64 = 200_000_000;
+/// A controller step and an estimate of the target so often, ns: 5 Hz.
+const PERIOD_NS: u64 = 200_000_000;
 /// A page, bytes. What waits for a weak link is 32 kB of this urgency, and the whole page is dropped if it does not fit.
 const PAGE_BYTES: usize = 8 << 10;
 /// What a message costs in a page beside itself, bytes: its tag and its length.
@@ -25,6 +25,7 @@ const HEAD_BYTES: usize = 3;
 /// Something that was told, with its time.
 enum Sample {
     Control(v1::Control),
+    Target(v1::Target),
     Health(v1::Health),
 }
 
@@ -32,6 +33,7 @@ impl Sample {
     fn stamp_ns(&self) -> u64 {
         match self {
             Sample::Control(control) => control.stamp_ns,
+            Sample::Target(target) => target.stamp_ns,
             Sample::Health(health) => health.stamp_ns,
         }
     }
@@ -39,6 +41,7 @@ impl Sample {
     fn size(&self) -> usize {
         match self {
             Sample::Control(control) => HEAD_BYTES + control.encoded_len(),
+            Sample::Target(target) => HEAD_BYTES + target.encoded_len(),
             Sample::Health(health) => HEAD_BYTES + health.encoded_len(),
         }
     }
@@ -56,8 +59,10 @@ impl<T> Kept<T> {
         Kept { items: VecDeque::new(), bytes: 0, dropped: 0 }
     }
 
-    fn push(&mut self, item: T, size: usize, most: usize, most_bytes: usize) {
-        self.items.push_back((size, item));
+    /// Before those that are `later`: an image's time is told after that of steps that came since.
+    fn push(&mut self, item: T, size: usize, later: impl Fn(&T) -> bool, most: usize, most_bytes: usize) {
+        let behind = self.items.iter().rev().take_while(|(_, kept)| later(kept)).count();
+        self.items.insert(self.items.len() - behind, (size, item));
         self.bytes += size;
         while self.items.len() > most || self.bytes > most_bytes {
             let Some((size, _)) = self.items.pop_front() else { break };
@@ -91,6 +96,7 @@ pub struct Memory {
     /// What is told before is kept.
     keep_until_ns: u64,
     last_control_ns: u64,
+    last_target_ns: u64,
 }
 
 impl Default for Memory {
@@ -105,6 +111,7 @@ impl Default for Memory {
             samples: Kept::new(),
             keep_until_ns: 0,
             last_control_ns: 0,
+            last_target_ns: 0,
         }
     }
 }
@@ -126,7 +133,8 @@ impl Memory {
     pub fn event(&mut self, event: v1::Event) -> v1::Event {
         self.told += 1;
         let event = v1::Event { seq: self.told, ..event };
-        self.events.push(event.clone(), HEAD_BYTES + event.encoded_len(), EVENTS, EVENT_BYTES);
+        let size = HEAD_BYTES + event.encoded_len();
+        self.events.push(event.clone(), size, |_| false, EVENTS, EVENT_BYTES);
         if event.severity() >= v1::Severity::Warning || event.kind == "mode" {
             self.keep_until_ns = event.stamp_ns + AROUND_NS;
             for sample in std::mem::take(&mut self.recent) {
@@ -140,9 +148,17 @@ impl Memory {
 
     /// A controller step, which counts if it is one of five a second.
     pub fn control(&mut self, control: &v1::Control) {
-        if control.stamp_ns.saturating_sub(self.last_control_ns) >= CONTROL_PERIOD_NS {
+        if control.stamp_ns.saturating_sub(self.last_control_ns) >= PERIOD_NS {
             self.last_control_ns = control.stamp_ns;
             self.sample(Sample::Control(*control));
+        }
+    }
+
+    /// An estimate of the target, likewise.
+    pub fn target(&mut self, target: &v1::Target) {
+        if target.stamp_ns.saturating_sub(self.last_target_ns) >= PERIOD_NS {
+            self.last_target_ns = target.stamp_ns;
+            self.sample(Sample::Target(target.clone()));
         }
     }
 
@@ -167,8 +183,8 @@ impl Memory {
     }
 
     fn keep(&mut self, sample: Sample) {
-        let size = sample.size();
-        self.samples.push(sample, size, usize::MAX, SAMPLE_BYTES);
+        let (size, stamp_ns) = (sample.size(), sample.stamp_ns());
+        self.samples.push(sample, size, |kept| kept.stamp_ns() > stamp_ns, usize::MAX, SAMPLE_BYTES);
     }
 
     /// What the asker lacks, as much as goes into one page.
@@ -193,10 +209,16 @@ impl Memory {
         for (size, sample) in self.samples.items.iter().filter(|(_, sample)| missed(sample)) {
             if !room.takes(*size) {
                 page.more = true;
+                // The next page begins after a time, so what is of one time is not parted.
+                let before = |stamp_ns: u64| stamp_ns < sample.stamp_ns();
+                page.controls.retain(|control| before(control.stamp_ns));
+                page.targets.retain(|target| before(target.stamp_ns));
+                page.healths.retain(|health| before(health.stamp_ns));
                 return page;
             }
             match sample {
                 Sample::Control(control) => page.controls.push(*control),
+                Sample::Target(target) => page.targets.push(target.clone()),
                 Sample::Health(health) => page.healths.push(health.clone()),
             }
         }

@@ -266,6 +266,7 @@ impl Telemetry {
         if let Some(message) = convert::target(self.sequences.target, plan) {
             self.sequences.target += 1;
             self.publishers.target.put(&message);
+            lock(&self.memory).target(&message);
             if of_flight {
                 self.log.record(Key::Target, *ready, message);
             }

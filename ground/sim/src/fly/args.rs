@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use color_eyre::eyre::{Result, WrapErr, bail, ensure};
+use color_eyre::eyre::{Result, WrapErr, bail, ensure, eyre};
 use goshawk_autopilot::Firmware as Kind;
 use goshawk_core::Task;
 use goshawk_policy::{Policy, PolicyError};
@@ -16,7 +16,7 @@ use super::help::after_help;
 use super::log::header;
 use super::progress::Progress;
 use super::records::Known;
-use super::{Campaign, Logs, Pick, failures, pick, table};
+use super::{Campaign, CampaignError, Logs, Pick, failures, pick, table};
 use crate::actors::evader::Course;
 use crate::actors::moving::MovingArgs;
 use crate::seeds::{Identity, Seeds};
@@ -265,9 +265,16 @@ impl FlyArgs {
             files: files.clone(),
         });
         let make = || Ok(load()?.map(|policy| Box::new(policy) as Box<dyn Network + Send>));
-        let mut report = match &self.from {
-            Some(path) => campaign.gather(&vehicle, &identity, Known::read(path)?)?,
-            None => campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome))?,
+        let flown = match &self.from {
+            Some(path) => campaign.gather(&vehicle, &identity, Known::read(path)?),
+            None => campaign.run(&vehicle, &make, &|flight| progress.flown(flight.outcome)),
+        };
+        // What was flown is kept, though it is not all.
+        let (mut report, cut) = match flown {
+            Err(CampaignError::Cut { flights, all, flown, why }) => {
+                (*flown, Some(eyre!("{flights} of {all} flights were flown, then: {why}")))
+            }
+            flown => (flown?, None),
         };
         progress.bar.finish_and_clear();
         report.identity = identity;
@@ -287,7 +294,7 @@ impl FlyArgs {
         if let Some(path) = &self.json {
             println!("draw it: goshawk campaign report {}", path.display());
         }
-        Ok(())
+        cut.map_or(Ok(()), Err)
     }
 
     fn campaign(&self, task: Task, vehicle: &Vehicle) -> Result<Campaign> {

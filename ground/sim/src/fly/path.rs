@@ -145,7 +145,7 @@ impl Map {
         let rounded = |outline: Vec<[f64; 2]>| outline.into_iter().map(|p| p.map(milli)).collect();
         let movers = scene.movers.iter().map(|mover| MoverMap {
             ends_m: mover.ends().map(|end| <[f64; 2]>::from(end).map(milli)),
-            at_m: <[f64; 2]>::from(mover.at(flight.metrics.task_s)).map(milli),
+            at_m: <[f64; 2]>::from(mover.at(flight.stage_s)).map(milli),
             radius_m: milli(mover.radius_m()),
         });
         Ok(Self {

@@ -376,6 +376,7 @@ impl<'a> Lockstep<'a> {
             end_world: at,
             end_distance_m: (target - at).norm(),
             unseen_s: self.judge.unseen_s(now),
+            stage_s: self.task_for(now),
             flown_s: self.started.map_or(0.0, |started| now.since(started)),
             modes: self.modes,
             fault_at_s: self.injection.begun().zip(self.started).map(|(begun, started)| begun.since(started)),

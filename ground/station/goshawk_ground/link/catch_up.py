@@ -47,6 +47,8 @@ class CatchUp:
                 self._missed.heard_health(message)
             elif isinstance(message, pb.Control):
                 self._missed.heard_step(message.stamp_ns)
+            elif isinstance(message, pb.Target):
+                self._missed.heard_target(message.stamp_ns)
 
     def run(self, closing: threading.Event) -> None:
         """Until ``closing``."""
@@ -71,7 +73,9 @@ class CatchUp:
         with self._lock:
             good = self._missed.take(request, page)
         if good:
-            for channel, messages in (("event", page.events), ("control", page.controls), ("health", page.healths)):
+            # Targets before the steps that they are drawn with.
+            told = {"event": page.events, "target": page.targets, "control": page.controls, "health": page.healths}
+            for channel, messages in told.items():
                 for message in messages:
                     self._told(channel, message)
         return good

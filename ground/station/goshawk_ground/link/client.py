@@ -19,8 +19,8 @@ from typing import Any, Self
 import zenoh
 from google.protobuf.message import DecodeError, Message
 from goshawk_dashboards.state import decode, protocol
-from goshawk_dashboards.state.snapshot import Snapshot
-from goshawk_dashboards.state.views import CommandView, ControlView, EventView, HealthView, WorldView
+from goshawk_dashboards.state.snapshot import LateView, Snapshot
+from goshawk_dashboards.state.views import CommandView, EventView, WorldView
 from goshawk_proto import KEYS, goshawk_pb2, key_expression
 
 from goshawk_ground.link import round_trip, silence
@@ -33,8 +33,8 @@ from goshawk_ground.orders.stop_file import StopFile
 from goshawk_ground.orders.stop_latch import StopLatch
 
 EVENTS = 200
-LATE = 400
-"""Most samples that are kept of what was told afterwards: as many as a chart shows."""
+LATE = 800
+"""Most samples that are kept of what was told afterwards: as many steps as a chart shows, and a target with each."""
 RING = 32
 """Samples of one channel that may wait: half a second of the fastest."""
 DRAIN_PERIOD_S = 0.005
@@ -83,7 +83,7 @@ class GroundLink:
         self._stats = {name: ChannelStats(name) for name in _DECODERS}
         self._newest: dict[str, Any] = {}
         self._events: tuple[EventView, ...] = ()
-        self._late: tuple[ControlView | HealthView, ...] = ()
+        self._late: tuple[LateView, ...] = ()
         self._process = self._stops_told = 0
         """`Health.session` of the vehicle's process, and its `Health.stops`."""
         self._stop_answered_s = float("-inf")

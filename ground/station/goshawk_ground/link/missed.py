@@ -19,7 +19,7 @@ GAPS = 16
 EVENTS_BEYOND = 1024
 """Most events that are had beyond one that is missing; then the missing ones are given up."""
 STEPS = 256
-"""The newest controller steps by which one that is told again is known: five seconds."""
+"""The newest controller steps, and estimates of the target, by which one that is told again is known: some seconds."""
 
 
 class Missed:
@@ -37,15 +37,20 @@ class Missed:
         self._heard_ns: int | None = None
         self._gaps: deque[tuple[int, int]] = deque(maxlen=GAPS)
         self._steps: deque[int] = deque(maxlen=STEPS)
+        self._targets: deque[int] = deque(maxlen=STEPS)
 
     @property
     def held(self) -> int:
         """How many numbers are kept: bounded."""
-        return len(self._beyond) + 2 * len(self._gaps) + len(self._steps)
+        return len(self._beyond) + 2 * len(self._gaps) + len(self._steps) + len(self._targets)
 
     def heard_step(self, stamp_ns: int) -> None:
         """A controller step came."""
         self._steps.append(stamp_ns)
+
+    def heard_target(self, stamp_ns: int) -> None:
+        """An estimate of the target came."""
+        self._targets.append(stamp_ns)
 
     def heard_event(self, seq: int) -> None:
         """An event came; 0: the vehicle does not number them."""
@@ -85,22 +90,23 @@ class Missed:
 
     def take(self, asked: pb.MissedRequest, page: pb.Missed) -> bool:
         """An answer came. False: it is of no use, for it is of another session, or promises more and brings nothing."""
-        if page.session != self._session or (page.more and not (page.events or page.controls or page.healths)):
+        samples = (*page.controls, *page.targets, *page.healths)
+        if page.session != self._session or (page.more and not (page.events or samples)):
             return False
         # No more can have been dropped than were told, whatever the page says.
         self._upto = max(self._upto, min(asked.after_event + page.dropped_events, self._told))
         self._close_up()
         for event in page.events:
             self.heard_event(event.seq)
-        known = set(self._steps)
-        again = [control for control in page.controls if control.stamp_ns in known]
-        stamps_ns = [sample.stamp_ns for sample in (*page.controls, *page.healths)]
-        for control in again:
+        for control in [control for control in page.controls if control.stamp_ns in self._steps]:
             page.controls.remove(control)
+        for target in [target for target in page.targets if target.stamp_ns in self._targets]:
+            page.targets.remove(target)
         if self._gaps and self._gaps[0] == (asked.after_ns, asked.before_ns):
             self._gaps.popleft()
             if page.more:
-                self._gaps.appendleft((max(stamps_ns, default=asked.after_ns), asked.before_ns))
+                newest_ns = max((sample.stamp_ns for sample in samples), default=asked.after_ns)
+                self._gaps.appendleft((newest_ns, asked.before_ns))
         if not page.more:
             self._given_up = max(self._given_up, self._told)  # what it still lacks is kept nowhere
         return True
