@@ -15,7 +15,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from goshawk import Vehicle, VehicleError
+from goshawk import RefusedError, Vehicle, VehicleError
 from goshawk_dashboards.state import words
 
 
@@ -23,8 +23,7 @@ async def watch(vehicle: Vehicle) -> None:
     """Prints a line a second for as long as the vehicle flies."""
     async for snap in vehicle.watch(hz=1.0):
         if snap.mode is not None and snap.control is not None and snap.fresh("control"):
-            speed_mps = float(np.linalg.norm(snap.control.vel_world_3))
-            print(f"{words.mode(snap.mode)}, {speed_mps:.1f} m/s", flush=True)
+            print(f"{words.mode(snap.mode)}, {np.linalg.norm(snap.control.vel_world_3):.1f} m/s", flush=True)
             if not snap.flying:
                 return
 
@@ -32,30 +31,32 @@ async def watch(vehicle: Vehicle) -> None:
 async def fly(vehicle: Vehicle, profile: str, seconds: float) -> None:
     """From ready to the end of the flight."""
     await vehicle.ready()
-    print((await vehicle.start(profile)).text, flush=True)
+    flies = True  # until it is refused: a Start may have been heard though its answer was not
     try:
+        print((await vehicle.start(profile)).text, flush=True)
         await vehicle.until(lambda s: s.flying, 10.0)
-        # Until it has ended by itself, or its time is over.
-        with contextlib.suppress(TimeoutError):
+        with contextlib.suppress(TimeoutError):  # until it has ended by itself, or its time is over
             await asyncio.wait_for(watch(vehicle), seconds)
+    except RefusedError:
+        flies = False
+        raise
     finally:
-        print((await vehicle.stop()).text, flush=True)
+        if flies:
+            print((await vehicle.stop()).text, flush=True)
     await vehicle.until(lambda s: not s.flying, 60.0)
 
 
 async def run(name: str, connect: str, profile: str, seconds: float, record: Path | None) -> None:
     """The flight, with a recording beside it if one is asked for."""
     async with Vehicle.connect(name, at=connect) as vehicle:
-        if record is None:
-            await fly(vehicle, profile, seconds)
-            return
-        recording = asyncio.create_task(vehicle.record(record))
+        recording = asyncio.create_task(vehicle.record(record)) if record else None
         try:
             await fly(vehicle, profile, seconds)
         finally:
-            recording.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await recording
+            if recording:
+                recording.cancel()
+                with contextlib.suppress(asyncio.CancelledError):
+                    await recording
 
 
 def main(
@@ -66,6 +67,8 @@ def main(
     record: Annotated[Path | None, typer.Option(help="A new log of what is heard.")] = None,
 ) -> None:
     """Fly once. Exit status 1 if it was refused or not heard."""
+    if record is not None and record.exists():
+        sys.exit(f"fly.py: {record} is there already: give --record a new name")
     try:
         asyncio.run(run(vehicle, connect, profile, seconds, record))
     except (VehicleError, OSError) as error:

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from pathlib import Path
@@ -50,11 +51,12 @@ def main(
     except LinkError as error:
         sys.exit(f"watch_telemetry.py: {error}")
     with link:
-        while seconds is None or time.monotonic() - begun < seconds:
-            time.sleep(1.0)
-            snap = link.snapshot()
-            heard = heard or snap.health is not None
-            print(line(snap), flush=True)
+        with contextlib.suppress(KeyboardInterrupt):
+            while seconds is None or time.monotonic() - begun < seconds:
+                time.sleep(1.0)
+                snap = link.snapshot()
+                heard = heard or snap.health is not None
+                print(line(snap), flush=True)
         if not heard:
             sys.exit(f"watch_telemetry.py: {link.why_silent(time.monotonic() - begun)}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -78,6 +79,17 @@ def test_a_watched_vehicle_says_what_it_lacks(rig: Rig) -> None:
     assert re.search(r"^idle, not ready: .*camera: ", done.stdout, re.MULTILINE), done.stdout
 
 
+def test_whoever_ends_a_watch_of_nobody_is_told_why_nothing_was_heard() -> None:
+    command = [sys.executable, str(EXAMPLES / "watch_telemetry.py"), "--connect", "tcp/127.0.0.1:1"]
+    watching = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert watching.stdout is not None
+    assert watching.stdout.readline() == "nothing heard\n"
+    watching.send_signal(signal.SIGINT)
+    _, said = watching.communicate(timeout=60)
+    assert (watching.returncode, len(said.strip().splitlines())) == (1, 1), said
+    assert said.startswith("watch_telemetry.py: ")
+
+
 def test_a_logs_phases_and_speed_are_printed(log: Path) -> None:
     done = run("read_log.py", log)
     assert done.returncode == 0, done.stderr
@@ -95,6 +107,9 @@ def test_a_flight_by_a_program_is_started_watched_stopped_and_kept(rig: Rig) -> 
     assert (first, last) == ("taking off", "braking, then landing")
     assert re.search(r"^track, \d+\.\d m/s$", "\n".join(watched), re.MULTILINE), done.stdout
     assert [phase.name for phase in Flight.open(log).phases][-1] == "landed"
+    again = run("fly.py", "--connect", rig.endpoint, "--record", log)
+    assert (again.returncode, again.stdout) == (1, "")
+    assert "is there already" in again.stderr
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.name)

@@ -11,8 +11,9 @@ use image::{Rgb, RgbImage};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Pixels a metre on the map.
+/// Pixels a metre on the map, and how many it has each way at most: a wide world is drawn smaller.
 const MAP_SCALE: f64 = 12.0;
+const MAP_PX: f64 = 8000.0;
 
 /// The map above, below it a large view and, enlarged, the policy's own RGB and depth (holes black). Moving obstacles
 /// stand at the beginning of their ways.
@@ -87,24 +88,25 @@ pub fn depth_image(image: &RgbdImage) -> RgbImage {
 fn map(world: &World, movers: &[Mover]) -> RgbImage {
     let (min, max) = (world.min_world(), world.max_world());
     let (low, high) = world.ground().range();
-    let size = ((max.x - min.x) * MAP_SCALE, (max.y - min.y) * MAP_SCALE);
+    let scale = MAP_SCALE.min(MAP_PX / (max.x - min.x).max(max.y - min.y));
+    let size = ((max.x - min.x) * scale, (max.y - min.y) * scale);
     let mut map = RgbImage::from_fn(size.0 as u32, size.1 as u32, |u, v| {
-        let (x, y) = (min.x + f64::from(u) / MAP_SCALE, max.y - f64::from(v) / MAP_SCALE);
+        let (x, y) = (min.x + f64::from(u) / scale, max.y - f64::from(v) / scale);
         let rise = ((world.ground_height(x, y) - low) / (high - low).max(0.01)) as f32;
         Rgb([150.0, 140.0, 120.0].map(|c: f32| (c * (0.75 + 0.45 * rise)) as u8))
     });
     // Colours the pixels within `reach` m of (x, y) in which `inside` holds, by their offset from (x, y) in m.
     let mut stamp = |x: f64, y: f64, reach: f64, colour: [u8; 3], inside: &dyn Fn(f64, f64) -> bool| {
-        let (cu, cv, r) = ((x - min.x) * MAP_SCALE, (max.y - y) * MAP_SCALE, reach * MAP_SCALE);
+        let (cu, cv, r) = ((x - min.x) * scale, (max.y - y) * scale, reach * scale);
         for v in (cv - r).floor().max(0.0) as u32..((cv + r).ceil().max(0.0) as u32).min(map.height()) {
             for u in (cu - r).floor().max(0.0) as u32..((cu + r).ceil().max(0.0) as u32).min(map.width()) {
-                if inside((f64::from(u) + 0.5 - cu) / MAP_SCALE, (cv - f64::from(v) - 0.5) / MAP_SCALE) {
+                if inside((f64::from(u) + 0.5 - cu) / scale, (cv - f64::from(v) - 0.5) / scale) {
                     map.put_pixel(u, v, Rgb(colour));
                 }
             }
         }
     };
-    let round = |radius: f64| radius.max(0.7 / MAP_SCALE);
+    let round = |radius: f64| radius.max(0.7 / scale);
     for part in world.parts() {
         match &part.shape {
             Shape::Spheroid(s) if s.centre.z < 3.6 => {

@@ -7,7 +7,9 @@
 mod identity;
 mod rules;
 
+use std::fs::Permissions;
 use std::net::{IpAddr, SocketAddr};
+use std::os::unix::fs::PermissionsExt as _;
 
 use goshawk_bus::{Bus, BusError};
 use goshawk_proto::keys::VehicleName;
@@ -20,6 +22,8 @@ pub use identity::{Identity, IdentityError};
 /// What `insecure = true` means.
 pub const INSECURE: &str = "INSECURE: whoever reaches the vehicle's port may start and stop it, for the vehicle file says \
                             insecure = true; make identities with `goshawk keys pair`";
+/// Owner and group may connect to the sensors' socket, nobody else.
+const SOCKET_MODE: u32 = 0o660;
 /// A handshake that is not over by then is given up, ms: two round trips of a slow link take 2 s.
 const HANDSHAKE_MS: u32 = 5000;
 /// The largest message, bytes: the largest image that is looked at, 1920 x 1200, has 11.5 MB. A larger message is given
@@ -106,7 +110,15 @@ impl Access {
     /// An endpoint in use or malformed.
     pub fn listen(&self) -> Result<Bus, BusError> {
         let settings: Vec<_> = self.settings().into_iter().map(|(path, value)| (path, value.to_string())).collect();
-        Bus::listen(self.vehicle.clone(), &self.endpoints(), &settings)
+        let bus = Bus::listen(self.vehicle.clone(), &self.endpoints(), &settings)?;
+        for socket in self.listen.iter().filter_map(|endpoint| endpoint.strip_prefix("unixsock-stream/")) {
+            // To connect is to write. Under a usual umask the sensors' drivers, which are in its group, could not.
+            let path = socket.split(['?', '#']).next().unwrap_or(socket);
+            if let Err(error) = std::fs::set_permissions(path, Permissions::from_mode(SOCKET_MODE)) {
+                tracing::warn!("{path}: its group may not connect: {error}");
+            }
+        }
+        Ok(bus)
     }
 
     /// Zenoh's settings, path and JSON.

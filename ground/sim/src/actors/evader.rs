@@ -257,7 +257,8 @@ impl Planning<'_> {
                 let eye = self.vehicle + Vec3::new(0.0, 0.0, *h);
                 [-0.4, 0.0, 0.5].iter().all(|up| !self.world.occluded(&eye, &(centre + Vec3::new(0.0, 0.0, *up))))
             });
-            (column_clearance(self.world, &at) > self.way_margin() && seen).then_some(at)
+            let within = self.world.contains_xy(at.x, at.y, 1.5);
+            (within && column_clearance(self.world, &at) > self.way_margin() && seen).then_some(at)
         })
     }
 

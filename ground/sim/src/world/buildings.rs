@@ -43,8 +43,8 @@ const BLOCK_MAX_M: f64 = 17.0;
 const BLOCK_MIN_M: f64 = 7.0;
 const WALL_M: f64 = 0.2;
 const SLAB_M: f64 = 0.16;
-/// Nothing stands nearer to the start than this, m.
-const START_CLEAR_M: f64 = 3.5;
+/// The middle of what stands between houses is no nearer to the start than this, m.
+const START_CLEAR_M: f64 = 4.5;
 
 /// Draws buildings.
 ///
@@ -193,7 +193,7 @@ impl Built {
             let x = rng.random_range(config.min_xy[0]..config.max_xy[0]);
             let y = rng.random_range(config.min_xy[1]..config.max_xy[1]);
             let from_start = (x - config.start_xy[0]).hypot(y - config.start_xy[1]);
-            if houses.iter().any(|h| h.grown(1.9).contains(x, y)) || from_start < START_CLEAR_M + 1.0 {
+            if houses.iter().any(|h| h.grown(1.9).contains(x, y)) || from_start < START_CLEAR_M {
                 continue;
             }
             let floor = ground.height(x, y);

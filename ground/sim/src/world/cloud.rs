@@ -64,7 +64,9 @@ pub enum CloudError {
         extent: f64,
     },
     /// It lies where nothing can be drawn.
-    #[error("{path}: the points lie {far:.0} m from the origin, as on a map; subtract whole metres from their x and y")]
+    #[error(
+        "{path}: the points lie {far:.0} m from the origin, as on a map; subtract whole metres from their coordinates"
+    )]
     Far {
         /// The file.
         path: PathBuf,
@@ -88,7 +90,6 @@ type Voxels = BTreeMap<[i64; 3], Voxel>;
 /// What a voxel holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Voxel {
-    points: u32,
     coloured: u32,
     /// Sum of linear-light colours.
     colour: [f32; 3],
@@ -118,14 +119,14 @@ pub fn world(points: &[Point], path: &Path) -> Result<World, CloudError> {
     if extent > EXTENT_MAX_M {
         return Err(CloudError::Extent { path: path.to_owned(), extent });
     }
-    let far = low.iter().chain(&high).fold(0.0_f64, |far, side| far.max(side.abs()));
+    let heights = [fold(2, f64::INFINITY, f64::min), fold(2, f64::NEG_INFINITY, f64::max)];
+    let far = low.iter().chain(&high).chain(&heights).fold(0.0_f64, |far, side| far.max(side.abs()));
     if far > FARTHEST_M {
         return Err(CloudError::Far { path: path.to_owned(), far });
     }
     let mut voxels = Voxels::new();
     for point in usable {
         let voxel = voxels.entry(point.at.map(|c| (c / VOXEL_M).floor() as i64)).or_default();
-        voxel.points += 1;
         if let Some(rgb) = point.rgb {
             voxel.coloured += 1;
             for (sum, level) in voxel.colour.iter_mut().zip(rgb) {
@@ -189,6 +190,16 @@ mod tests {
     }
 
     #[test]
+    fn a_stray_point_below_the_floor_digs_no_pit() {
+        let mut cloud = room();
+        cloud.extend([[0.0, 0.0, -9.0], [3.0, 2.0, -29.0]].map(|at| Point { at, rgb: None }));
+        let world = world(&cloud, Path::new("room.ply")).unwrap();
+        for (x, y) in [(0.0, 0.0), (3.0, 2.0), (-8.0, 4.0)] {
+            assert!((world.ground_height(x, y) - 1.0).abs() < 0.15, "{} at {x}, {y}", world.ground_height(x, y));
+        }
+    }
+
+    #[test]
     fn crowns_and_roofs_are_no_hills_even_without_a_point_of_the_ground_below_them() {
         // Stems 4 m apart on a slope of 0.1, and over all of it leaves at 3 m; no other point of the ground.
         let step = |n: i32, m: f64| (0..n).map(move |i| m * f64::from(i) + 0.05);
@@ -214,8 +225,12 @@ mod tests {
         assert!(wide.contains("millimetres"), "{wide}");
         let mut on_a_map = room();
         on_a_map.iter_mut().for_each(|point| point.at[1] += 5.2e6);
-        let on_a_map = world(&on_a_map, Path::new("map.ply")).unwrap_err().to_string();
-        assert!(on_a_map.contains("subtract whole metres"), "{on_a_map}");
+        let mut high = room();
+        high[0].at[2] = 1e30;
+        for far in [on_a_map, high] {
+            let far = world(&far, Path::new("map.ply")).unwrap_err().to_string();
+            assert!(far.contains("subtract whole metres") && far.lines().count() == 1, "{far}");
+        }
         let other = load(Path::new("world.obj")).unwrap_err().to_string();
         assert!(other.contains(".ply or .pcd"), "{other}");
         let missing = load(Path::new("no/such.pcd")).unwrap_err().to_string();

@@ -148,7 +148,10 @@ def _person(
 def say_pair_anew(vehicles: list[Holder], why: str) -> None:
     """A line for each vehicle that does not know yet."""
     for each in vehicles:
-        typer.echo(f"{each} must be paired anew {why}: goshawk keys pair {each.name} --ssh USER@HOST")
+        typer.echo(
+            f"{each} must be paired anew {why}: goshawk keys pair {each.name} --ssh USER@HOST; "
+            "then start goshawk-air again there"
+        )
 
 
 @keys.command(epilog="Examples: goshawk keys revoke operator.bob | goshawk keys revoke bob")

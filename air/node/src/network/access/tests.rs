@@ -24,3 +24,13 @@ fn an_encrypted_listener_needs_an_identity_even_where_the_file_says_insecure() {
         assert!(matches!(judged(&[endpoint], true), Err(AccessError::NoIdentity(_))), "{endpoint}");
     }
 }
+
+#[test]
+fn who_is_in_the_group_reaches_the_sensors_socket_whatever_the_umask() {
+    let folder = tempfile::tempdir().unwrap();
+    let socket = folder.path().join("sensors.sock");
+    let listen = vec![format!("unixsock-stream/{}", socket.display())];
+    let bus = Access { vehicle: "goshawk".parse().unwrap(), listen, guard: Guard::ThisHost }.listen().unwrap();
+    assert_eq!(std::fs::metadata(&socket).unwrap().permissions().mode() & 0o777, 0o660);
+    drop(bus);
+}

@@ -104,7 +104,8 @@ impl Promise {
             let mut numbers = words.clone().map(|word| word.parse::<u64>().map_or(0, u128::from));
             match key.as_deref() {
                 Some("SIZE") => promise.sizes = numbers.collect(),
-                Some("COUNT") => promise.counts = numbers.collect(),
+                // The library takes none as one.
+                Some("COUNT") => promise.counts = numbers.map(|count| count.max(1)).collect(),
                 Some("POINTS") => promise.points = numbers.next().unwrap_or(0),
                 Some("DATA") => {
                     words.next().unwrap_or_default().clone_into(&mut promise.kind);
@@ -250,6 +251,7 @@ mod tests {
         let packed = [&[2, 0, 0, 0, 1, 0, 0, 0][..], &[0, 7]].concat();
         for (header, data) in [
             (header(1, 3, "binary_compressed"), &packed[..]),
+            (header(1, 3, "binary_compressed").replace("COUNT 1 1 1 1", "COUNT 0 0 0 0"), &packed[..]),
             (header(u64::MAX, 3, "binary"), &[0; 64][..]),
             (header(1, u64::MAX, "binary"), &[0; 64][..]),
             (header(u64::MAX, 1, "ascii"), b"1 2 3 4\n"),

@@ -1,4 +1,7 @@
-//! The ground under a cloud: its lowest points, without those that stand higher over others than ground can climb.
+//! The ground under a cloud: its lowest points, without strays, and without those that stand higher over others than
+//! ground can climb.
+
+use std::collections::BTreeMap;
 
 use super::{VOXEL_M, Voxels};
 use crate::world::Ground;
@@ -7,6 +10,30 @@ use crate::world::Ground;
 const CELL_M: f64 = 0.5;
 /// No ground is steeper than this (rise over run): what is higher over a lower point is a crown, a roof, a table.
 const SLOPE: f64 = 0.5;
+
+/// A voxel with no other so near is a stray, such as a reflection below the ground, voxels: 1 m.
+const ALONE: i64 = 5;
+
+/// How many voxels there are in each cube with edges of [`ALONE`] voxels.
+struct Crowd(BTreeMap<[i64; 3], usize>);
+
+impl Crowd {
+    fn of(voxels: &Voxels) -> Self {
+        let mut cubes = BTreeMap::new();
+        for index in voxels.keys() {
+            *cubes.entry(index.map(|i| i.div_euclid(ALONE))).or_insert(0) += 1;
+        }
+        Self(cubes)
+    }
+
+    /// In its cube and those about it there is no other voxel.
+    fn is_alone(&self, index: &[i64; 3]) -> bool {
+        let [x, y, z] = index.map(|i| i.div_euclid(ALONE));
+        let about =
+            (-1..=1).flat_map(|dx| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dz| [x + dx, y + dy, z + dz])));
+        about.filter_map(|cube| self.0.get(&cube)).sum::<usize>() <= 1
+    }
+}
 
 /// Heights by node, row-major with x fastest; infinite where nothing is known.
 struct Heights {
@@ -96,10 +123,13 @@ pub(super) fn ground(voxels: &Voxels, low: [f64; 2], high: [f64; 2]) -> Ground {
     let node = |metres: f64, axis: usize, count: usize| {
         (((metres - low[axis]) / CELL_M).round().max(0.0) as usize).min(count - 1)
     };
-    for [x, y, z] in voxels.keys() {
-        let [x, y, z] = [*x, *y, *z].map(|index| (index as f64 + 0.5) * VOXEL_M);
+    let crowd = Crowd::of(voxels);
+    for index in voxels.keys() {
+        let [x, y, z] = index.map(|i| (i as f64 + 0.5) * VOXEL_M);
         let cell = node(y, 1, heights.ny) * heights.nx + node(x, 0, heights.nx);
-        heights.values[cell] = heights.values[cell].min(z);
+        if z < heights.values[cell] && !crowd.is_alone(index) {
+            heights.values[cell] = z;
+        }
     }
     let envelope = heights.envelope();
     for (height, below) in heights.values.iter_mut().zip(envelope.values) {
