@@ -58,21 +58,8 @@ class PictureError(RuntimeError):
 LINK = r"http://127[^\s\x1b]+"
 """A page's address as a command prints it for this machine."""
 LINK_FOR_OTHERS = r"https://[^\s\x1b]+"
-CAMPAIGN = (
-    "fly",
-    "--seeds",
-    "tuning",
-    "--task",
-    "track",
-    "--speed",
-    "5,7",
-    "--spacing",
-    "4",
-    "--trials",
-    "4",
-    "--seed",
-    "5",
-)
+CAMPAIGN = "fly --seeds tuning --task track --speed 5,7 --spacing 4 --trials 4 --seed 5".split()
+"""What its page shows."""
 
 
 @contextmanager
