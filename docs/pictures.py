@@ -58,7 +58,7 @@ class PictureError(RuntimeError):
 LINK = r"http://127[^\s\x1b]+"
 """A page's address as a command prints it for this machine."""
 LINK_FOR_OTHERS = r"https://[^\s\x1b]+"
-CAMPAIGN = "fly --seeds tuning --task track --speed 5,7 --spacing 4 --trials 4 --seed 5".split()
+CAMPAIGN = "fly --seeds tuning --task track --speed 5,7 --spacing 4 --trials 4 --seed 5"
 """What its page shows."""
 
 
@@ -147,7 +147,7 @@ def afterwards(browser: Browser, logs: Path) -> None:
 def campaigns(browser: Browser, folder: Path) -> None:
     """A campaign's page, and the comparison of two pilots."""
     flown, drawn = folder / "campaign.json", folder / "campaign.html"
-    simulator = (ROOT / "target/release/goshawk-sim", *CAMPAIGN, "--json", flown)
+    simulator = (ROOT / "target/release/goshawk-sim", *CAMPAIGN.split(), "--json", flown)
     for command in (simulator, (*GOSHAWK, "campaign", "report", str(flown))):
         subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
     both(browser, drawn.as_uri(), "campaign")
