@@ -1,8 +1,12 @@
 """How many frames a second a browser draws of a flight, on a machine's processor alone; called by `dashboard.py`.
 
-The flight is the browser tests' stand-in vehicle, so nothing is simulated beside it. The yardstick is an empty scene of
-viser's in the same window. Where other programs run, frames a second say little, but what one frame takes does not
-change: it is printed too.
+The flight is the browser tests' stand-in vehicle, so nothing is simulated beside it. It is drawn twice. *As the browser
+chooses* is Chromium left to itself on a machine without a graphics card: SwiftShader draws the scene, and the processor
+paints the page around it. A laptop with an integrated graphics card can do the same without it, so that this is the
+least that it shows. *All by SwiftShader* forces the page, too, through an imitated graphics card; the yardstick, an
+empty scene of viser's in the same window, is drawn so.
+
+Where other programs run, frames a second say little, but what one frame takes does not change: it is printed too.
 """
 
 from __future__ import annotations
@@ -23,9 +27,13 @@ from playwright.sync_api import Page, sync_playwright
 
 WIDTH, HEIGHT = 1280, 720
 TARGET_HZ = 10.0
+"""All by SwiftShader."""
+TARGET_CHOSEN_HZ = 30.0
+"""As the browser chooses: what a laptop's integrated graphics card must show, asked of a machine that has none."""
 SETTLE_S = 15.0
 """Until shaders are compiled, and viser has found how many pixels it can draw."""
-FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+CHOSEN = ("--no-sandbox", "--enable-unsafe-swiftshader")
+FORCED = (*CHOSEN, "--use-angle=swiftshader", "--ignore-gpu-blocklist")
 COUNT = """window.framesDrawn = 0;
 const clear = WebGL2RenderingContext.prototype.clear;
 WebGL2RenderingContext.prototype.clear = function (mask) {
@@ -62,31 +70,35 @@ class Drawn:
 def measure(seconds: float) -> None:
     """Draws both scenes, then prints and records."""
     with empty_scene() as url:
-        floor = watch(url, seconds)
+        floor = watch(url, seconds, FORCED)
     with flight() as url:
-        seen = watch(url, seconds)
+        seen = watch(url, seconds, FORCED)
+    with flight() as url:
+        chosen = watch(url, seconds, CHOSEN)
     print(f"frames drawn without a graphics card, {WIDTH} x {HEIGHT}, {seconds:.0f} s each")
-    print(f"  empty scene         {floor.hz:8.1f} frames/s, {floor.frame_ms:6.0f} ms of a core each")
-    print(
-        f"  flight in progress  {seen.hz:8.1f} frames/s, {seen.frame_ms:6.0f} ms of a core each   "
-        f"target {TARGET_HZ:g}: {verdict(seen.hz >= TARGET_HZ)}"
-    )
-    print(f"  of the empty scene  {100 * seen.hz / floor.hz:8.0f} %")
-    print(f"  a frame of it asks  {seen.draws:8.0f} draws, {seen.triangles:.0f} triangles")
+    for what, drawn, target_hz in (
+        ("empty scene, all by SwiftShader", floor, None),
+        ("flight, all by SwiftShader", seen, TARGET_HZ),
+        ("flight, as the browser chooses", chosen, TARGET_CHOSEN_HZ),
+    ):
+        judged = "" if target_hz is None else f"   target {target_hz:g}: {verdict(drawn.hz >= target_hz)}"
+        print(f"  {what:<32}{drawn.hz:6.1f} frames/s, {drawn.frame_ms:4.0f} ms of a core each{judged}")
+    print(f"  a frame of the flight asks for {seen.draws:.0f} draws, {seen.triangles:.0f} triangles")
     record("dashboard_frames_per_s", round(seen.hz, 2))
+    record("dashboard_frames_per_s_chosen", round(chosen.hz, 2))
     record("dashboard_frames_per_s_empty_scene", round(floor.hz, 2))
     record("dashboard_frame_core_ms", round(seen.frame_ms, 1))
     record("dashboard_frame_draws", round(seen.draws))
     record("dashboard_frame_triangles", round(seen.triangles))
 
 
-def watch(url: str, seconds: float) -> Drawn:
+def watch(url: str, seconds: float, flags: tuple[str, ...]) -> Drawn:
     """Opens a page in a browser of its own and counts."""
     chromium = shutil.which("chromium")
     if chromium is None:
         raise SystemExit("chromium is missing: `make setup-test` installs it")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=chromium, args=flags)
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.add_init_script(COUNT)
         page.set_default_timeout(120_000)
@@ -163,7 +175,7 @@ def flight() -> Generator[str]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     fake = str(ROOT / "tests/browser/fake_vehicle.py")
     vehicle = subprocess.Popen(
-        [sys.executable, fake, "--listen", endpoint, "--speed", "1"], stdout=subprocess.PIPE, text=True
+        [sys.executable, fake, "--listen", endpoint, "--speed", "0.3"], stdout=subprocess.PIPE, text=True
     )
     command = [sys.executable, "-c", "from goshawk_ground.cli import main; main()"]
     ground = None
