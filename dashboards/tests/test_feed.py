@@ -50,6 +50,24 @@ def test_who_opens_in_flight_knows_its_time_once_the_take_off_is_told(snap: Make
     assert "flight time" in feed.words.status and ">1:05<" in feed.words.status
 
 
+def test_who_opens_in_flight_knows_its_height_above_ground_once_it_is_told_where_it_stood(snap: Make) -> None:
+    base = snap()
+    feed = feed_of(base)
+
+    def at(at_s: float, z_m: float, mode: pb.Mode = pb.MODE_TRACK) -> ControlView:
+        return replace(step(base, at_s, 1.0), pos_world_3=np.array([0.0, 0.0, z_m]), mode=mode)
+
+    feed.take(replace(base, control=at(100.0, 2.0)))
+    assert "above ground" not in feed.words.status and ">2.0 m<" in feed.words.status
+    stood = (at(35.5, 0.1, pb.MODE_READY), at(35.8, 0.5, pb.MODE_READY), at(36.0, 0.9, pb.MODE_TAKEOFF))
+    for at_s in (101.0, 102.0):
+        feed.take(replace(base, control=at(at_s, 2.0), late=stood))
+    assert "above ground" in feed.words.status and ">1.5 m<" in feed.words.status, "it stood at 0.5 m last"
+    feed.take(replace(base, control=at(103.0, 0.2, pb.MODE_READY), late=stood))
+    feed.take(replace(base, control=at(104.0, 2.0), late=(*stood, at(36.1, 1.0, pb.MODE_READY))))
+    assert ">1.8 m<" in feed.words.status, "what was seen counts more"
+
+
 def test_what_was_told_after_a_cut_fills_the_gap_of_the_charts_once(snap: Make) -> None:
     base = snap()
     feed = feed_of(base)

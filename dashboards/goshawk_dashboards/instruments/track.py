@@ -78,6 +78,7 @@ class Track:
     def fill(self, snap: Snapshot) -> None:
         """Takes a snapshot of earlier, of which nothing was known."""
         if snap.control is not None:
+            self._ground.tell(Step.of(snap.control))
             row = np.array([*self._accelerations(snap), *self._target(snap)])
             self._history.fill(snap.control.stamp_ns * 1e-9, row)
 

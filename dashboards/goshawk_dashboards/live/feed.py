@@ -20,6 +20,7 @@ from goshawk_dashboards.page.status import (
     vehicle_html,
 )
 from goshawk_dashboards.scene.relief import Relief
+from goshawk_dashboards.state.airborne import took_off
 from goshawk_dashboards.state.alerts import Alert, AlertBoard
 from goshawk_dashboards.state.snapshot import LateView, Snapshot
 from goshawk_dashboards.state.views import ChannelView, CommandView, ControlView, HealthView, TargetView, WorldView
@@ -29,9 +30,6 @@ MAX_ALERTS = 4
 
 TOGETHER_NS = 200_000_000
 """Of what is told after a cut, a target belongs to a controller step so near in time: both come five times a second."""
-
-TOOK_OFF = "→ Takeoff:"
-"""What the vehicle's event of a take-off holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +148,7 @@ class Feed:
         self.snap = snap  # first: whatever fails below, an old one must not look fresh
         self.track.add(snap)
         for event in snap.events:
-            if event.late and event.kind == "mode" and TOOK_OFF in event.text:
+            if event.late and took_off(event.kind, event.text):
                 self.track.tell_take_off(event.stamp_ns)
         self.words = Words(snap, self.track, self._ground_z_m(snap))
         for curves in self.curves:

@@ -20,6 +20,13 @@ UNCARRIED_MPS2 = -2.5
 """Attitude and thrust that give less than this upward carry no vehicle: it falls, or it stands."""
 STILL_MPS = 0.2
 """What climbs and falls slower than this does not fall."""
+TOOK_OFF = "→ Takeoff:"
+"""What the vehicle's event of a take-off holds."""
+
+
+def took_off(kind: str, text: str) -> bool:
+    """Whether an event is a take-off's."""
+    return kind == "mode" and TOOK_OFF in text
 
 
 class Step(NamedTuple):
@@ -50,22 +57,33 @@ class Ground:
     def __init__(self) -> None:
         self.stood_z_m: float | None = None
         """Height of the ground that it took off from, in the world frame; None: it was not seen to stand."""
+        self._told_ns: int | None = None
+        """When it stood there, if that was told afterwards; None: it was seen."""
         self._landed_z_m: float | None = None
         self._last_ns: int | None = None
 
     def take(self, step: Step) -> None:
         """Goes on to a step. An earlier one is of a vehicle that was started anew."""
         if self._last_ns is not None and step.stamp_ns < self._last_ns:
-            self.stood_z_m = None
+            self.stood_z_m = self._told_ns = None
         self._last_ns = step.stamp_ns
         if not math.isfinite(step.z_m):
             return
-        if step.mode not in IN_AIR or (self.stood_z_m is None and step.mode == pb.MODE_TAKEOFF):
-            self.stood_z_m = step.z_m
+        if step.mode not in IN_AIR:
+            self.stood_z_m, self._told_ns = step.z_m, None
+        elif self.stood_z_m is None and step.mode == pb.MODE_TAKEOFF:
+            self.stood_z_m, self._told_ns = step.z_m, 0  # it may have risen already: what is told is better
         if step.mode != pb.MODE_STOPPING:
             self._landed_z_m = None
         elif step.stands:
             self._landed_z_m = step.z_m
+
+    def tell(self, step: Step) -> None:
+        """Hears afterwards of an earlier step: the newest on the ground counts, unless it was seen to stand."""
+        if step.mode in IN_AIR or not math.isfinite(step.z_m):
+            return
+        if self.stood_z_m is None or (self._told_ns is not None and step.stamp_ns > self._told_ns):
+            self.stood_z_m, self._told_ns = step.z_m, step.stamp_ns
 
     def airborne(self, step: Step) -> bool:
         """Whether a vehicle has left the ground, and has not come back to it."""

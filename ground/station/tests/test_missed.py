@@ -11,7 +11,7 @@ import pytest
 import zenoh
 from goshawk_dashboards.log.flight import Flight
 from goshawk_ground.link import GroundLink
-from goshawk_ground.link.missed import BEFORE_S, EVENTS_BEYOND, GAPS, STEPS, Missed
+from goshawk_ground.link.missed import BEFORE_S, EVENTS_BEYOND, GAPS, STEPS, STOOD_S, Missed
 from goshawk_ground.link.recording import record
 from goshawk_proto import KEYS, PROTOCOL, key_expression
 from goshawk_proto import goshawk_pb2 as pb
@@ -66,6 +66,20 @@ def test_of_a_long_time_before_it_opened_a_ground_asks_for_the_end() -> None:
     missed.heard_health(beat(1000.0))
     asked = asked_of(missed)
     assert (asked.after_ns, asked.before_ns) == (round((1000.0 - BEFORE_S) * SECOND), 1000 * SECOND)
+
+
+def test_of_a_take_off_long_before_it_opened_a_ground_asks_for_the_second_in_which_it_stood() -> None:
+    missed = Missed()
+    missed.heard_health(beat(1000.0, events=3))
+    asked = asked_of(missed)
+    events = [event(1, 90.0), event(2, 300.0), event(3, 301.0)]
+    for took_off in events[:2]:
+        took_off.kind, took_off.text = "mode", "Ready → Takeoff: start accepted"
+    assert missed.take(asked, pb.Missed(session=7, events=events))
+    asked = asked_of(missed)
+    assert (asked.after_ns, asked.before_ns) == (round((300.0 - STOOD_S) * SECOND), 300 * SECOND), "of the last of them"
+    assert missed.take(asked, pb.Missed(session=7, controls=[step(299.5)]))
+    assert missed.request() is None
 
 
 def test_of_a_vehicle_that_was_heard_all_the_while_nothing_is_asked() -> None:

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections import deque
 
+from goshawk_dashboards.state.airborne import took_off
 from goshawk_proto import goshawk_pb2 as pb
 
 GAP_S = 1.5
 """A vehicle whose heartbeat, which comes twice a second, was not heard for this long was away."""
 BEFORE_S = 120.0
 """Of the time before it opened a ground asks for so much, its longest chart; events it asks for whenever they were."""
+STOOD_S = 1.0
+"""Of a take-off before that it asks for so much, to learn where the vehicle stood."""
 GAPS = 16
 """Most gaps that wait to be asked about; the oldest is forgotten."""
 EVENTS_BEYOND = 1024
@@ -107,6 +110,9 @@ class Missed:
             if page.more:
                 newest_ns = max((sample.stamp_ns for sample in samples), default=asked.after_ns)
                 self._gaps.appendleft((newest_ns, asked.before_ns))
+        took_off_ns = [event.stamp_ns for event in page.events if took_off(event.kind, event.text)]
+        if took_off_ns and took_off_ns[-1] < asked.after_ns:
+            self._gaps.append((max(0, took_off_ns[-1] - round(STOOD_S * 1e9)), took_off_ns[-1]))
         if not page.more:
             self._given_up = max(self._given_up, self._told)  # what it still lacks is kept nowhere
         return True
