@@ -18,8 +18,12 @@ UV := $(VENV)/bin/uv
 INSTALL := $(UV) pip install -q --python $(VENV)/bin/python --require-hashes --override ground/train/overrides.txt
 INSTALL_OWN := $(UV) pip install -q --python $(VENV)/bin/python --no-deps --no-build-isolation
 PIN := $(UV) pip compile -q --no-header --no-annotate --generate-hashes --override ground/train/overrides.txt
-TORCH := $(if $(TORCH_BACKEND),$(UV) pip install -q --python $(VENV)/bin/python --no-deps --torch-backend $(TORCH_BACKEND) \
-  $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt),$(INSTALL) -r ground/train/torch/requirements.txt)
+# PyTorch's own build for the processor alone; with CUDA=1 the registry's, which brings CUDA and is known by its hash.
+TORCH_CUDA = $(INSTALL) -r ground/train/torch/requirements.txt
+TORCH_CPU = $(UV) pip install -q --python $(VENV)/bin/python --no-deps --torch-backend cpu \
+  $$(grep -o '^torch==[^ ]*' ground/train/torch/requirements.txt)
+TORCH = $(if $(CUDA),$(TORCH_CUDA),$(TORCH_CPU) || \
+  { echo "PyTorch's own index did not give a torch without CUDA: installing the registry's, 4 GB with CUDA"; $(TORCH_CUDA); })
 
 .PHONY: help setup setup-camera setup-openvino setup-train setup-campaign setup-rerun setup-test build build-tests demo sitl test test-rust test-python test-timed test-untimed test-install lint docs pins deny fuzz bench chaos train wheel deb image release
 
@@ -30,7 +34,7 @@ help: ## this list
 	@echo "  SEED=7 make demo         another forest, another target"
 	@echo "  TASK=navigate make demo  to a goal, with nobody to chase"
 	@echo "  ARCH=arm64 make deb      for the other processor (amd64, arm64)"
-	@echo "  TORCH_BACKEND=cpu make setup-train   torch without CUDA, of PyTorch's own builds"
+	@echo "  CUDA=1 make setup-train  to train on an NVIDIA card: torch with CUDA, 4 GB"
 
 $(UV):
 	@command -v cargo >/dev/null || { echo "cargo is missing: install Rust (see README)"; exit 1; }
@@ -71,6 +75,8 @@ $(VENV)/.openvino: air/policy/openvino/requirements.txt | $(UV)
 	$(INSTALL) --no-deps --target $(VENV)/openvino -r $<
 	@touch $@
 
+# The tests run with exactly what is pinned.
+$(VENV)/.test: CUDA = 1
 $(VENV)/.test: tests/requirements.txt $(VENV)/.train $(VENV)/.campaign $(VENV)/.rerun $(VENV)/.camera $(if $(X86),$(VENV)/.openvino)
 	$(INSTALL) -r tests/requirements.txt
 	@command -v chromium >/dev/null && test -x /usr/sbin/sshd && command -v ip >/dev/null || { \
