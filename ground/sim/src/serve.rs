@@ -212,8 +212,10 @@ struct Simulation<'a> {
     frame_period_ns: u64,
     next_frame: Time,
     airborne_since: Option<Time>,
-    /// When the evader began to run for the first time; what moves besides it moves from then on.
+    /// When the evader began to run for the first time.
     runs: Option<Time>,
+    /// How far what moves besides it is on its way since then, s; below 0: it stands.
+    moved_s: f64,
     skipped_s: f64,
 }
 
@@ -243,6 +245,7 @@ impl<'a> Simulation<'a> {
             next_frame: now,
             airborne_since: None,
             runs: None,
+            moved_s: -1.0,
             skipped_s: 0.0,
         }
     }
@@ -282,21 +285,25 @@ impl<'a> Simulation<'a> {
         self.autopilot.fly(&mut self.quad, &at);
         self.release_the_evader(camera.sees_target());
         self.target.advance(self.now);
-        let since = self.running_for();
+        if self.runs.is_some() {
+            self.moved_s = self.moved_s.max(0.0) + self.target.pace_of_movers() * STEP_S;
+        }
+        let (scene, moved_s) = (self.scene, self.moved_s);
+        let moving = || scene.moving_at(moved_s);
         if self.now >= self.next_frame {
             self.next_frame = Time((self.next_frame.0 + self.frame_period_ns).max(self.now.0));
             camera.expose(Exposure {
                 stamp: self.now,
                 vehicle: *self.quad.state(),
                 person: self.target.person(),
-                moving: self.scene.moving_at(since),
-                running_for_s: since,
+                moving: moving(),
+                running_for_s: self.running_for(),
             });
         }
         if self.step.is_multiple_of(WATCH_STEPS) {
             self.target.decide(self.now, self.quad.state());
             self.place_the_goal();
-            let surroundings = Surroundings { world, moving: self.scene.moving_at(since), evader: self.target.state() };
+            let surroundings = Surroundings { world, moving: moving(), evader: self.target.state() };
             let chase = self.airborne_since.is_some() && (self.target.has_begun() || self.scene.evader.is_none());
             self.watch.look(self.now, surroundings, self.quad.state(), chase, camera.sees_target());
             if self.step.is_multiple_of(TRUTH_STEPS) {

@@ -128,6 +128,13 @@ impl Target {
         self.at_s = (self.at_s + self.pace * dt_s).clamp(0.0, evader.duration_s());
     }
 
+    /// So fast time goes for what moves beside it. Its first run was planned among them: they wait with it, so that they
+    /// never meet.
+    pub(super) fn pace_of_movers(&self) -> f64 {
+        let among_them = |evader: &&Evader| self.runs == 0 && self.at_s < evader.duration_s();
+        self.evader.as_ref().filter(among_them).map_or(1.0, |_| self.pace)
+    }
+
     /// Looks where the vehicle is, and chooses what to do.
     pub(super) fn decide(&mut self, now: Time, vehicle: &QuadrotorState) {
         let Some(state) = self.state() else { return };
@@ -207,6 +214,7 @@ mod tests {
     use goshawk_core::Rot;
 
     use super::*;
+    use crate::actors::moving::clearance;
     use crate::trial::{SceneConfig, WorldSource};
 
     const TICK_S: f64 = 0.01;
@@ -219,12 +227,17 @@ mod tests {
 
     /// A target that runs, and a vehicle behind it.
     fn stage() -> Stage {
+        stage_among(0)
+    }
+
+    /// The same among so many that move.
+    fn stage_among(moving: usize) -> Stage {
         let config = SceneConfig {
             seed: 3,
             world: WorldSource::Forest { spacing_m: 5.0 },
             distance_m: 60.0,
             evader: Some((Course::Goal, 3.0)),
-            moving: 0,
+            moving,
         };
         let scene = Arc::new(Scene::new(&config).unwrap());
         let vehicle = QuadrotorState {
@@ -273,6 +286,25 @@ mod tests {
         assert!(back.path_m < waits.path_m && stage.away_m() < NEAR_M && seen && back.vel_world.norm() < 1e-9);
         stage.vehicle.vel_world = Vec3::new(3.0, 0.0, 0.0);
         assert!(stage.run(30.0, Some(6.0)).arrived);
+    }
+
+    #[test]
+    fn who_waits_and_comes_back_among_what_moves_never_meets_it() {
+        let mut stage = stage_among(12);
+        let (mut moved_s, mut nearest_m, mut in_step) = (0.0, [f64::INFINITY; 2], true);
+        for tick in 0..40_000 {
+            let follows = tick / 1_000 % 3 == 0;
+            stage.vehicle.vel_world = Vec3::new(if follows { 3.0 } else { 0.0 }, 0.0, 0.0);
+            let now = stage.run(TICK_S, follows.then_some(6.0));
+            moved_s += stage.target.pace_of_movers() * TICK_S;
+            for (of, since_s) in [moved_s, stage.now.0 as f64 * 1e-9].into_iter().enumerate() {
+                let parts = stage.target.scene.moving_at(since_s);
+                nearest_m[of] = nearest_m[of].min(clearance(&parts, &now.centre_world()));
+            }
+            in_step &= now.arrived || (moved_s - stage.target.at_s).abs() < 1e-6;
+        }
+        assert!(in_step && nearest_m[0] > 0.5, "{nearest_m:?}");
+        assert!(nearest_m[1] < 0.3, "they would have met, had they moved on: {nearest_m:?}");
     }
 
     #[test]
