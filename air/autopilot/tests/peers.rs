@@ -133,6 +133,7 @@ fn other_ids_at_the_peers_address_are_named_once_and_not_believed() {
     assert!(!rig.armed());
     let events = rig.link.take_peer_events();
     assert_eq!(events, [PeerEvent::Other { from: address, system: 9, component: 1, peer: Some(address) }]);
+    assert!(events[0].is_through_the_peer() && events[0].to_string().contains("heard through the autopilot"));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{channel, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use color_eyre::eyre::{Result, WrapErr, bail};
 use goshawk_autopilot::{Address, AutopilotLink};
@@ -117,6 +117,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     tracing::info!("listening on {}; policy {}", access.endpoints(), model.display());
 
     shared.barred.store(vehicle.switch.is_some(), Ordering::Relaxed);
+    let told = Arc::clone(&link);
     let (piloted, heard) = (vehicle.switch.clone().map(|switch| (switch, vehicle.clone())), Arc::clone(&link));
     let sight = vehicle.autopilot.vision().map(|message| (message, Arc::clone(&link)));
     let r = &vehicle.realtime;
@@ -152,7 +153,7 @@ pub fn run(mut vehicle: Vehicle, overrides: Overrides, visitors: Visitors) -> Re
     if let Some((switch, vehicle)) = piloted {
         threads.push(spawn("switch", &shared, move |shared| switch::serve(&switch, &heard, shared, &vehicle))?);
     }
-    wait(&shared, threads)
+    wait(&shared, &told, threads)
 }
 
 /// The policy as the vehicle file has it run; says so where that is not to be had.
@@ -176,7 +177,7 @@ fn spawn(name: &str, shared: &Arc<Shared>, body: impl FnOnce(&Shared) + Send + '
         .wrap_err_with(|| format!("cannot start the {name} thread"))
 }
 
-fn wait(shared: &Shared, threads: Vec<JoinHandle<()>>) -> Result<()> {
+fn wait(shared: &Shared, link: &AutopilotLink, threads: Vec<JoinHandle<()>>) -> Result<()> {
     let asked_to_stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&asked_to_stop)).wrap_err("cannot handle signals")?;
@@ -204,6 +205,7 @@ fn wait(shared: &Shared, threads: Vec<JoinHandle<()>>) -> Result<()> {
         }
     }
     tracing::info!("stopping");
+    give_up_take_off(shared, link);
     shared.stop.store(true, Ordering::Relaxed);
     let failed: Vec<String> = threads
         .into_iter()
@@ -213,6 +215,32 @@ fn wait(shared: &Shared, threads: Vec<JoinHandle<()>>) -> Result<()> {
         })
         .collect();
     if failed.is_empty() { Ok(()) } else { bail!("these threads failed: {}", failed.join(", ")) }
+}
+
+/// So long an autopilot may take to start motors that it was asked for before; then another asked for them.
+const LATE_ARMING: Duration = Duration::from_secs(3);
+/// A take-off that had begun to climb has come down again by then, or the autopilot's failsafe brings it down.
+const DOWN_AGAIN: Duration = Duration::from_secs(8);
+
+/// Gives up a take-off that is under way: whoever ended the process while motors start would leave them running.
+fn give_up_take_off(shared: &Shared, link: &AutopilotLink) {
+    use v1::Mode::{Stopping, Takeoff};
+    let mode = || v1::Mode::try_from(shared.mode.load(Ordering::Relaxed)).unwrap_or_default();
+    if mode() != Takeoff {
+        return;
+    }
+    let text = "ended in the take-off: it is given up first".to_owned();
+    tracing::warn!("{text}");
+    shared.report(Report::Event(v1::Severity::Warning, "process", text));
+    commands::press_stop(shared);
+    let begun = Instant::now();
+    let waits = || {
+        let under_way = matches!(mode(), Takeoff | Stopping) || link.status(clock::now()).armed;
+        begun.elapsed() < if under_way { DOWN_AGAIN } else { LATE_ARMING }
+    };
+    while waits() {
+        thread::sleep(Duration::from_millis(20));
+    }
 }
 
 /// Whoever started the process wants it to outlive the terminal, as `nohup` does.

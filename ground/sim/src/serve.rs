@@ -179,6 +179,9 @@ impl ServeArgs {
         let end = self.exit_after.map(|s| clock::now().plus(s));
         while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
             simulation.catch_up(clock::now(), &mut session, &camera);
+            if let Some(why) = simulation.autopilot.over() {
+                bail!("{why}; it never connected: is another one still running?");
+            }
             clock::sleep_until(Time(simulation.now.0 + BATCH_STEPS * STEP_NS));
         }
         stop.store(true, Ordering::Relaxed);

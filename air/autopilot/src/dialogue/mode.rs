@@ -60,12 +60,14 @@ pub enum Px4Mode {
     Return,
     /// AUTO: land here.
     Land,
+    /// AUTO: land without a position.
+    Descend,
     /// Any other, as it was on the wire.
     Other(u32),
 }
 
 /// Mode, main mode, sub mode, name as PX4's tools print it.
-const TABLE: [(Px4Mode, u8, u8, &str); 11] = [
+const TABLE: [(Px4Mode, u8, u8, &str); 12] = [
     (Px4Mode::Manual, 1, 0, "MANUAL"),
     (Px4Mode::Altitude, 2, 0, "ALTCTL"),
     (Px4Mode::Position, 3, 0, "POSCTL"),
@@ -77,6 +79,7 @@ const TABLE: [(Px4Mode, u8, u8, &str); 11] = [
     (Px4Mode::Mission, 4, 4, "AUTO.MISSION"),
     (Px4Mode::Return, 4, 5, "AUTO.RTL"),
     (Px4Mode::Land, 4, 6, "AUTO.LAND"),
+    (Px4Mode::Descend, 4, 20, "AUTO.DESCEND"),
 ];
 
 impl Px4Mode {

@@ -66,6 +66,8 @@ pub struct View {
     events: VecDeque<(Time, AutopilotEvent)>,
     /// When anything of it last came.
     heard: Option<Time>,
+    /// It fell silent, and nothing has told since whether it has started again.
+    unsure: bool,
     /// Its newest time since boot, ms.
     boot_ms: u64,
     /// Its newest time as TIMESYNC tells it, ms.
@@ -105,6 +107,7 @@ impl View {
             texts: VecDeque::with_capacity(NOTES_KEPT),
             events: VecDeque::with_capacity(NOTES_KEPT),
             heard: None,
+            unsure: false,
             boot_ms: 0,
             sync_ms: 0,
             event: None,
@@ -145,8 +148,10 @@ impl View {
             return accepted;
         }
         self.counters.received += 1;
+        self.unsure |= self.has_fallen_silent(now);
         self.heard = Some(now);
         accepted.restarted = self.has_restarted(&packet.message);
+        self.unsure &= !contact::tells_who(&packet.message);
         self.follow(packet.header.sequence);
         let flies = self.landed == Some(false);
         self.validity.take(now, &packet.message, self.firmware, flies);

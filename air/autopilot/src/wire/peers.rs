@@ -106,9 +106,21 @@ pub enum PeerEvent {
     },
 }
 
+impl PeerEvent {
+    /// Who speaks is heard by way of the autopilot itself, which passes on what ground stations say.
+    #[must_use]
+    pub fn is_through_the_peer(&self) -> bool {
+        matches!(self, Self::Other { from, peer, .. } if *peer == Some(*from))
+    }
+}
+
 impl fmt::Display for PeerEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Other { from, system, component, .. } if self.is_through_the_peer() => write!(
+                f,
+                "system {system} and component {component} are heard through the autopilot, at {from}: a ground station, or a part of the vehicle; what they say is not believed"
+            ),
             Self::Other { from, system, component, peer } => {
                 write!(f, "{from} speaks too, as system {system} and component {component}, and is not believed: ")?;
                 match peer {

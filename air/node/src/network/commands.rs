@@ -102,11 +102,13 @@ pub fn serve(asked: &Receiver<Asked>, answers: &Sender<Answer>, shared: &Shared,
         let reply = match desk.take(key, &payload, vehicle) {
             Taken::Answered(reply) => Some(reply),
             Taken::New(parsed) => {
+                let flew = shared.flies();
                 let refused = if key == Key::CmdStart { refused(&parsed, &payload, shared, session) } else { None };
                 let decided = match refused {
                     Some(reply) => Decided { reply, settled: true },
                     None => ask_or_go_on(&parsed, shared, &mut standing),
                 };
+                let decided = if flew { decided } else { nothing_to_stop(&parsed, decided, shared) };
                 let Decided { reply, settled } = record(&parsed, decided, shared);
                 settled.then(|| {
                     desk.remember(&reply);
@@ -165,6 +167,18 @@ fn ask_or_go_on(parsed: &Parsed, shared: &Shared, standing: &mut Option<Standing
     parsed.decided(told.ok())
 }
 
+/// A stop that finds no flight of ours is heeded, and says that it does nothing.
+pub fn nothing_to_stop(parsed: &Parsed, mut decided: Decided, shared: &Shared) -> Decided {
+    if parsed.command == Command::Stop && decided.reply.accepted && !shared.flies() {
+        decided.reply.reason = if shared.may_be_in_the_air() {
+            "nothing is sent: the autopilot or the pilot has the vehicle".to_owned()
+        } else {
+            "nothing is sent: no flight of ours is under way".to_owned()
+        };
+    }
+    decided
+}
+
 /// Notes what was decided, for the log and whoever watches.
 pub fn record(parsed: &Parsed, mut decided: Decided, shared: &Shared) -> Decided {
     decided.reply.mode = shared.mode.load(Ordering::Relaxed);
@@ -183,6 +197,13 @@ pub fn ask(parsed: &Parsed, shared: &Shared) -> Decided {
         Ok((number, verdict)) => wait_or_take_back(parsed, shared, number, &verdict),
         Err(busy) => busy,
     }
+}
+
+/// Presses Stop for a process that ends: nobody waits for the answer.
+pub fn press_stop(shared: &Shared) {
+    let stop =
+        Parsed { id: "ends".to_owned(), profile: String::new(), command: Command::Stop, accepted: String::new() };
+    let _ = put(&stop, shared);
 }
 
 /// Leaves a command for the controller: its number, and where the verdict comes.
@@ -246,6 +267,21 @@ mod tests {
         assert_eq!(pending(&shared), None);
         assert!(!ask(&parsed(Command::Stop), &shared).settled);
         assert_eq!(pending(&shared), Some(Command::Stop));
+    }
+
+    #[test]
+    fn a_stop_that_finds_no_flight_says_that_nothing_is_sent() {
+        let shared = Shared::new(sync_channel(1).0);
+        let said = |mode: v1::Mode, command| {
+            shared.mode.store(mode.into(), Ordering::Relaxed);
+            let parsed = parsed(command);
+            nothing_to_stop(&parsed, parsed.decided(Some(Ok(()))), &shared).reply
+        };
+        let ready = said(v1::Mode::Ready, Command::Stop);
+        assert!(ready.accepted && ready.reason.contains("no flight of ours"), "{ready:?}");
+        assert!(said(v1::Mode::Fault, Command::Stop).reason.contains("the pilot has the vehicle"));
+        assert_eq!(said(v1::Mode::Ready, start()).reason, "yes");
+        assert_eq!(said(v1::Mode::Takeoff, Command::Stop).reason, "yes", "one began meanwhile");
     }
 
     #[test]

@@ -49,7 +49,9 @@ pub fn serve(switch: &Switch, link: &Arc<AutopilotLink>, shared: &Shared, vehicl
 
 /// What must be asked again: a hold or a stop that the controller did not get to.
 fn carry_out(parsed: Parsed, shared: &Shared) -> Option<Parsed> {
+    let flew = shared.flies();
     let decided = commands::ask(&parsed, shared);
+    let decided = if flew { decided } else { commands::nothing_to_stop(&parsed, decided, shared) };
     let urgent = matches!(parsed.verb(), "hold" | "stop");
     if urgent && !decided.reply.accepted {
         return Some(parsed);

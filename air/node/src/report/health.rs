@@ -38,6 +38,8 @@ pub struct Facts {
     pub line: Option<String>,
     /// Why the autopilot would refuse to arm; none: it would not, or does not say.
     pub refusal: Option<String>,
+    /// No flight of ours is under way, and none has just ended: motors that turn were started by somebody else.
+    pub waits: bool,
     /// Whether the pilot's switch can be read, and why not; none: the vehicle has none.
     pub switch: Option<Result<(), String>>,
     /// Whether the frames were checked as mounted, and why not; none: the vehicle file asks for no check.
@@ -82,7 +84,7 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
                 .or_else(|| facts.camera_fault.map(|fault| fault.text().to_owned())),
         ),
         check("odometry", odometry_problem(facts, autopilot, age(facts.odometry), refused.1)),
-        check("autopilot", facts.line.clone().or_else(|| autopilot.problem()).or_else(|| facts.refusal.clone())),
+        check("autopilot", autopilot_problem(facts, autopilot)),
         check("policy", policy_problem(facts, age(facts.plan))),
         check("battery", battery_problem(autopilot, battery_start)),
         check("recorder", facts.recorder_failed.clone()),
@@ -98,6 +100,17 @@ fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u6
         Some(age) if age > limit_s => Some(format!("the last {what} is {age:.1} s old: is {source} running?{refused}")),
         Some(_) => None,
     }
+}
+
+fn autopilot_problem(facts: &Facts, autopilot: &Status) -> Option<String> {
+    let flown = autopilot.armed || autopilot.landed == Some(false);
+    let elsewhere = || "it is armed or in the air, and not by us: land and disarm it".to_owned();
+    facts
+        .line
+        .clone()
+        .or_else(|| autopilot.problem())
+        .or_else(|| (facts.waits && flown).then(elsewhere))
+        .or_else(|| facts.refusal.clone())
 }
 
 fn odometry_problem(facts: &Facts, autopilot: &Status, age_s: Option<f64>, refused: u64) -> Option<String> {
@@ -228,6 +241,10 @@ mod tests {
         let line = Some("serial:/dev/ttyACM0:921600 broke".to_owned());
         only(&Facts { line, ..good().0 }, &status, now, "autopilot");
         only(&facts, &Status { firmware: Firmware::ArduPilot(Guided::Guided), ..status }, now, "autopilot");
+        for elsewhere in [Status { armed: true, ..status }, Status { landed: Some(false), ..status }] {
+            only(&Facts { waits: true, ..good().0 }, &elsewhere, now, "autopilot");
+            assert_eq!(failing(&facts, &elsewhere, now), vec![], "in a flight of ours");
+        }
         only(&facts, &Status { battery_fraction: Some(0.1), ..status }, now, "battery");
     }
 }

@@ -405,7 +405,8 @@ impl Telemetry {
             }
         }
         for event in self.link.take_peer_events() {
-            self.event(v1::Severity::Warning, "mavlink", event.to_string());
+            let severity = if event.is_through_the_peer() { v1::Severity::Info } else { v1::Severity::Warning };
+            self.event(severity, "mavlink", event.to_string());
         }
         for text in self.link.take_texts() {
             self.event(v1::Severity::Info, "autopilot", text.text);
@@ -419,6 +420,8 @@ impl Telemetry {
             self.facts.switch = Some(problem.map_or(Ok(()), Err));
         }
         self.facts.refusal = self.link.refusal(now);
+        let mode = v1::Mode::try_from(shared.mode.load(Ordering::Relaxed)).unwrap_or_default();
+        self.facts.waits = matches!(mode, v1::Mode::Idle | v1::Mode::Ready);
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
         let (status, battery_start) = (self.link.status(now), self.identity.battery_start);
         if status.counters.restarts > self.restarts {

@@ -128,7 +128,14 @@ impl AutopilotArgs {
             (Some(tree), Which::Px4) => Some(Process::px4(tree, 0)?),
             (Some(tree), _) => Some(Process::ardupilot(tree, 0)?),
         };
-        let in_the_loop = InTheLoop { firmware, process, imu: Strapped::new(imu), start_world: start.pos_world };
+        let in_the_loop = InTheLoop {
+            firmware,
+            process,
+            imu: Strapped::new(imu),
+            start_world: start.pos_world,
+            met: false,
+            over: None,
+        };
         Ok((Autopilot::Firmware(Box::new(in_the_loop)), at))
     }
 
@@ -180,6 +187,10 @@ pub(super) struct InTheLoop {
     process: Option<Process>,
     imu: Strapped,
     start_world: Vec3,
+    /// It has connected at least once.
+    met: bool,
+    /// Why there is nobody to wait for; none: it runs, or somebody else starts it.
+    over: Option<String>,
 }
 
 /// Who flies.
@@ -210,6 +221,11 @@ impl Autopilot {
         }
     }
 
+    /// Why nobody will ever fly; none: somebody does, or may yet.
+    pub(super) fn over(&self) -> Option<&str> {
+        if let Self::Firmware(it) = self { it.over.as_deref() } else { None }
+    }
+
     /// Flies `quad` for one step of physics.
     pub(super) fn fly(&mut self, quad: &mut Quadrotor, at: &Instant<'_>) {
         let ground = |x, y| at.world.ground_height(x, y);
@@ -220,16 +236,22 @@ impl Autopilot {
             }
             Self::External(external) => external.place(quad, at.now, at.world),
             Self::Firmware(it) => {
-                let InTheLoop { firmware, process, imu, .. } = it.as_mut();
+                let InTheLoop { firmware, process, imu, met, over, .. } = it.as_mut();
                 let truth = quad.state();
                 let sensed = Sensed { truth, imu: imu.measure(truth) };
                 let throttles = firmware.step(at.step, &sensed);
                 for news in firmware.take_news() {
+                    *met = true;
                     super::say(&news);
                 }
                 if let Some(status) = process.as_mut().and_then(Process::ended) {
                     let words = process.take().map(|process| process.last_words()).unwrap_or_default();
-                    super::say(&format!("the firmware has ended ({status}): {words}"));
+                    let text = format!("the firmware has ended ({status}): {words}");
+                    if *met {
+                        super::say(&text);
+                    } else {
+                        *over = Some(text);
+                    }
                 }
                 quad.drive(STEP_S, &throttles, at.wind_world, ground);
             }

@@ -128,6 +128,8 @@ def _prepare(options: DemoOptions, console: Console, sockets: str) -> tuple[dict
         zenoh_port, mavlink_port = free_port(ZENOH_PORT), free_port(MAVLINK_PORT, udp=True)
     except OSError as error:
         raise DemoError(str(error)) from error
+    if options.px4 is not None and mavlink_port != MAVLINK_PORT:
+        raise DemoError(f"udp {MAVLINK_PORT} is busy, where PX4 speaks to the vehicle: end what has it, and try again")
     if (zenoh_port, mavlink_port) != (ZENOH_PORT, MAVLINK_PORT):
         console.print(f"usual ports are busy: using tcp {zenoh_port} and udp {mavlink_port}")
     flown, flier = demo_identities(folder / "keys")

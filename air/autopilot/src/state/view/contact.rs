@@ -12,6 +12,13 @@ const RESTART_MS: u64 = 1_000;
 /// An event whose number is one of so many up to the newest is told again. PX4 keeps a few dozen.
 const EVENTS_AGAIN: u16 = 1_000;
 
+/// A message that says who speaks after a silence: its state anew, or its time since boot.
+pub(super) fn tells_who(message: &MavMessage) -> bool {
+    use MavMessage::{ATTITUDE_QUATERNION, HEARTBEAT, LOCAL_POSITION_NED, TIMESYNC};
+    matches!(message, HEARTBEAT(_) | ATTITUDE_QUATERNION(_) | LOCAL_POSITION_NED(_))
+        || matches!(message, TIMESYNC(sync) if sync.tc1 > 0)
+}
+
 impl View {
     /// Counts a packet of another system or component, and remembers an autopilot among them.
     pub fn foreign(&mut self, packet: &Packet) {
@@ -63,10 +70,10 @@ impl View {
         new
     }
 
-    /// It was heard, and nothing has come lately: when it comes again, it may have started again.
+    /// It was heard, and nothing has come lately, or nothing since that says whether it has started again.
     #[must_use]
     pub fn has_fallen_silent(&self, now: Time) -> bool {
-        self.heard.is_some_and(|heard| now.since(heard) >= HEARD_S)
+        self.unsure || self.heard.is_some_and(|heard| now.since(heard) >= HEARD_S)
     }
 
     /// By what it last said, its motors may turn or it is in the air.

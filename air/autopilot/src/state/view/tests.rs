@@ -245,6 +245,24 @@ fn a_clock_that_goes_back_is_a_restart_after_which_nothing_of_before_holds() {
 }
 
 #[test]
+fn after_a_silence_it_is_not_known_who_speaks_until_its_state_or_its_time_is_told() {
+    let told = [attitude(9.0), packet(heartbeat(Px4Mode::Hold, false)), attitude(0.5)];
+    for tells in told {
+        let mut view = View::new(1, 1, Firmware::Px4);
+        view.accept(at(1.0), &packet(heartbeat(Px4Mode::Offboard, true)));
+        view.accept(at(1.4), &attitude(1.4));
+        view.accept(at(2.0), &odometry(2_000_000, 1.0));
+        assert!(!view.has_fallen_silent(at(2.1)));
+        assert!(view.has_fallen_silent(at(4.0)));
+        view.accept(at(4.0), &odometry(100_000, 1.0));
+        assert!(view.has_fallen_silent(at(4.0)), "odometry may be a new one's");
+        view.accept(at(4.1), &tells);
+        assert!(!view.has_fallen_silent(at(4.1)));
+        assert!(view.has_fallen_silent(at(5.7)));
+    }
+}
+
+#[test]
 fn where_nothing_is_streamed_its_answers_about_the_time_tell_of_a_restart() {
     let mut view = View::new(1, 1, Firmware::Px4);
     let answer = |boot_s: f64| {

@@ -30,8 +30,11 @@ const IMU_STEPS: u64 = super::IMU_STEPS as u64;
 const MAGNETOMETER_STEPS: u64 = 12;
 const BAROMETER_STEPS: u64 = 20;
 const GNSS_STEPS: u64 = 100;
-/// A fix is this old when it comes: what PX4's estimator expects of a receiver (EKF2_GPS_DELAY).
-const GNSS_DELAY_STEPS: u64 = 110;
+/// A fix is this old when it comes: what PX4's own start for this interface tells its estimator (EKF2_GPS_DELAY, since
+/// 2026 SENS_GPS0_DELAY).
+const GNSS_DELAY_STEPS: u64 = 10;
+/// What an accelerometer measures at most, m/s²: 16 g less a margin. Beyond it PX4 takes a push for its contrary.
+const RANGE_MPS2: f64 = 150.0;
 /// Noise of a sample: gauss, hPa, m and m/s. A receiver with corrections; the estimate then wanders by centimetres.
 const MAGNETOMETER_G: f64 = 0.002;
 const BAROMETER_HPA: f64 = 0.01;
@@ -49,6 +52,8 @@ pub struct Px4Hil {
     line: Option<Line>,
     rng: ChaCha8Rng,
     fixes: VecDeque<(u64, HIL_GPS_DATA)>,
+    /// What is left of a push beyond the range, m/s²: later samples feel it, as on softer feet.
+    owed_frd: Vec3,
     news: Vec<String>,
 }
 
@@ -62,6 +67,8 @@ struct Line {
     answers: bool,
     /// Steps between two HIL_STATE_QUATERNION; none: nobody asked.
     state_steps: Option<u64>,
+    /// Its first step: one that starts anew begins its time anew.
+    begun: u64,
 }
 
 impl Px4Hil {
@@ -74,7 +81,15 @@ impl Px4Hil {
         let listener = TcpListener::bind(address).map_err(FirmwareError::of(address))?;
         listener.set_nonblocking(true).map_err(FirmwareError::of(address))?;
         let rng = ChaCha8Rng::seed_from_u64(seed);
-        Ok(Self { listener, encoder: Encoder::new(1, 200), line: None, rng, fixes: VecDeque::new(), news: Vec::new() })
+        Ok(Self {
+            listener,
+            encoder: Encoder::new(1, 200),
+            line: None,
+            rng,
+            fixes: VecDeque::new(),
+            owed_frd: Vec3::zeros(),
+            news: Vec::new(),
+        })
     }
 
     /// Where it listens, with the port that the system chose if the address said 0.
@@ -85,11 +100,13 @@ impl Px4Hil {
         self.listener.local_addr()
     }
 
-    fn accept(&mut self) {
+    fn accept(&mut self, step: u64) {
         let Ok((stream, from)) = self.listener.accept() else { return };
         let usable = stream.set_nodelay(true).is_ok() && stream.set_write_timeout(Some(SEND_PATIENCE)).is_ok();
         if usable {
             self.news.push(format!("PX4 has connected from {from}"));
+            self.fixes.clear();
+            self.owed_frd = Vec3::zeros();
             self.line = Some(Line {
                 stream,
                 held: Vec::new(),
@@ -97,6 +114,7 @@ impl Px4Hil {
                 armed: false,
                 answers: false,
                 state_steps: None,
+                begun: step - step % GNSS_STEPS,
             });
         }
     }
@@ -124,7 +142,9 @@ impl Px4Hil {
     }
 
     fn sample(&mut self, step: u64, sensed: &Sensed<'_>) -> HIL_SENSOR_DATA {
-        let force = frd_from_flu(sensed.imu.force_body);
+        let pushed = frd_from_flu(sensed.imu.force_body) + self.owed_frd;
+        let force = pushed.map(|axis| axis.clamp(-RANGE_MPS2, RANGE_MPS2));
+        self.owed_frd = pushed - force;
         let rate = frd_from_flu(sensed.imu.ang_vel_body);
         let field_body = sensed.truth.world_from_body.inverse_transform_vector(&field_world());
         let field = frd_from_flu(field_body) + self.noise(MAGNETOMETER_G);
@@ -193,11 +213,11 @@ impl Px4Hil {
 impl Firmware for Px4Hil {
     fn step(&mut self, step: u64, sensed: &Sensed<'_>) -> Throttles {
         if self.line.is_none() {
-            self.accept();
+            self.accept(step);
         }
         let Some(mut line) = self.line.take() else { return [0.0; 4] };
         if step.is_multiple_of(IMU_STEPS) {
-            let messages = self.messages(step, sensed, line.state_steps);
+            let messages = self.messages(step - line.begun, sensed, line.state_steps);
             let frames: Vec<u8> = messages.iter().flat_map(|m| self.encoder.encode(m).raw_bytes().to_vec()).collect();
             if let Err(gone) = line.exchange(&frames, &mut self.news) {
                 self.news.push(format!("PX4 has gone ({gone}): the rotors stand, and the next one may connect"));
@@ -370,5 +390,63 @@ mod tests {
         assert!(hover > 100, "{hover} of {}", flown.len());
         assert!(news.iter().any(|line| line == "PX4 has armed"), "{news:?}");
         assert!(hil.line.unwrap().state_steps.is_some(), "it asked for the truth");
+    }
+
+    /// The samples that one PX4 hears from a step on, and whatever else came with them.
+    fn heard(hil: &mut Px4Hil, steps: std::ops::Range<u64>, sensed: &Sensed<'_>) -> Vec<MavMessage> {
+        let mut px4 = TcpStream::connect(hil.local_address().unwrap()).unwrap();
+        let (mut bytes, mut messages) = (Vec::new(), Vec::new());
+        for step in steps.step_by(IMU_STEPS as usize) {
+            hil.step(step, sensed);
+        }
+        hil.line = None; // so that the stream ends
+        px4.read_to_end(&mut bytes).unwrap();
+        for_each_frame(&bytes, false, |frame| messages.extend(frame.map(|(packet, _)| packet.message)));
+        messages
+    }
+
+    fn samples(messages: &[MavMessage]) -> Vec<&HIL_SENSOR_DATA> {
+        let sensed = messages.iter().map(|message| match message {
+            MavMessage::HIL_SENSOR(sample) => Some(sample),
+            _ => None,
+        });
+        sensed.flatten().collect()
+    }
+
+    #[test]
+    fn a_px4_that_starts_again_begins_its_time_again_and_a_fix_is_as_old_as_it_believes() {
+        let mut hil = Px4Hil::listen((std::net::Ipv4Addr::LOCALHOST, 0).into(), 1).unwrap();
+        let quad = Quadrotor::new(QuadrotorParameters::default(), Vec3::zeros(), 0.0);
+        let sensed = Sensed { truth: quad.state(), imu: ImuSample::ideal(quad.state()) };
+        for begun in [0, 10_000, 34_567 * IMU_STEPS] {
+            let messages = heard(&mut hil, begun..begun + 400, &sensed);
+            let (first, mut fixes) = (samples(&messages)[0].time_usec, 0);
+            assert!((FIRST_US..FIRST_US + 100_000).contains(&first), "{first} after {begun} steps");
+            for pair in messages.windows(2) {
+                if let [MavMessage::HIL_GPS(fix), MavMessage::HIL_SENSOR(sample)] = pair {
+                    assert_eq!(fix.time_usec, sample.time_usec);
+                    let late_us = (fix.time_usec - FIRST_US) % (GNSS_STEPS * 1000);
+                    assert!((10_000..10_000 + IMU_STEPS * 1000).contains(&late_us), "{late_us}");
+                    fixes += 1;
+                }
+            }
+            assert!(fixes >= 3, "{fixes} of {}", messages.len());
+        }
+    }
+
+    #[test]
+    fn a_push_beyond_the_accelerometers_range_is_felt_whole_in_samples_within_it() {
+        let mut hil = Px4Hil::listen((std::net::Ipv4Addr::LOCALHOST, 0).into(), 1).unwrap();
+        let quad = Quadrotor::new(QuadrotorParameters::default(), Vec3::zeros(), 0.0);
+        let push = ImuSample { force_body: Vec3::new(0.0, -200.0, 400.0), ..ImuSample::ideal(quad.state()) };
+        let still = ImuSample { force_body: Vec3::zeros(), ..push };
+        let mut felt = Vec3::zeros();
+        for (step, imu) in [push, still, still, still].into_iter().enumerate() {
+            let sample = hil.sample(step as u64 * IMU_STEPS, &Sensed { truth: quad.state(), imu });
+            let force = Vec3::new(sample.xacc.into(), sample.yacc.into(), sample.zacc.into());
+            assert!(force.amax() <= RANGE_MPS2, "{force}");
+            felt += force;
+        }
+        assert!((felt - frd_from_flu(push.force_body)).norm() < 1e-3, "{felt}");
     }
 }
