@@ -120,6 +120,35 @@ def test_a_take_off_given_up_while_the_autopilot_arms_is_disarmed(rig: Rig, figu
     figures.append(("late-arming, given up", f"armed on the ground for {took:.1f} s"))
 
 
+def test_a_process_that_is_ended_in_the_take_off_leaves_no_motor_running(
+    rig: Rig, figures: list[tuple[str, str]]
+) -> None:
+    air = rig.air()
+    rig.sim("--mishap", "late-arming")
+    with rig.link() as link:
+        take_off(rig, link)
+        asked = link.wait_for(lambda s: s.health is not None and s.health.autopilot == "OFFBOARD", 20.0)
+        assert asked is not None, rig.output("air")
+        time.sleep(0.7)  # it has been asked to arm, and will, 2 s after
+        begun_s = time.monotonic()
+        air.terminate()
+        assert air.wait(20.0) == 0, rig.output("air")
+        took_s = time.monotonic() - begun_s
+    said = [line for line in rig.output("air").splitlines() if "given up" in line or "the motors are" in line]
+    assert "given up" in said[0] and "the motors are armed" in "".join(said), said
+    assert "the motors are disarmed" in said[-1], said
+    figures.append(("late-arming, process ended", f"it ended {took_s:.1f} s later, disarmed"))
+
+
+def test_a_stop_that_finds_no_flight_says_so(rig: Rig) -> None:
+    rig.air()
+    rig.sim()
+    with rig.link() as link:
+        assert link.wait_for(lambda s: s.mode == pb.MODE_READY, 30.0) is not None, rig.output("air")
+        stopped = link.stop()
+        assert stopped.accepted and "nothing is sent" in stopped.text, stopped
+
+
 def test_a_restart_in_flight_is_told_and_nothing_is_asked_of_the_new_one(
     rig: Rig, figures: list[tuple[str, str]]
 ) -> None:

@@ -1,7 +1,7 @@
 //! Whether the autopilot's estimator stands by its horizontal position and velocity. It goes on sending numbers when it
 //! does not: a PX4 without GPS invents a standstill and flies on it. Of PX4 three messages tell: ESTIMATOR_STATUS in its
-//! flags, ODOMETRY in its variances and its quality, and LOCAL_POSITION_NED by its absence. Of ArduPilot one does:
-//! EKF_STATUS_REPORT in its flags. Two more faults are that the motions told contradict each other (`contradiction`),
+//! flags, ODOMETRY in its variances and its quality, and before October 2022 LOCAL_POSITION_NED by its absence. Of
+//! ArduPilot one does: EKF_STATUS_REPORT in its flags. Two more faults are that the motions told contradict each other (`contradiction`),
 //! or the accelerometer (`inertial`).
 
 use crate::dialogue::firmware::Firmware;
@@ -14,7 +14,8 @@ const LOST_AFTER_S: f64 = 0.2;
 /// And say otherwise for this long before it is believed again, s: a filter that has just begun to take measurements
 /// still moves. Chosen by eye.
 const BACK_AFTER_S: f64 = 1.0;
-/// LOCAL_POSITION_NED is missed after this, s: PX4 streams it at 30 Hz, and only while position and velocity are valid.
+/// LOCAL_POSITION_NED is missed after this, s: PX4 streams it at 30 Hz, until October 2022 only while position and
+/// velocity were valid. One of later streams it always, so that its absence says nothing.
 const LOCAL_SILENT_S: f64 = 1.0;
 /// ODOMETRY younger than this shows that the line works, s. Chosen by eye.
 const ODOMETRY_FRESH_S: f64 = 0.3;
