@@ -207,6 +207,20 @@ def test_firmware_that_dies_in_the_air_is_no_failure_of_the_policy(tmp_path: Pat
     assert "the firmware has ended" in ended.stderr and "hard fault in the mixer" in ended.stderr
 
 
+def test_firmware_that_ends_before_it_connects_ends_the_simulator_with_its_last_words(tmp_path: Path) -> None:
+    program = tmp_path / "bin/px4"
+    program.parent.mkdir()
+    program.write_text("#!/bin/sh\necho another instance has the place\nexit 3\n")
+    program.chmod(0o755)
+    command = [SIM, "serve", "--autopilot", "px4", "--firmware", tmp_path]
+    ended = subprocess.run(
+        [*command, "--connect", free_endpoint()], capture_output=True, text=True, cwd=ROOT, timeout=60
+    )
+    assert ended.returncode != 0
+    (line,) = ended.stderr.strip().splitlines()[-1:]
+    assert "another instance has the place" in line and "it never connected" in line, ended.stderr
+
+
 def test_the_world_and_its_truth_follow_firmware_that_simulates_itself(world: Callable[..., World]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))

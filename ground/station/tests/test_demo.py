@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -195,6 +197,17 @@ def test_firmware_that_is_not_there_is_one_clear_line_before_anything_starts(
         assert process.returncode == 1
         assert output == f"goshawk: {flag} {folder} {what}: name that of {firmware}'s sources, or of its build\n"
         assert not logs.exists()
+
+
+def test_where_px4s_own_port_is_busy_one_clear_line_says_so(tmp_path: Path) -> None:
+    binaries = stand_ins(tmp_path / "bin", air=flying_air("--not-ready"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        with contextlib.suppress(OSError):  # if it is taken already, so much the better
+            taken.bind(("127.0.0.1", 14540))
+        process = demo(tmp_path, binaries, "--headless", "--px4", str(tmp_path))
+        output, _ = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert output == "goshawk: udp 14540 is busy, where PX4 speaks to the vehicle: end what has it, and try again\n"
 
 
 def test_outside_a_checkout_the_packages_programs_and_files_are_used(
