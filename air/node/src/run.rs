@@ -235,8 +235,9 @@ fn give_up_take_off(shared: &Shared, link: &AutopilotLink) {
     commands::press_stop(shared);
     let begun = Instant::now();
     let waits = || {
-        let under_way = matches!(mode(), Takeoff | Stopping) || link.status(clock::now()).armed;
-        begun.elapsed() < if under_way { DOWN_AGAIN } else { LATE_ARMING }
+        let autopilot = link.status(clock::now());
+        let under_way = matches!(mode(), Takeoff | Stopping) || autopilot.armed;
+        autopilot.connected && begun.elapsed() < if under_way { DOWN_AGAIN } else { LATE_ARMING }
     };
     while waits() {
         thread::sleep(Duration::from_millis(20));
