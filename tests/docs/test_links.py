@@ -221,3 +221,11 @@ def test_the_first_page_says_what_is_hardest_as_the_results_do() -> None:
         ("Navigation, 120 m, dense", "{0} of 24 at 6 m/s. At 10 m/s it is often slow: {2} of 24."),
     ):
         assert words.format(*results(row, "success")) in text(ROOT / "README.md")
+
+
+def test_the_first_page_counts_the_flights_that_hit_something() -> None:
+    table = text(ROOT / "ground/train/RESULTS.md").partition("<!-- flights: begin -->")[2]
+    rows = [line for line in table.partition("<!-- flights: end")[0].splitlines() if "| policy |" in line]
+    flown = sum(int(found) for row in rows for found in re.findall(r"\| \d+ of (\d+) \| \d+% to", row))
+    hit = sum(int(found) for row in rows for found in re.findall(r"collision (\d+)", row))
+    assert f"{hit} of these {flown} flights hit something." in text(ROOT / "README.md")

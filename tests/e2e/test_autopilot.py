@@ -54,6 +54,14 @@ def take_off(rig: Rig, link: GroundLink) -> None:
     assert reply.accepted, reply.text
 
 
+def ask_to_arm(rig: Rig, link: GroundLink) -> None:
+    """A take-off up to where the autopilot has been asked to arm. One that arms late will, 2 s after."""
+    take_off(rig, link)
+    asked = link.wait_for(lambda s: s.health is not None and s.health.autopilot == "OFFBOARD", 20.0)
+    assert asked is not None, rig.output("air")
+    time.sleep(0.7)
+
+
 def airborne(snap: Snapshot) -> bool:
     return snap.mode in FLYING and snap.truth is not None and snap.truth.pos_world_3[2] > 0.8
 
@@ -105,10 +113,7 @@ def test_a_take_off_given_up_while_the_autopilot_arms_is_disarmed(rig: Rig, figu
     rig.air()
     rig.sim("--mishap", "late-arming")
     with rig.link() as link:
-        take_off(rig, link)
-        asked = link.wait_for(lambda s: s.health is not None and s.health.autopilot == "OFFBOARD", 20.0)
-        assert asked is not None, rig.output("air")
-        time.sleep(0.7)  # it has been asked to arm, and will, 2 s after
+        ask_to_arm(rig, link)
         assert link.stop().accepted
         disarmed = link.wait_for(lambda s: told(s, "the motors are disarmed") is not None, 15.0)
         assert disarmed is not None, [e.text for e in link.snapshot().events]
@@ -126,10 +131,7 @@ def test_a_process_that_is_ended_in_the_take_off_leaves_no_motor_running(
     air = rig.air()
     rig.sim("--mishap", "late-arming")
     with rig.link() as link:
-        take_off(rig, link)
-        asked = link.wait_for(lambda s: s.health is not None and s.health.autopilot == "OFFBOARD", 20.0)
-        assert asked is not None, rig.output("air")
-        time.sleep(0.7)  # it has been asked to arm, and will, 2 s after
+        ask_to_arm(rig, link)
         begun_s = time.monotonic()
         air.terminate()
         assert air.wait(20.0) == 0, rig.output("air")

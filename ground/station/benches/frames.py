@@ -2,8 +2,8 @@
 
 The flight is the browser tests' stand-in vehicle, so nothing is simulated beside it. It is drawn twice. *As the browser
 chooses* is Chromium left to itself on a machine without a graphics card: SwiftShader draws the scene, and the processor
-paints the page around it. A laptop with an integrated graphics card can do the same without it, so that this is the
-least that it shows. *All by SwiftShader* forces the page, too, through an imitated graphics card; the yardstick, an
+paints the page around it. A laptop whose processor is as fast shows no less, whatever its graphics card adds; none was
+measured. *All by SwiftShader* forces the page, too, through an imitated graphics card; the yardstick, an
 empty scene of viser's in the same window, is drawn so.
 
 Where other programs run, frames a second say little, but what one frame takes does not change: it is printed too.
@@ -29,7 +29,7 @@ WIDTH, HEIGHT = 1280, 720
 TARGET_HZ = 10.0
 """All by SwiftShader."""
 TARGET_CHOSEN_HZ = 30.0
-"""As the browser chooses: what a laptop's integrated graphics card must show, asked of a machine that has none."""
+"""As the browser chooses: what is wanted of a laptop's integrated graphics card, asked of a machine that has none."""
 SETTLE_S = 15.0
 """Until shaders are compiled, and viser has found how many pixels it can draw."""
 CHOSEN = ("--no-sandbox", "--enable-unsafe-swiftshader")

@@ -1,8 +1,8 @@
 //! Whether the autopilot's estimator stands by its horizontal position and velocity. It goes on sending numbers when it
 //! does not: a PX4 without GPS invents a standstill and flies on it. Of PX4 three messages tell: ESTIMATOR_STATUS in its
 //! flags, ODOMETRY in its variances and its quality, and before October 2022 LOCAL_POSITION_NED by its absence. Of
-//! ArduPilot one does: EKF_STATUS_REPORT in its flags. Two more faults are that the motions told contradict each other (`contradiction`),
-//! or the accelerometer (`inertial`).
+//! ArduPilot one does: EKF_STATUS_REPORT in its flags. Two more faults are that the motions told contradict each other
+//! (`contradiction`), or the accelerometer (`inertial`).
 
 use crate::dialogue::firmware::Firmware;
 use crate::messages::{ESTIMATOR_STATUS_DATA, EkfStatusFlags, EstimatorStatusFlags, MavMessage, ODOMETRY_DATA};

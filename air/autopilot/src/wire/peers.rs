@@ -119,7 +119,8 @@ impl fmt::Display for PeerEvent {
         match self {
             Self::Other { from, system, component, .. } if self.is_through_the_peer() => write!(
                 f,
-                "system {system} and component {component} are heard through the autopilot, at {from}: a ground station, or a part of the vehicle; what they say is not believed"
+                "system {system} and component {component} are heard through the autopilot, at {from}: \
+                 a ground station, or a part of the vehicle; what they say is not believed"
             ),
             Self::Other { from, system, component, peer } => {
                 write!(f, "{from} speaks too, as system {system} and component {component}, and is not believed: ")?;
