@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import io
+import json
+import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -170,3 +174,24 @@ def ground() -> Iterator[Callable[..., Ground]]:
             end(vehicle)
             if vehicle.stdout is not None:
                 vehicle.stdout.close()
+
+
+@pytest.fixture
+def station(tmp_path: Path) -> Iterator[Callable[..., tuple[subprocess.Popen[str], dict[str, Any]]]]:
+    """Starts `goshawk ground` as a process; it and what it printed."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(*options: str) -> tuple[subprocess.Popen[str], dict[str, Any]]:
+        command = [sys.executable, "-c", "from goshawk_ground.cli import main; main()", "ground", "--json", *options]
+        environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path / "config")}
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+        started.append(process)
+        assert process.stdout is not None
+        return process, json.loads(process.stdout.readline())
+
+    yield start
+    for process in started:
+        process.send_signal(signal.SIGINT)
+        process.wait(timeout=30)
+        if process.stdout is not None:
+            process.stdout.close()

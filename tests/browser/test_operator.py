@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import signal
+import subprocess
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import pytest
+from goshawk_ground.pages.ports import free_port
 from goshawk_proto import goshawk_pb2 as pb
 from playwright.sync_api import Page, expect
 from stage import Ground, Seen
@@ -259,3 +263,19 @@ def test_a_viewer_without_commands_has_no_button_and_no_key(ground: Start, visit
     page.keyboard.press("Shift+Space")
     expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "ready")
     assert g.link.snapshot().command is None
+
+
+def test_a_page_that_hears_nothing_any_more_says_so(
+    ground: Start, station: Callable[..., tuple[subprocess.Popen[str], dict[str, Any]]], visit: Callable[..., Seen]
+) -> None:
+    vehicle = ground()
+    listens = f"goshawk@{vehicle.link.connect}"
+    process, printed = station("--port", str(free_port(8097)), "--vehicle", listens)
+    page = visit(printed["url"]).page
+    expect(page.locator('[data-goshawk="status"]')).to_have_attribute("data-mode", "ready")
+    still = page.locator(".goshawk-still")
+    expect(still).to_be_hidden()
+    process.send_signal(signal.SIGSTOP)
+    expect(still).to_contain_text("what is shown is old")
+    process.send_signal(signal.SIGCONT)
+    expect(still).to_be_hidden()

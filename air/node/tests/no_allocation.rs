@@ -174,7 +174,7 @@ fn the_controllers_thread_allocates_nothing_after_its_start() {
     let (mut seen, mut mode, mut steps, mut begun) = (BTreeSet::new(), Mode::Idle, 0, None);
     let mut verdict = None;
     for tick in 0..4000 {
-        shared.ready.judge(true, clock::now());
+        shared.ready.judge(None, clock::now());
         around.step(&shared, tick, mode);
         steps += modes(&reports, &mut seen, &mut mode);
         if begun.is_none() && mode == Mode::Ready && steps > 20 {

@@ -8,13 +8,14 @@
   const layer = document.createElement("div");
   layer.id = "goshawk-over";
   layer.innerHTML =
-    '<div class="goshawk-column"><div></div><div></div></div><div class="goshawk-stops" hidden>' +
+    '<div class="goshawk-column"><div></div><div></div><div class="goshawk-still" role="alert" hidden></div></div>' +
+    '<div class="goshawk-stops" hidden>' +
     '<button class="goshawk-all"><span></span><kbd aria-hidden="true">shift + space, twice</kbd></button>' +
     '<button class="goshawk-one"><span></span><kbd aria-hidden="true">space</kbd></button>' +
     '<button class="goshawk-cancel"><span></span></button></div>';
   document.body.append(layer);
   const [column, stops] = layer.children;
-  const [news, card] = column.children;
+  const [news, card, still] = column.children;
   const [all, one, cancel] = stops.children;
   one.onclick = () => stop(false);
   all.onclick = () => stop(true);
@@ -68,9 +69,36 @@
     button.firstChild.textContent = words;
     button.hidden = words === "";
   };
+  // Only the page itself can tell that the ground station, the way to it or the browser's drawing stands still: what it
+  // showed last looks like now. A tab that nobody looks at is not drawn.
+  const LATE_S = 4;
+  let beat, beatAt;
+  const hear = (beatNow) => {
+    if (beat === beatNow) return;
+    beat = beatNow;
+    beatAt = performance.now();
+  };
+  const listen = () => {
+    const silence = (performance.now() - beatAt) / 1000;
+    const late = !document.hidden && silence > LATE_S;
+    document.body.classList.toggle("goshawk-late", late);
+    still.hidden = !late;
+    if (!late) return;
+    still.textContent =
+      `Nothing new from the ground station for ${silence.toFixed(0)} s: what is shown is old, ` +
+      "and Stop may not arrive. Pilot: be ready to take over.";
+  };
+  setInterval(listen, 500);
+  document.addEventListener("visibilitychange", () => {
+    beatAt &&= performance.now();
+  });
+
+  let told;
   const tell = (template) => {
     const facts = template.dataset;
-    news.innerHTML = template.innerHTML;
+    hear(facts.beat);
+    // What pulses begins anew with each new element.
+    if (told !== template.innerHTML) news.innerHTML = told = template.innerHTML;
     stops.hidden = facts.stop === "";
     label(one, facts.stop);
     label(all, facts.all);

@@ -45,7 +45,7 @@ def overlay_html(
     vehicles: Sequence[str] = (),
 ) -> str:
     """Alerts, each with the name of its vehicle (empty: the only one), the red edge, the last command's outcome, and
-    the buttons.
+    the buttons. Each second it is another text, by which the page knows that it is told anything at all.
 
     ``visit`` names this connection and ``vehicles`` are all there are: a page that is connected anew, where viser
     begins anew, asks for the vehicle that it showed before.
@@ -64,6 +64,7 @@ def overlay_html(
         "all": stops.every,
         "armed": str(stops.armed).lower(),
         "cancel": stops.cancel,
+        "beat": f"{snap.now_s:.0f}",
         "visit": visit,
         "shown": snap.vehicle,
         "vehicles": " ".join(vehicles),

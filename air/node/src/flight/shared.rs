@@ -19,19 +19,29 @@ const READY_FOR_S: f64 = 1.0;
 
 /// All readiness checks held, as long as somebody still looks at them.
 #[derive(Default)]
-pub struct Ready(AtomicU64);
+pub struct Ready {
+    judged: AtomicU64,
+    problem: Mutex<Option<String>>,
+}
 
 impl Ready {
-    /// They were judged `now`.
-    pub fn judge(&self, good: bool, now: Time) {
-        self.0.store(if good { now.0 } else { 0 }, Ordering::Relaxed);
+    /// They were judged `now`: what is wrong, if anything.
+    pub fn judge(&self, problem: Option<String>, now: Time) {
+        self.judged.store(if problem.is_none() { now.0 } else { 0 }, Ordering::Relaxed);
+        *lock(&self.problem) = problem;
     }
 
     /// They held a moment ago.
     #[must_use]
     pub fn holds(&self, now: Time) -> bool {
-        let judged = self.0.load(Ordering::Relaxed);
+        let judged = self.judged.load(Ordering::Relaxed);
         judged != 0 && now.since(Time(judged)) <= READY_FOR_S
+    }
+
+    /// What was wrong when they were judged last. The controller does not ask: it waits for nobody.
+    #[must_use]
+    pub fn problem(&self) -> Option<String> {
+        lock(&self.problem).clone()
     }
 }
 
@@ -245,10 +255,10 @@ mod tests {
     fn readiness_that_nobody_judges_any_more_does_not_hold() {
         let ready = Ready::default();
         assert!(!ready.holds(Time::from_secs(0.5)));
-        ready.judge(true, Time::from_secs(5.0));
+        ready.judge(None, Time::from_secs(5.0));
         assert!(ready.holds(Time::from_secs(5.9)));
         assert!(!ready.holds(Time::from_secs(6.1)));
-        ready.judge(false, Time::from_secs(6.2));
+        ready.judge(Some("camera: none".to_owned()), Time::from_secs(6.2));
         assert!(!ready.holds(Time::from_secs(6.2)));
     }
 }

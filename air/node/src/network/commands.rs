@@ -164,7 +164,7 @@ fn ask_or_go_on(parsed: &Parsed, shared: &Shared, standing: &mut Option<Standing
     if told == Err(RecvTimeoutError::Timeout) {
         *standing = Some(Standing { id: parsed.id.clone(), verdict });
     }
-    parsed.decided(told.ok())
+    decided(parsed, told.ok(), shared)
 }
 
 /// A stop that finds no flight of ours is heeded, and says that it does nothing.
@@ -239,7 +239,18 @@ fn wait_or_take_back(parsed: &Parsed, shared: &Shared, number: u64, verdict: &Re
         let untaken = lock(&shared.command).take_if(|pending| pending.number == number).is_some();
         if untaken { None } else { verdict.recv_timeout(WAIT).ok() }
     });
-    parsed.decided(told)
+    decided(parsed, told, shared)
+}
+
+/// What the controller's verdict means. It knows that a check fails, but not which one.
+fn decided(parsed: &Parsed, told: Option<Verdict>, shared: &Shared) -> Decided {
+    let mut decided = parsed.decided(told);
+    if told == Some(Err(Refusal::ChecksFailed))
+        && let Some(problem) = shared.ready.problem()
+    {
+        decided.reply.reason = format!("not ready: {problem}");
+    }
+    decided
 }
 
 #[cfg(test)]
@@ -282,6 +293,16 @@ mod tests {
         assert!(said(v1::Mode::Fault, Command::Stop).reason.contains("the pilot has the vehicle"));
         assert_eq!(said(v1::Mode::Ready, start()).reason, "yes");
         assert_eq!(said(v1::Mode::Takeoff, Command::Stop).reason, "yes", "one began meanwhile");
+    }
+
+    #[test]
+    fn a_start_refused_for_a_check_says_which() {
+        let shared = Shared::new(sync_channel(1).0);
+        let said = |why| decided(&parsed(start()), Some(Err(why)), &shared).reply.reason;
+        assert_eq!(said(Refusal::ChecksFailed), Refusal::ChecksFailed.to_string(), "nobody judges any more");
+        shared.ready.judge(Some("camera: no image has come yet".to_owned()), clock::now());
+        assert_eq!(said(Refusal::ChecksFailed), "not ready: camera: no image has come yet");
+        assert_eq!(said(Refusal::BatteryLow), Refusal::BatteryLow.to_string());
     }
 
     #[test]

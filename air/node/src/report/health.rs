@@ -93,6 +93,16 @@ pub fn checks(facts: &Facts, autopilot: &Status, refused: (u64, u64), battery_st
     checks
 }
 
+/// What the first of the `checks` that fails says, and how many more fail.
+#[must_use]
+pub fn first_problem(checks: &[v1::Check]) -> Option<String> {
+    let mut failing = checks.iter().filter(|check| !check.ok);
+    let first = failing.next()?;
+    let more = failing.count();
+    let more = if more > 0 { format!(" (and {more} more)") } else { String::new() };
+    Some(format!("{}: {}{more}", first.name, first.reason))
+}
+
 fn stale(what: &str, source: &str, age_s: Option<f64>, limit_s: f64, refused: u64) -> Option<String> {
     let refused = if refused > 0 { format!(" ({refused} refused as malformed or implausible)") } else { String::new() };
     match age_s {
@@ -205,6 +215,17 @@ mod tests {
     fn all_parts_fresh_means_ready() {
         let (facts, status, now) = good();
         assert_eq!(failing(&facts, &status, now), vec![]);
+    }
+
+    #[test]
+    fn the_first_problem_is_told_and_the_others_are_counted() {
+        let (facts, status, now) = good();
+        let told = |facts: &Facts| first_problem(&checks(facts, &status, (0, 0), 0.2, now));
+        assert_eq!(told(&facts), None);
+        let recorder = || Facts { recorder_failed: Some("disk full".to_owned()), ..good().0 };
+        assert_eq!(told(&recorder()).as_deref(), Some("recorder: disk full"));
+        let both = told(&Facts { camera_fault: Some(StreamFault::Frozen), ..recorder() });
+        assert!(both.is_some_and(|both| both.starts_with("camera: ") && both.ends_with(" (and 1 more)")));
     }
 
     #[test]

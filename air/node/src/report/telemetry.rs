@@ -449,7 +449,7 @@ impl Telemetry {
             }
         }
         self.position_lost = position.is_some();
-        shared.ready.judge(checks.iter().all(|check| check.ok), clock::now());
+        shared.ready.judge(health::first_problem(&checks), clock::now());
         self.checks = checks;
     }
 
