@@ -1,10 +1,12 @@
 """A ROS 2 world without ROS: a Zenoh router as rmw_zenohd is one, and a node by rosbags' own CDR.
 
-Nothing here is ours: keys, attachments and tokens are put together from what rmw_zenoh documents.
+Nothing here is ours: keys, attachments and tokens are put together from what rmw_zenoh documents. `tests/data` has
+those of a real one.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import struct
 import threading
@@ -114,10 +116,26 @@ class RosPeer:
 
     def put(self, topic: str, kind: str, data: bytes, *, type_hash: str | None = None) -> None:
         """Bytes that may be no message at all."""
-        key = self.key(topic, kind, type_hash)
+        self._put(self.key(topic, kind, type_hash), data)
+
+    def _put(self, key: str, data: bytes) -> None:
         self._sequence[key] += 1
         attachment = struct.pack("<qqB16s", self._sequence[key], time.time_ns(), len(GID), GID)
         self.session.put(key, data, attachment=attachment)
+
+    def publish_buffered(self, topic: str, kind: str, message: Any) -> None:
+        """As a node of Lyrical publishes what holds bytes: not on the topic's key, but for each subscription it sees.
+
+        One key serves all that take it from memory. Every other has one of its own, which here is some number of its.
+        """
+        key, data = self.key(topic, kind), bytes(STORE.serialize_cdr(message, kind))
+        of_topic = f"/%{topic.strip('/').replace('/', '%')}/{mangled(kind)}/"
+        with self._lock:
+            seen = [token for token in self.tokens if "/MS/" in token and of_topic in token]
+        own = [token for token in seen if not token.endswith("/backends:cpu:")]
+        ends = [f"_buf/{hashlib.sha256(token.encode()).hexdigest()[:32]}" for token in own]
+        for end in ends + ["_buf_cpu"] * (len(own) < len(seen)):
+            self._put(f"{key}/{end}", data)
 
     def listen(self, topic: str, kind: str) -> None:
         """Reads what comes on a topic by rosbags, as a node of this release subscribes to it."""

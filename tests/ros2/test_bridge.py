@@ -88,6 +88,25 @@ def test_humble_which_has_no_type_hashes_is_heard_too(bridge: BridgeRig, vehicle
     assert all(f"/{HUMBLE}/" in token for token in bridge.ends()["MP"])
 
 
+def test_lyrical_whose_images_come_on_keys_of_their_own_is_heard_and_nothing_twice(
+    bridge: BridgeRig, vehicle: VehicleEnd
+) -> None:
+    bridge.start()
+    sent = 0
+
+    def send() -> None:
+        nonlocal sent
+        now, sent = time.time_ns(), sent + 1
+        bridge.ros.publish(INFO, CAMERA_INFO, camera_info(now))
+        bridge.ros.publish_buffered(COLOUR, IMAGE, image(now, "rgb8", colours()))
+        bridge.ros.publish_buffered(DEPTH, IMAGE, image(now + 2_000_000, "16UC1", depths_mm()))
+
+    until_sent(send, lambda: len(vehicle.images) >= 5, bridge)
+    is_the_picture(vehicle.images[-1])
+    stamps = [picture.stamp_ns for picture in vehicle.images]
+    assert len(set(stamps)) == len(stamps) <= sent
+
+
 def test_compressed_images_come_to_the_vehicle(bridge: BridgeRig, vehicle: VehicleEnd) -> None:
     colour, depth = COLOUR + "/compressed", DEPTH + "/compressedDepth"
     bridge.start((f'"{COLOUR}"', f'"{colour}"'), (f'"{DEPTH}"', f'"{depth}"'))

@@ -110,7 +110,7 @@ fn on_each(
     thread::Builder::new()
         .name(name.to_owned())
         .spawn(move || {
-            while let Ok(sample) = subscription.recv() {
+            while let Some(sample) = subscription.recv() {
                 tally.heard(name);
                 take(&sample.payload().to_bytes());
             }

@@ -1,11 +1,20 @@
 //! rmw_zenoh's names: the key of a topic, the token by which others see that it is there, and what goes with a message.
+//!
+//! From Lyrical (0.10.5) on, a message that holds a list of bytes does not go to its topic's key, unless it is kept for
+//! those who come late. It goes to a key below for all whose token says that they take it from the processor's memory, and to
+//! a key for each other subscription alone. `tests/data/rmw-zenoh.jsonl` has both kinds of key.
 
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::clock::Clocks;
+use crate::messages::Message;
 
 /// Where a type has no hash: ROS 2 Humble.
 const NO_HASH: &str = "TypeHashNotSupported";
+/// Ends the key of a message for all who take it from the processor's memory.
+const IN_MEMORY: &str = "_buf_cpu";
+/// Ends the token of who does. Releases before do not read it.
+const TAKES_FROM_MEMORY: &str = "/backends:cpu:";
 
 /// Publishes or subscribes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +34,16 @@ pub struct Topic<'a> {
     pub kind: &'a str,
     /// Such as `RIHS01_…`.
     pub hash: &'a str,
+    /// Its messages hold a list of bytes.
+    pub buffers: bool,
+}
+
+impl<'a> Topic<'a> {
+    /// The topic of this name that has messages `M`.
+    #[must_use]
+    pub fn of<M: Message>(name: &'a str) -> Self {
+        Topic { name, kind: M::TYPE, hash: M::HASH, buffers: M::BUFFERS }
+    }
 }
 
 /// Our node, as others see it.
@@ -51,10 +70,12 @@ impl Node {
         format!("{}/{}/{}/{}", self.domain, topic.name.trim_matches('/'), topic.kind, self.hash(topic))
     }
 
-    /// The key to subscribe to: any release's hash.
+    /// The keys to subscribe to: any release's hash.
     #[must_use]
-    pub fn any_hash(&self, topic: &Topic<'_>) -> String {
-        format!("{}/{}/{}/*", self.domain, topic.name.trim_matches('/'), topic.kind)
+    pub fn heard_on(&self, topic: &Topic<'_>) -> Vec<String> {
+        let any_hash = format!("{}/{}/{}/*", self.domain, topic.name.trim_matches('/'), topic.kind);
+        let in_memory = topic.buffers.then(|| format!("{any_hash}/{IN_MEMORY}"));
+        std::iter::once(any_hash).chain(in_memory).collect()
     }
 
     /// The node's own token.
@@ -67,13 +88,15 @@ impl Node {
     /// it goes with every publisher.
     #[must_use]
     pub fn end_token(&self, id: u32, end: End, topic: &Topic<'_>) -> String {
-        let (end, qos) = match end {
-            End::Publisher => ("MP", "::,10:,:,:,,"),
-            End::Subscription => ("MS", "2::,10:,:,:,,"),
+        let (end, qos, takes) = match end {
+            End::Publisher => ("MP", "::,10:,:,:,,", ""),
+            End::Subscription if topic.buffers => ("MS", "2::,10:,:,:,,", TAKES_FROM_MEMORY),
+            End::Subscription => ("MS", "2::,10:,:,:,,", ""),
         };
         let name = format!("/{}", topic.name.trim_matches('/')).replace('/', "%");
         let (domain, session, node) = (self.domain, &self.session, &self.name);
-        format!("@ros2_lv/{domain}/{session}/0/{id}/{end}/%/%/{node}/{name}/{}/{}/{qos}", topic.kind, self.hash(topic))
+        let (kind, hash) = (topic.kind, self.hash(topic));
+        format!("@ros2_lv/{domain}/{session}/0/{id}/{end}/%/%/{node}/{name}/{kind}/{hash}/{qos}{takes}")
     }
 }
 
@@ -102,6 +125,7 @@ mod tests {
         name: "/chatter",
         kind: "std_msgs::msg::dds_::String_",
         hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+        buffers: false,
     };
 
     fn node(session: &str, name: &str) -> Node {
@@ -135,8 +159,17 @@ mod tests {
     #[test]
     fn a_name_in_a_namespace_keeps_its_slashes_in_the_key_and_not_in_the_token() {
         let (topic, node) = (Topic { name: "/robot/chatter", ..CHATTER }, node("1", "a"));
-        assert!(node.any_hash(&topic) == "0/robot/chatter/std_msgs::msg::dds_::String_/*");
+        assert_eq!(node.heard_on(&topic), ["0/robot/chatter/std_msgs::msg::dds_::String_/*"]);
         assert!(node.end_token(1, End::Publisher, &topic).contains("/%robot%chatter/"));
+    }
+
+    #[test]
+    fn what_holds_bytes_is_taken_from_memory_too_and_a_publisher_says_nothing_of_it() {
+        let (topic, node) = (Topic { buffers: true, ..CHATTER }, node("1", "a"));
+        let plain = "0/chatter/std_msgs::msg::dds_::String_/*";
+        assert_eq!(node.heard_on(&topic), [plain.to_owned(), format!("{plain}/_buf_cpu")]);
+        assert!(node.end_token(1, End::Subscription, &topic).ends_with(":,:,,/backends:cpu:"));
+        assert_eq!(node.end_token(1, End::Publisher, &topic), node.end_token(1, End::Publisher, &CHATTER));
     }
 
     #[test]

@@ -11,23 +11,33 @@ pub trait Message {
     const TYPE: &'static str;
     /// The hash of its definition.
     const HASH: &'static str;
+    /// It holds a list of bytes itself: `graph.rs` says what that changes.
+    const BUFFERS: bool = false;
 }
 
 macro_rules! message {
-    ($message:ty, $package:literal, $name:literal, $hash:literal) => {
+    ($message:ty, $package:literal, $name:literal, $hash:literal $(, $constant:ident = $value:literal)?) => {
         impl Message for $message {
             const TYPE: &'static str = concat!($package, "::msg::dds_::", $name, "_");
             const HASH: &'static str = concat!("RIHS01_", $hash);
+            $(const $constant: bool = $value;)?
         }
     };
 }
 
-message!(Image<'_>, "sensor_msgs", "Image", "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47");
+message!(
+    Image<'_>,
+    "sensor_msgs",
+    "Image",
+    "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47",
+    BUFFERS = true
+);
 message!(
     CompressedImage<'_>,
     "sensor_msgs",
     "CompressedImage",
-    "15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"
+    "15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a",
+    BUFFERS = true
 );
 message!(CameraInfo, "sensor_msgs", "CameraInfo", "b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275");
 message!(Odometry, "nav_msgs", "Odometry", "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0");

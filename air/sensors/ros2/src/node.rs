@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 
 use serde::Serialize;
 use zenoh::Wait;
-use zenoh::handlers::{RingChannel, RingChannelHandler};
+use zenoh::handlers::{IntoHandler, RingChannel, RingChannelHandler};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Sample;
@@ -90,7 +90,7 @@ impl RosNode {
     /// # Errors
     /// Zenoh refused it.
     pub fn publisher<M: Message>(&mut self, topic: &str) -> Result<Publisher<M>, NodeError> {
-        let topic = Topic { name: topic, kind: M::TYPE, hash: M::HASH };
+        let topic = Topic::of::<M>(topic);
         let key = self.node.key(&topic);
         let declared = self.session.declare_publisher(key.clone()).congestion_control(CongestionControl::Drop).wait();
         let inner = declared.map_err(|e| NodeError::Declare { key, cause: e.to_string() })?;
@@ -105,12 +105,15 @@ impl RosNode {
     /// # Errors
     /// Zenoh refused it.
     pub fn subscribe<M: Message>(&mut self, topic: &str, waiting: usize) -> Result<Subscription, NodeError> {
-        let topic = Topic { name: topic, kind: M::TYPE, hash: M::HASH };
-        let key = self.node.any_hash(&topic);
-        let declared = self.session.declare_subscriber(key.clone()).with(RingChannel::new(waiting)).wait();
-        let subscription = declared.map_err(|e| NodeError::Declare { key, cause: e.to_string() })?;
+        let topic = Topic::of::<M>(topic);
+        let (put, newest) = RingChannel::new(waiting).into_handler();
+        let mut ends = Vec::new();
+        for key in self.node.heard_on(&topic) {
+            let declared = self.session.declare_subscriber(key.clone()).with((put.clone(), ())).wait();
+            ends.push(declared.map_err(|e| NodeError::Declare { key, cause: e.to_string() })?);
+        }
         self.show(self.node.end_token(self.tokens.len() as u32, End::Subscription, &topic))?;
-        Ok(subscription)
+        Ok(Subscription { newest, _ends: ends })
     }
 
     /// Takes the node and all that it has from the network.
@@ -122,8 +125,19 @@ impl RosNode {
     }
 }
 
-/// What comes on a topic.
-pub type Subscription = zenoh::pubsub::Subscriber<RingChannelHandler<Sample>>;
+/// What comes on a topic, on whichever of its keys.
+pub struct Subscription {
+    newest: RingChannelHandler<Sample>,
+    _ends: Vec<zenoh::pubsub::Subscriber<()>>,
+}
+
+impl Subscription {
+    /// Waits for the next message; none: the session is closed.
+    #[must_use]
+    pub fn recv(&self) -> Option<Sample> {
+        self.newest.recv().ok()
+    }
+}
 
 /// Publishes messages of one type.
 pub struct Publisher<M> {
