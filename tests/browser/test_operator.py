@@ -276,6 +276,8 @@ def test_a_page_that_hears_nothing_any_more_says_so(
     still = page.locator(".goshawk-still")
     expect(still).to_be_hidden()
     process.send_signal(signal.SIGSTOP)
-    expect(still).to_contain_text("what is shown is old")
-    process.send_signal(signal.SIGCONT)
+    try:
+        expect(still).to_contain_text("what is shown is old")
+    finally:
+        process.send_signal(signal.SIGCONT)
     expect(still).to_be_hidden()
