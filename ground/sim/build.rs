@@ -8,20 +8,11 @@ use sha2::{Digest, Sha256};
 /// What decides a flight besides policy and vehicle file, from the repository's root.
 const FLIGHT_CODE: [&str; 5] =
     ["air/core/src", "air/policy/src", "air/vehicle/src", "ground/sim/src", "ground/sim/sensors"];
-/// What of it does not, below `ground/sim/src`: other commands, what is made of flights that were flown, and firmware,
+/// What of it does not, below `ground/sim/src`: the command line, what is made of flights that were flown, and firmware,
 /// whose own program is not known by its hash either.
-const NOT: [&str; 10] = [
-    "chaos",
-    "cli.rs",
-    "dataset",
-    "faults",
-    "fly/",
-    "golden.rs",
-    "main.rs",
-    "serve",
-    "vehicle/firmware/",
-    "world_preview.rs",
-];
+const NOT: [&str; 3] = ["commands", "main.rs", "vehicle/firmware/"];
+/// But of the commands this one decides what is flown.
+const BUT: &str = "commands/fly.rs";
 
 fn files(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
@@ -47,7 +38,7 @@ fn main() -> io::Result<()> {
     let sources = root.join("ground/sim/src");
     found.retain(|path| {
         let below = path.strip_prefix(&sources).map(|name| name.to_string_lossy().replace('\\', "/"));
-        !below.is_ok_and(|name| NOT.iter().any(|not| name.starts_with(not)))
+        !below.is_ok_and(|name| name != BUT && NOT.iter().any(|not| name.starts_with(not)))
     });
     found.sort();
     let mut hash = Sha256::new();

@@ -161,6 +161,4 @@ def test_no_file_is_over_15_megabytes() -> None:
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     for name in filter(None, listed.split("\0")):
         path = ROOT / name
-        # The paper's network has the paper's width.
-        most = 50_000_000 if name == "air/models/paper-32bit.onnx" else 15_000_000
-        assert not path.exists() or path.stat().st_size <= most, name
+        assert not path.exists() or path.stat().st_size <= 15_000_000, name

@@ -1,4 +1,4 @@
-"""The Python packages' rooms: no circle between files or folders, and no room too full.
+"""The Python packages' rooms: no circle between files or folders, and no room too full; nor one of a Rust crate's.
 
 Read from the source: an import that runs late, or that is for types only, counts as well.
 """
@@ -22,6 +22,7 @@ PACKAGES = (
     "ground/train/goshawk_train",
     "proto/python/goshawk_proto",
 )
+CRATES = sorted(path.parent for half in ("air", "ground", "proto") for path in (ROOT / half).rglob("src/lib.rs"))
 MOST_FILES = 13
 """Source files right in one folder: about as many as a reader keeps apart."""
 
@@ -106,6 +107,13 @@ def test_no_folder_imports_itself_by_way_of_others(package: str) -> None:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_room_is_too_full(package: str) -> None:
     assert too_full(ROOT / package) == []
+
+
+@pytest.mark.parametrize("source", CRATES, ids=lambda source: source.relative_to(ROOT).as_posix())
+def test_no_room_of_a_crate_is_too_full(source: Path) -> None:
+    folders = [source, *(path for path in sorted(source.rglob("*")) if path.is_dir())]
+    counts = {folder: sum(not file.stem.endswith("tests") for file in folder.glob("*.rs")) for folder in folders}
+    assert [f"{folder.name}: {count}" for folder, count in counts.items() if count > MOST_FILES] == []
 
 
 def made_up(folder: Path, files: dict[str, str]) -> Path:

@@ -11,7 +11,7 @@ use std::path::Path;
 
 use common::{core_seconds, median, record, tenths, verdict};
 use goshawk_core::Vec3;
-use goshawk_sim::dataset::sample_frame;
+use goshawk_sim::commands::dataset::sample_frame;
 use goshawk_sim::render::{Camera, CameraPose, Frame, Renderer};
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::sense::rgbd::{Motion, RgbdImage};

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Parser;
 use color_eyre::eyre::Result;
-use goshawk_sim::cli::{Cli, Command};
+use goshawk_sim::commands::{Cli, Command};
 use goshawk_vehicle::errors::one_line;
 use signal_hook::consts::SIGPIPE;
 

@@ -5,11 +5,11 @@
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-use goshawk_sim::chaos::draw::draw;
-use goshawk_sim::chaos::report::Report;
-use goshawk_sim::chaos::schedule::{Fault, Kind, Odometry, OnStop, Schedule, Setting, Task};
-use goshawk_sim::chaos::shrink::{Shrunk, shrink};
-use goshawk_sim::chaos::{Bug, Flown, Hangar, Property, Violation, campaign};
+use goshawk_sim::commands::chaos::draw::draw;
+use goshawk_sim::commands::chaos::report::Report;
+use goshawk_sim::commands::chaos::schedule::{Fault, Kind, Odometry, OnStop, Schedule, Setting, Task};
+use goshawk_sim::commands::chaos::shrink::{Shrunk, shrink};
+use goshawk_sim::commands::chaos::{Bug, Flown, Hangar, Property, Violation, campaign};
 
 const VEHICLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../air/vehicles/sim.toml");
 

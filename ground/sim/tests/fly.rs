@@ -7,7 +7,7 @@ use common::{Constant, config, contract, fly, forgetful_vehicle, sectors, vehicl
 use goshawk_core::{Cause, Mode, Task};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::actors::moving::{Body, Flat, Mover};
-use goshawk_sim::fly::{Campaign, MakeNetwork};
+use goshawk_sim::commands::fly::{Campaign, MakeNetwork};
 use goshawk_sim::pilots::{fly_in, fly_trial};
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{

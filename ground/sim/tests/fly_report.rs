@@ -11,11 +11,11 @@ use std::time::Duration;
 use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::actors::evader::Course;
-use goshawk_sim::fly::failures::failures;
-use goshawk_sim::fly::records::Known;
-use goshawk_sim::fly::report::Report;
-use goshawk_sim::fly::stats::quantile;
-use goshawk_sim::fly::{Campaign, CampaignError, Pick, table};
+use goshawk_sim::commands::fly::failures::failures;
+use goshawk_sim::commands::fly::records::Known;
+use goshawk_sim::commands::fly::report::Report;
+use goshawk_sim::commands::fly::report::stats::quantile;
+use goshawk_sim::commands::fly::{Campaign, CampaignError, Pick, table};
 use goshawk_sim::seeds::Identity;
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, EvaderKind, Network, PilotKind, TrialError, WorldSource};
@@ -370,7 +370,10 @@ fn what_a_path_costs_is_bounded_and_the_flight_does_not_notice_it() {
     assert_eq!(serde_json::to_string(&traced.cells).unwrap(), serde_json::to_string(&plain.cells).unwrap());
     assert_eq!(read(&plain)["paths"], serde_json::json!([]));
     let lengths = traced.flown.iter().flatten().map(|flown| flown.path.as_ref().unwrap().pos_m.len());
-    assert!(lengths.clone().all(|n| n < goshawk_sim::fly::trace::MOST_SAMPLES) && lengths.sum::<usize>() > 20);
+    assert!(
+        lengths.clone().all(|n| n < goshawk_sim::commands::fly::path::trace::MOST_SAMPLES)
+            && lengths.sum::<usize>() > 20
+    );
 }
 
 #[test]

@@ -9,7 +9,7 @@ use goshawk_core::{Rot, Task, Vec3};
 use goshawk_sim::actors::evader::Course;
 use goshawk_sim::actors::moving::{Body, Flat, MOST, Mover, clearance};
 use goshawk_sim::actors::person::{Person, PersonLook, PersonPose};
-use goshawk_sim::cli::Cli;
+use goshawk_sim::commands::Cli;
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::render::{Camera, CameraPose, Class, Frame, Renderer};
 use goshawk_sim::trial::{Contact, Scene, SceneConfig, TrialConfig, Unwatched, WorldSource};

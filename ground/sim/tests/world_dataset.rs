@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "test helpers too")]
 
 use goshawk_core::{Rot, Vec3};
-use goshawk_sim::dataset::{
+use goshawk_sim::commands::dataset::{
     DatasetConfig, DatasetError, DatasetJson, VOXEL_M, generate, obstacle_voxels, read_npy, scene_seed, scene_world,
 };
 use goshawk_sim::render::Camera;

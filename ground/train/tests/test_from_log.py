@@ -38,7 +38,7 @@ F64 = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]
 SIMULATOR = ROOT / "target" / "release" / "goshawk-sim"
 NAVIGATE = ROOT / "air/models/navigate-32bit.onnx"
-TRACK, PAPER = ROOT / "air/models/track-32bit.onnx", ROOT / "air/models/paper-32bit.onnx"
+TRACK, PAPER = ROOT / "air/models/track-32bit.onnx", ROOT / "air/models/paper.onnx"
 SCENE = "scene_0000"
 
 

@@ -12,15 +12,15 @@ use goshawk_proto::v1;
 use serde::Serialize;
 
 use crate::camera::{Camera, Packing};
-use crate::cdr::decode;
-use crate::clock::Clocks;
 use crate::config::{self, Config, Kind};
-use crate::messages::{self, CameraInfo, CompressedImage, Image, Message, PoseStamped};
+use crate::images::pairing::Side;
 use crate::motion::Motion;
-use crate::node::{RosNode, Subscription};
 use crate::outputs::Frames;
-use crate::pairing::Side;
 use crate::tally::{Refused, Tally};
+use crate::wire::cdr::decode;
+use crate::wire::clock::Clocks;
+use crate::wire::messages::{self, CameraInfo, CompressedImage, Image, Message, PoseStamped};
+use crate::wire::node::{RosNode, Subscription};
 
 /// Images that may wait: a third means that the newest is late.
 const IMAGES_WAITING: usize = 2;

@@ -4,14 +4,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use goshawk_proto::v1;
 
-use crate::cdr::decode;
-use crate::clock::Clocks;
 use crate::config;
-use crate::lens::{Map, View};
-use crate::messages::{CameraInfo, CompressedImage, Header, Image};
-use crate::pairing::{Half, Pairs, Side};
-use crate::picture::{colour, depth, expand};
+use crate::images::lens::{Map, View};
+use crate::images::pairing::{Half, Pairs, Side};
+use crate::images::picture::{colour, depth, expand};
 use crate::tally::Refused;
+use crate::wire::cdr::decode;
+use crate::wire::clock::Clocks;
+use crate::wire::messages::{CameraInfo, CompressedImage, Header, Image};
 
 /// Takes the three topics of a camera.
 pub struct Camera {

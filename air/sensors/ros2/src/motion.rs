@@ -4,7 +4,7 @@ use goshawk_proto::v1;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::config::{Odometry as Setup, Rates, Velocity};
-use crate::messages::{self, Twist};
+use crate::wire::messages::{self, Twist};
 
 /// Differences over a longer time are no velocity, s.
 const MOST_STEP_S: f64 = 0.2;

@@ -4,7 +4,7 @@ use goshawk_core::values::quintic::Quintic;
 use goshawk_core::{FlatState, Vec3};
 use goshawk_proto::v1;
 
-use crate::messages::{
+use crate::wire::messages::{
     self, Colour, Covariance, Header, Marker, MarkerArray, Odometry, Path, Pose, PoseStamped, PoseWithCovariance,
     PoseWithCovarianceStamped, Stamp, TfMessage, TransformStamped, Twist, TwistWithCovariance, Vector3,
 };

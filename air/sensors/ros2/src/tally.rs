@@ -5,11 +5,11 @@ use std::mem::{Discriminant, discriminant};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use crate::cdr::CdrError;
-use crate::clock::StampError;
-use crate::lens::LensError;
+use crate::images::lens::LensError;
+use crate::images::picture::PictureError;
 use crate::motion::MotionError;
-use crate::picture::PictureError;
+use crate::wire::cdr::CdrError;
+use crate::wire::clock::StampError;
 
 /// Why a message is as if it had not come.
 #[derive(Debug, thiserror::Error)]

@@ -5,10 +5,10 @@ use std::fmt::Debug;
 use std::fs;
 use std::path::Path;
 
-use goshawk_ros2::cdr;
-use goshawk_ros2::clock::Clocks;
-use goshawk_ros2::graph::{self, End, Node, Topic};
-use goshawk_ros2::messages::{
+use goshawk_ros2::wire::cdr;
+use goshawk_ros2::wire::clock::Clocks;
+use goshawk_ros2::wire::graph::{self, End, Node, Topic};
+use goshawk_ros2::wire::messages::{
     CameraInfo, CompressedImage, Image, MarkerArray, Message, Odometry, Path as RosPath, PoseStamped,
     PoseWithCovarianceStamped, TfMessage,
 };

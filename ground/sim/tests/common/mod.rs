@@ -5,7 +5,7 @@
 use goshawk_core::{ANCHORS, MAX_CHANNELS, NetworkOutput, Task};
 use goshawk_policy::{Contract, PolicyError};
 use goshawk_sim::actors::evader::Course;
-pub use goshawk_sim::chaos::standin::{Sectors, contract_json};
+pub use goshawk_sim::commands::chaos::standin::{Sectors, contract_json};
 use goshawk_sim::pilots::fly_trial;
 use goshawk_sim::sense::file::Sensors;
 use goshawk_sim::trial::{Difference, EvaderKind, Flight, Network, PilotKind, TrialConfig, Unwatched, WorldSource};
