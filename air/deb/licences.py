@@ -19,7 +19,9 @@ def _cargo(*arguments: str) -> str:
 
 def main(program: str, target: str) -> None:
     """One entry a crate that is in it on this target: name, version, licence, and its own licence files."""
-    known = {(p["name"], p["version"]): p for p in json.loads(_cargo("metadata", "--format-version", "1"))["packages"]}
+    # Of this target alone: the build has fetched no other crates.
+    metadata = json.loads(_cargo("metadata", "--format-version", "1", "--filter-platform", target))
+    known = {(p["name"], p["version"]): p for p in metadata["packages"]}
     tree = ("tree", "-p", program, "--target", target, "-e", "normal", "--prefix", "none", "--no-dedupe", "-f", "{p}")
     lines = _cargo(*tree).splitlines()
     for name, version in sorted({(line.split()[0], line.split()[1].removeprefix("v")) for line in lines if line}):
