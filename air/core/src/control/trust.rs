@@ -9,7 +9,7 @@
 //! velocity   e' = -e/τ + (v̇ - u - d̂)        |e| of a velocity that changes as no thrust and no wind change it
 //! attitude   one sample's turn less the one that the rates say
 //! heading    the angle by which u must be turned to become v̇, once both vary enough
-//! repetition a position or a velocity that is the same number again and again
+//! repetition a position or a velocity that is the same number again and again, where it should not be
 //! ```
 //!
 //! u is the acceleration that thrust and the measured attitude give, d̂ the disturbance. A position that jumps once by
@@ -102,6 +102,11 @@ const TURN_GATE: (f64, f64) = (0.35, 2.0);
 const FASTEST_TURN: f64 = 6.0;
 /// Equal numbers in position or velocity for so long are no estimate, s. Chosen by eye.
 const FROZEN: f64 = 0.3;
+/// An estimate that never changes by less than this is told in steps, m and m/s: PX4's is told in far finer ones.
+const STEPS: f64 = 1e-3;
+/// Its numbers are equal as long as it moves by less than a step; they should have changed once they are behind by so
+/// many steps, and the model's errors are less. Chosen by eye.
+const BEHIND: f64 = 10.0;
 /// Jumps of the position: each counts one, which fades with this time constant, s; more than this is no single jump.
 /// Chosen by eye: three within a few seconds.
 const JUMPS: (f64, f64) = (3.0, 2.5);
@@ -135,12 +140,17 @@ pub struct Trust {
     position: Vec3,
     velocity: Vec3,
     heading: Heading,
-    /// How long the position or the velocity has repeated itself, and how long all of the estimate, s.
+    /// How long the position or the velocity has repeated itself though it should not, and how long all of the estimate,
+    /// s.
     repeated: f64,
     copied: f64,
-    /// What the velocity has changed while it repeated itself, m/s, and the disturbance of before, m/s².
+    /// What the position and the velocity have changed while they repeated themselves, m and m/s, and the disturbance of
+    /// before, m/s².
+    moved: Vec3,
     unseen: Vec3,
     disturbance: Vec3,
+    /// The smallest changes of position and velocity, m and m/s; 0: none was seen.
+    finest: [f64; 2],
     jumps: f64,
     /// By how much the attitude turned without its rates, all in all.
     turned: Rot,
@@ -161,8 +171,8 @@ impl Trust {
 
     /// What came before does not belong to what comes: an announced jump, or samples that are missing. Distrust stays.
     pub fn skip(&mut self) {
-        let Self { jumps, turned, distrust, disturbance, .. } = *self;
-        *self = Self { disturbance, jumps, turned, distrust, ..Self::default() };
+        let Self { jumps, turned, distrust, disturbance, finest, .. } = *self;
+        *self = Self { disturbance, jumps, turned, distrust, finest, ..Self::default() };
         if let Some(distrust) = &mut self.distrust {
             distrust.lose();
         }
@@ -261,12 +271,25 @@ impl Trust {
         if !step.free {
             return false;
         }
-        let same = new.pos_world == last.pos_world || new.vel_world == last.vel_world;
-        self.repeated = if same { self.repeated + dt } else { 0.0 };
+        self.repeated = if self.repeats(step) { self.repeated + dt } else { 0.0 };
         self.copied = if is_copy(last, new) { self.copied + dt } else { 0.0 };
         let changed = new.vel_world - last.vel_world;
         self.velocity += changed - (step.acc_model + step.disturbance) * dt;
         self.heading.step(dt, step.acc_model, changed)
+    }
+
+    /// The position or the velocity is that of before, and should have changed by what it can tell.
+    fn repeats(&mut self, step: &Step) -> bool {
+        let Step { last, new, dt, .. } = *step;
+        let changed = [new.pos_world - last.pos_world, new.vel_world - last.vel_world].map(|by| by.norm());
+        for (finest, by) in self.finest.iter_mut().zip(changed) {
+            if by > 0.0 && (*finest == 0.0 || by < *finest) {
+                *finest = by;
+            }
+        }
+        self.moved = if changed[0] > 0.0 { Vec3::zeros() } else { self.moved + new.vel_world * dt };
+        let behind = [self.moved, self.unseen].map(|by| by.norm());
+        (0..2).any(|k| changed[k] == 0.0 && (self.finest[k] < STEPS || behind[k] > BEHIND * self.finest[k]))
     }
 }
 

@@ -78,6 +78,54 @@ fn each_falsehood_is_named_within_a_second() {
     names(named(dead), OdometryFault::Frozen, 0.15);
 }
 
+/// `odometry` with position and velocity told in steps of a centimetre, as some estimators do.
+fn in_steps(odometry: Odometry) -> Odometry {
+    let stepped = |x: f64| (x * 100.0).round() / 100.0;
+    Odometry {
+        pos_world: odometry.pos_world.map(stepped),
+        vel_world: odometry.vel_world.map(stepped),
+        world_from_body: Rot::from_axis_angle(&Vec3::x_axis(), 1e-3 * (odometry.stamp.0 as f64 * 5e-9).sin()),
+        ..odometry
+    }
+}
+
+/// Speeds up to 3 m/s within a second, flies on until `brakes_at`, s, and hovers a second later, as `bad` tells it: what
+/// was named, and when, s.
+fn flown_in_steps(brakes_at: f64, bad: impl Fn(f64, Odometry) -> Odometry) -> Option<(OdometryFault, f64)> {
+    let acc = |t: f64| {
+        let brakes = (brakes_at..brakes_at + 1.0).contains(&t);
+        3.0 * (f64::from(u8::from(t < 1.0)) - f64::from(u8::from(brakes)))
+    };
+    let (mut vel, mut pos, mut trust, mut last) = (0.0, 0.0, Trust::default(), None);
+    (0..900_u32).find_map(|k| {
+        let t = DT * f64::from(k);
+        vel += acc(t) * DT;
+        pos += vel * DT;
+        let flown = Odometry { pos_world: Vec3::x() * pos, vel_world: Vec3::x() * vel, ..good(k) };
+        let new = bad(t, in_steps(flown));
+        let acc = Vec3::x() * acc(t);
+        let last = last.replace(new)?;
+        step(&mut trust, [&last, &new], acc, acc, Vec3::zeros()).map(|fault| (fault, t))
+    })
+}
+
+#[test]
+fn an_estimate_told_in_coarse_steps_is_believed_and_one_that_stands_is_found_once_it_should_not() {
+    assert_eq!(flown_in_steps(4.0, |_, told| told), None);
+    let still = |t: f64, told: Odometry| Odometry {
+        vel_world: Vec3::x() * if t > 2.0 { 3.0 } else { told.vel_world.x },
+        ..told
+    };
+    let (fault, at) = flown_in_steps(4.0, still).expect("it does not brake");
+    assert!(fault == OdometryFault::Frozen && (4.0..4.4).contains(&at), "{fault:?} {at}");
+    let rooted = |t: f64, told: Odometry| Odometry {
+        pos_world: Vec3::x() * if t > 2.0 { 4.5 } else { told.pos_world.x },
+        ..told
+    };
+    let (fault, at) = flown_in_steps(4.0, rooted).expect("it does not move");
+    assert!(at < 2.4, "{fault:?} {at}");
+}
+
 #[test]
 fn a_single_jump_is_named_and_believed_and_the_third_in_a_row_is_not() {
     let jumping = |every: u32| {
