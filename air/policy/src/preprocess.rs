@@ -82,8 +82,8 @@ pub struct Preprocessor {
     source: Source,
     colour: Colour,
     depth: DepthImage,
-    /// The block's column of each of the source's.
-    blocks: Vec<usize>,
+    /// The column of [`Nearest`] of each of the source's.
+    columns: Vec<usize>,
     /// `[4, height, width]`.
     rgbd: Vec<f32>,
 }
@@ -111,7 +111,7 @@ impl Preprocessor {
             source,
             colour: Colour::new(source, image),
             depth: DepthImage::new(source, image, contract.depth),
-            blocks: (0..width as usize).map(|u| u * COLUMNS / width as usize).collect(),
+            columns: (0..width as usize).map(|u| u * COLUMNS / width as usize).collect(),
             rgbd: vec![0.0; 4 * image.width * image.height],
         })
     }
@@ -156,7 +156,8 @@ impl Preprocessor {
         Ok((small, taken.map(|index| depth_mm[index]).collect()))
     }
 
-    /// The nearest measurement in each block of a depth image, `[height, width]`, for [`goshawk_core::Planner::see`].
+    /// The nearest measurement in each column of each row of [`Nearest`], of a depth image, `[height, width]`, for
+    /// [`goshawk_core::Planner::see`].
     ///
     /// # Errors
     /// A buffer of the wrong length.
@@ -168,8 +169,8 @@ impl Preprocessor {
             let first = v * ROWS / height as usize * COLUMNS;
             for (u, &mm) in row.iter().enumerate() {
                 if mm >= self.depth.near_mm.max(1) {
-                    let block = &mut nearest[first + self.blocks[u]];
-                    *block = mm.min(*block);
+                    let least = &mut nearest[first + self.columns[u]];
+                    *least = mm.min(*least);
                 }
             }
         }

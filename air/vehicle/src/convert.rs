@@ -1,6 +1,7 @@
 //! From the core's values to the messages of the wire and the log.
 
 use goshawk_core as core;
+use goshawk_core::planning::nearest::coarse;
 use goshawk_core::planning::obstacles::VOXEL;
 use goshawk_proto::v1;
 
@@ -139,7 +140,7 @@ fn depth_blocks(camera: &core::CameraModel, frame: &core::FrameInput) -> v1::Dep
         world_from_cam: Some(quat(at.world_from_body * camera.body_from_cam)),
         hfov_rad: camera.hfov,
         vfov_rad: camera.vfov,
-        nearest_dm: frame.nearest.iter().map(rounded).collect(),
+        nearest_dm: coarse(&frame.nearest).iter().map(rounded).collect(),
     }
 }
 
@@ -246,7 +247,7 @@ pub fn odometry(seq: u64, o: &core::Odometry) -> v1::Odometry {
 mod tests {
     use super::*;
     use crate::config::Vehicle;
-    use goshawk_core::planning::nearest::{COLUMNS, ROWS};
+    use goshawk_core::planning::nearest::{BLOCKS, COLUMNS, ROWS};
     use std::path::Path;
 
     #[test]
@@ -276,10 +277,13 @@ mod tests {
             drop(planner.see(&frame(seq, [mm; COLUMNS * ROWS])));
         }
         let mut nearest = [2849; COLUMNS * ROWS];
-        nearest[..4].copy_from_slice(&[0, 7, 25_450, u16::MAX]);
+        [0, 7, 25_450, u16::MAX]
+            .iter()
+            .zip(nearest.chunks_exact_mut(COLUMNS / BLOCKS))
+            .for_each(|(mm, block)| block.fill(*mm));
         let map = obstacle_map(7, core::Time(9), &planner, &frame(20, nearest)).unwrap();
         let depth = map.depth.unwrap();
-        assert_eq!((&depth.nearest_dm[..5], depth.nearest_dm.len()), (&[0, 1, 255, 255, 28][..], COLUMNS * ROWS));
+        assert_eq!((&depth.nearest_dm[..5], depth.nearest_dm.len()), (&[0, 1, 255, 255, 28][..], BLOCKS * ROWS));
         assert_eq!((depth.frame_ns, depth.hfov_rad), (660_000_000, hfov));
         let origin = map.origin_world.unwrap();
         let (cells, rest) = map.voxels.as_chunks::<3>();

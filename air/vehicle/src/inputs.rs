@@ -1,6 +1,6 @@
 //! What planner and controller are given, to and from the messages that a log holds and a replay gives back.
 
-use goshawk_core::planning::nearest::Nearest;
+use goshawk_core::planning::nearest::{BLOCKS, COLUMNS, Nearest, ROWS};
 use goshawk_core::{
     AutopilotStatus, Command, FrameInput, FrameRecord, Imu, NetworkOutput, NetworkState, Odometry, Profile, Rot,
     StepInput, Task, Time, Vec3,
@@ -41,10 +41,12 @@ pub fn frame_record(m: &v1::PlannerInput) -> Option<FrameRecord> {
     Some(FrameRecord { frame, state, network: NetworkOutput { values: m.prediction.as_slice().try_into().ok()? } })
 }
 
+/// In columns, or in blocks of some, as logs of before December 2026 have it.
 fn nearest_from(bytes: &[u8]) -> Option<Nearest> {
     let (depths, rest) = bytes.as_chunks::<2>();
-    let nearest: Nearest = depths.iter().map(|mm| u16::from_le_bytes(*mm)).collect::<Vec<_>>().try_into().ok()?;
-    rest.is_empty().then_some(nearest)
+    let each = if depths.len() == BLOCKS * ROWS { COLUMNS / BLOCKS } else { 1 };
+    let columns = depths.iter().flat_map(|mm| std::iter::repeat_n(u16::from_le_bytes(*mm), each));
+    columns.collect::<Vec<_>>().try_into().ok().filter(|_| rest.is_empty())
 }
 
 fn vector(v: v1::Vec3) -> Vec3 {
@@ -155,6 +157,7 @@ pub fn step_input(m: &v1::ControllerInput, odometry: Option<Odometry>, imu: Opti
 mod tests {
     use super::*;
     use goshawk_core::PlanningDemand;
+    use goshawk_core::planning::nearest::coarse;
     use prost::Message;
 
     fn at_stamp() -> Odometry {
@@ -179,6 +182,16 @@ mod tests {
         let bytes = planner_input(&record).encode_to_vec();
         let back = frame_record(&v1::PlannerInput::decode(bytes.as_slice()).unwrap()).unwrap();
         assert_eq!(format!("{back:?}"), format!("{record:?}"), "Debug tells -0 from 0");
+    }
+
+    #[test]
+    fn depths_in_blocks_of_columns_as_older_logs_have_them_are_those_of_each_column() {
+        let blocks = (0..BLOCKS * ROWS).map(|block| block as u16);
+        let bytes: Vec<u8> = blocks.clone().flat_map(u16::to_le_bytes).collect();
+        let nearest = nearest_from(&bytes).expect("of an older log");
+        assert_eq!(coarse(&nearest).as_slice(), blocks.collect::<Vec<_>>());
+        assert_eq!(nearest_from(&bytes[1..]), None);
+        assert_eq!(nearest_from(&[bytes.clone(), bytes].concat()), None);
     }
 
     #[test]

@@ -171,8 +171,8 @@ impl Trust {
 
     /// What came before does not belong to what comes: an announced jump, or samples that are missing. Distrust stays.
     pub fn skip(&mut self) {
-        let Self { jumps, turned, distrust, disturbance, finest, .. } = *self;
-        *self = Self { disturbance, jumps, turned, distrust, finest, ..Self::default() };
+        let Self { disturbance, finest, jumps, turned, distrust, .. } = *self;
+        *self = Self { disturbance, finest, jumps, turned, distrust, ..Self::default() };
         if let Some(distrust) = &mut self.distrust {
             distrust.lose();
         }

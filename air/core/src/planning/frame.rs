@@ -32,7 +32,7 @@ pub struct FrameInput {
     pub speed: f64,
     /// Navigation's goal; none while tracking.
     pub goal_world: Option<Vec3>,
-    /// The nearest depth in each block of the image.
+    /// The nearest depths of the image.
     pub nearest: Nearest,
 }
 

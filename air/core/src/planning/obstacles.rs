@@ -5,7 +5,7 @@
 //! line of sight to the target.
 
 use crate::planning::movers::{Followed, Fresh, Movers, MoversConfig};
-use crate::planning::nearest::{Blocks, COLUMNS, Nearest, ROWS};
+use crate::planning::nearest::{BLOCKS, Blocks, Nearest, ROWS, coarse};
 use crate::planning::room::{FARTHEST_ROOM, Room, among};
 use crate::values::types::{Rot, Time, Vec3};
 use nalgebra::{Vector2, Vector3};
@@ -66,6 +66,12 @@ const BEYOND: f64 = 0.8;
 /// One looks for it at the camera's height and so far below, m. Chosen by eye.
 const BELOW: f64 = -0.5;
 
+/// One looked through a place that is level with the camera if one did at one of these heights about it, m.
+const ABOUT: [f64; 4] = [-0.4, -0.2, 0.0, 0.2];
+
+/// A place so near is where the vehicle is already, m. Chosen by eye.
+const AT_HAND: f64 = 0.5;
+
 type Voxel = Vector3<i32>;
 
 /// Something that is no obstacle: an upright cylinder about the target.
@@ -114,6 +120,8 @@ pub struct Obstacles {
     /// This frame's points of such voxels.
     new: Fresh,
     followed: Followed,
+    /// Where the newest image was taken, and how it looked.
+    camera: (Vec3, Rot),
 }
 
 impl Obstacles {
@@ -132,8 +140,9 @@ impl Obstacles {
             ended: Box::new([0; ROW_COUNT]),
             passed: Box::new([0; ROW_COUNT]),
             moved: Box::new([0; ROW_COUNT]),
-            new: Fresh::new(COLUMNS * ROWS),
-            followed: Followed::new(movers),
+            new: Fresh::new(BLOCKS * ROWS),
+            followed: Followed::new(hfov, vfov, movers),
+            camera: (Vec3::zeros(), Rot::identity()),
         }
     }
 
@@ -180,6 +189,8 @@ impl Obstacles {
             return;
         }
         let low = self.roll(cam_world);
+        let cam_from_world = world_from_cam.inverse();
+        self.camera = (*cam_world, cam_from_world);
         self.new.clear();
         let lens = in_voxels(cam_world, &low);
         if !is_inside(&lens) {
@@ -189,7 +200,8 @@ impl Obstacles {
             Voxel::from_fn(|axis, _| (low[axis] & (SIZE[axis] - 1)) << FINE_BITS) + lens.map(|x| (x * FINE) as i32);
         let turn = world_from_cam.to_rotation_matrix().into_inner().map(|x| x as f32) / VOXEL as f32;
         let skipped = ignored.map(|cylinder| (in_voxels(&cylinder.at_world, &low), (cylinder.radius / VOXEL) as f32));
-        for (block, mm) in nearest.iter().enumerate().filter(|(_, mm)| **mm > 0) {
+        let blocks = coarse(nearest);
+        for (block, mm) in blocks.iter().enumerate().filter(|(_, mm)| **mm > 0) {
             let (ray, depth) = (turn * self.blocks.rays[block], f32::from(*mm) * 1e-3);
             let free = (depth - self.margin[0] - self.margin[1] * depth * depth).min(LOOKED);
             pass(&mut self.passed, &fine, &ray, free);
@@ -213,14 +225,18 @@ impl Obstacles {
             }
         }
         self.learn();
-        let (cam_from_world, blocks) = (world_from_cam.inverse(), &self.blocks);
         let through = |at: &Vector2<f64>| {
             [BELOW, 0.0].iter().all(|up| {
                 let line = cam_from_world * Vec3::new(at.x - cam_world.x, at.y - cam_world.y, *up);
-                blocks.toward(nearest, &line).is_some_and(|depth| depth > line.x + BEYOND)
+                self.blocks.toward(&blocks, &line).is_some_and(|depth| depth > line.x + BEYOND)
             })
         };
-        self.followed.step(stamp, cam_world, &mut self.new, through);
+        let is_target = |at: &Vector2<f64>| ignored.is_some_and(|c| (at - c.at_world.xy()).norm() < c.radius);
+        let (free, moved) = (&self.free, &self.moved);
+        let known = |at: &Vector2<f64>| {
+            ABOUT.iter().any(|up| was_free((free, moved), &low, &Vec3::new(at.x, at.y, cam_world.z + up)))
+        };
+        self.followed.step(stamp, (cam_world, world_from_cam), (nearest, &mut self.new), is_target, through, known);
     }
 
     /// Something that does not move is in a voxel beside that of `bit` in `row`: what seems new there is its edge.
@@ -256,14 +272,15 @@ impl Obstacles {
         self.free[row] = set(self.free[row], *evidence == LEAST);
     }
 
+    /// The place is before the camera now: whoever comes there is seen to come.
+    pub(crate) fn is_watched(&self, pos_world: &Vec3) -> bool {
+        let from_cam = pos_world - self.camera.0;
+        from_cam.norm() < AT_HAND || self.blocks.is_abreast(&(self.camera.1 * from_cam))
+    }
+
     /// The place was looked through once.
     pub(crate) fn is_known(&self, pos_world: &Vec3) -> bool {
-        let Some(low) = self.low else { return false };
-        let at = in_voxels(pos_world, &low);
-        is_inside(&at) && {
-            let (row, bit) = place(&low, &at);
-            (self.free[row] | self.moved[row]) & bit != 0
-        }
+        self.low.is_some_and(|low| was_free((&self.free, &self.moved), &low, pos_world))
     }
 
     /// The occupied voxels, counted from the grid's lowest corner, which is returned (m), into `cells`.
@@ -355,6 +372,15 @@ fn pass(passed: &mut Bits, lens: &Vector3<i32>, ray: &Vector3<f32>, free: f32) {
         at += advance;
         let voxel = at.map(|x| x >> FINE_BITS);
         passed[row_of(&voxel)] |= 1 << bit_of(voxel.x);
+    }
+}
+
+/// One looked through the place, whatever has come to be there since.
+fn was_free((free, moved): (&Bits, &Bits), low: &Voxel, pos_world: &Vec3) -> bool {
+    let at = in_voxels(pos_world, low);
+    is_inside(&at) && {
+        let (row, bit) = place(low, &at);
+        (free[row] | moved[row]) & bit != 0
     }
 }
 

@@ -89,7 +89,7 @@ mod tests {
         let how = shipped::tuning().planner;
         let mut obstacles = Obstacles::new(90_f64.to_radians(), 62_f64.to_radians(), 6.0, &how.obstacles, how.movers);
         let mut nearest: Nearest = [9000; COLUMNS * ROWS];
-        (0..ROWS).for_each(|row| (0..3).for_each(|k| nearest[row * COLUMNS + COLUMNS / 2 - 1 + k] = mm));
+        (0..ROWS).for_each(|row| nearest[row * COLUMNS + COLUMNS / 2 - 4..][..12].fill(mm));
         for _ in 0..4 {
             obstacles.see(Time::from_secs(1.0), (&Vec3::z(), &Rot::identity()), &nearest, None);
         }

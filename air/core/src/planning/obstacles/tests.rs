@@ -1,4 +1,5 @@
 use super::*;
+use crate::planning::nearest::COLUMNS;
 use crate::planning::room::HEADINGS;
 use crate::shipped;
 use crate::values::quintic::Quintic;
@@ -158,5 +159,14 @@ proptest! {
         let end = FlatState { pos: Vec3::from(to), ..FlatState::default() };
         let cost = obstacles.meeting(&Quintic::new(&start, &end, 1.0), None);
         prop_assert!((0.0..=1.0).contains(&cost));
+    }
+}
+
+#[test]
+fn what_is_beside_or_behind_the_image_is_not_watched() {
+    let mut obstacles = obstacles();
+    see(&mut obstacles, Vec3::x(), &thing_at(4000));
+    for (watched, at) in [(true, [4.0, 2.0]), (true, [1.0, 0.3]), (false, [3.0, 2.5]), (false, [-1.0, 0.0])] {
+        assert_eq!(obstacles.is_watched(&Vec3::new(at[0], at[1], 0.2)), watched, "{at:?}");
     }
 }
