@@ -11,6 +11,8 @@
 //! each filling pass gives a pixel without one the nearest of its 3 x 3 neighbours as they were before the pass; what
 //! still has none becomes `max_m`; clipped to `max_m` and divided by it. Nothing is allocated after construction.
 
+use std::ops::Range;
+
 use goshawk_core::planning::nearest::{COLUMNS, Nearest, ROWS};
 
 use crate::contract::{Contract, Depth, Image};
@@ -82,8 +84,8 @@ pub struct Preprocessor {
     source: Source,
     colour: Colour,
     depth: DepthImage,
-    /// The column of [`Nearest`] of each of the source's.
-    columns: Vec<usize>,
+    /// The columns of [`Nearest`] that each of the source's is in: one, or more of a source that has fewer.
+    columns: Vec<Range<usize>>,
     /// `[4, height, width]`.
     rgbd: Vec<f32>,
 }
@@ -111,7 +113,7 @@ impl Preprocessor {
             source,
             colour: Colour::new(source, image),
             depth: DepthImage::new(source, image, contract.depth),
-            columns: (0..width as usize).map(|u| u * COLUMNS / width as usize).collect(),
+            columns: (0..width as usize).map(|u| columns_of(u, width as usize)).collect(),
             rgbd: vec![0.0; 4 * image.width * image.height],
         })
     }
@@ -169,8 +171,7 @@ impl Preprocessor {
             let first = v * ROWS / height as usize * COLUMNS;
             for (u, &mm) in row.iter().enumerate() {
                 if mm >= self.depth.near_mm.max(1) {
-                    let least = &mut nearest[first + self.columns[u]];
-                    *least = mm.min(*least);
+                    nearest[first..][self.columns[u].clone()].iter_mut().for_each(|least| *least = mm.min(*least));
                 }
             }
         }
@@ -224,6 +225,12 @@ impl Boxes {
         }
         boxes
     }
+}
+
+/// The columns of [`Nearest`] that column `u` of a source of this width is in. No column is in none.
+fn columns_of(u: usize, width: usize) -> Range<usize> {
+    let first = u * COLUMNS / width;
+    first..((u + 1) * COLUMNS / width).max(first + 1)
 }
 
 /// Colour: interleaved bytes to the network's size.

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use goshawk_core::planning::nearest::{COLUMNS, ROWS};
 use goshawk_policy::{Contract, PreprocessError, Preprocessor, Source};
 use proptest::prelude::*;
 
@@ -38,6 +39,8 @@ fn the_nearest_of_each_block_is_kept_whatever_the_sources_size() {
         let nearest = preprocessor.nearest(&depth_mm).unwrap();
         assert_eq!((nearest[nearest.len() - 1], nearest[500]), (700, 5000));
         assert!(nearest.iter().all(|mm| [0, 700, 5000].contains(mm)));
+        let full = preprocessor.nearest(&vec![5000; width * height]).unwrap();
+        assert_eq!(full, [5000; COLUMNS * ROWS]);
         let nothing = preprocessor.nearest(&vec![0; width * height]).unwrap();
         assert!(nothing.iter().all(|mm| *mm == 0));
         assert!(preprocessor.nearest(&depth_mm[1..]).is_err());
