@@ -4,11 +4,10 @@
 mod moves;
 mod pictures;
 
-use std::collections::VecDeque;
 use std::path::Path;
 use std::time::SystemTime;
 
-use goshawk_core::{Odometry, Rot, Vec3};
+use goshawk_core::{History, Rot, Time, Vec3};
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::Vehicle;
 use goshawk_vehicle::errors::one_line;
@@ -31,10 +30,10 @@ const COMPARED: f64 = 0.52;
 const LEAST_COMPARED: f64 = 0.15;
 /// The accelerometer may differ from the attitude by this, rad: 15°. Chosen by eye.
 const PLUMB: f64 = 0.26;
-/// Odometry is kept so long for pictures that come later, s.
-const KEPT_S: f64 = 1.0;
-/// A picture's odometry is no further off than this, s.
-const NEAR_S: f64 = 0.05;
+/// Turned by less than this it lies as it did, rad. Chosen by eye.
+const UNTURNED: f64 = 0.03;
+/// Of a turn, pictures this far apart are compared, rad: 3°. Chosen by eye.
+const APART: f64 = 0.05;
 
 /// Walks a person through the moves and judges each; writes the stamp where all were right. `wait_s`: how long sensors
 /// are waited for at first.
@@ -62,7 +61,7 @@ fn walk(vehicle: &Vehicle, wait_s: f64, findings: &mut Findings) {
         return findings.fail("sensors", why);
     }
     println!("Propellers off. Do what is said, hold still after it, and wait for the answer. Ctrl-C ends.");
-    let mut hands = Hands { ears: &ears, recent: VecDeque::new(), pairs: Vec::new(), forces: 0 };
+    let mut hands = Hands { ears: &ears, history: History::new(), seen: Time(0), pairs: Vec::new(), forces: 0 };
     for (index, asked) in Move::ALL.into_iter().enumerate() {
         println!("{} of {}: {}", index + 1, Move::ALL.len(), asked.instruction());
         let verdict = hands.judge(asked);
@@ -121,9 +120,11 @@ fn senses(ears: &Ears, wait_s: f64) -> Result<(), String> {
 /// What is seen of one person's moves.
 struct Hands<'a> {
     ears: &'a Ears,
-    recent: VecDeque<Odometry>,
-    /// Of each turn a picture before it and one during it.
-    pairs: Vec<(View, View)>,
+    history: History,
+    /// The last picture's exposure.
+    seen: Time,
+    /// Of each turn the picture before it, and those during it.
+    pairs: Vec<(View, Vec<View>)>,
     /// How often the accelerometer was compared.
     forces: u32,
 }
@@ -144,55 +145,46 @@ impl Hands<'_> {
 
     fn once(&mut self, asked: Move) -> Result<String, String> {
         let mut watch = Watch::new(asked);
-        let (mut first, mut second): (Option<View>, Option<View>) = (None, None);
+        let mut first: Option<View> = None;
+        let mut during: Vec<(f64, View)> = Vec::new();
         let begun = clock::now();
+        let mut told = Time(0);
         loop {
             let now = self.ears.poll();
             if now.since(begun) > MOVE_S {
                 return Err(format!("nothing like it was seen for {MOVE_S:.0} s"));
             }
             let (Some(odometry), Some(frame)) = self.ears.newest() else { continue };
-            let verdict = if self.remember(&odometry) { watch.take(&odometry) } else { Verdict::Waiting };
+            let verdict = if odometry.stamp > told { watch.take(&odometry) } else { Verdict::Waiting };
+            told = told.max(odometry.stamp);
+            self.history.push_odometry(&odometry);
             if let (Some(base), Some(view)) = (&watch.base, self.view(frame)) {
                 let turn = turned(base, &view.odometry).norm();
-                if first.is_none() || turn < 0.03 {
+                let least = during.last().map_or(LEAST_COMPARED, |(last, _)| last + APART);
+                if first.is_none() || turn < UNTURNED {
                     first = Some(view);
-                } else if turn < COMPARED
-                    && second.as_ref().is_none_or(|best| turned(base, &best.odometry).norm() < turn)
-                {
-                    second = Some(view);
+                } else if (least..COMPARED).contains(&turn) {
+                    during.push((turn, view));
                 }
             }
             match verdict {
                 Verdict::Waiting => {}
                 Verdict::Wrong(what) => return Err(what),
                 Verdict::Right(what) => {
-                    let pair = first.zip(second).filter(|_| asked.is_turn());
-                    let far = |pair: &(View, View)| turned(&pair.0.odometry, &pair.1.odometry).norm() > LEAST_COMPARED;
-                    self.pairs.extend(pair.filter(far));
+                    if let Some(first) = first.filter(|_| asked.is_turn() && !during.is_empty()) {
+                        self.pairs.push((first, during.into_iter().map(|(_, view)| view).collect()));
+                    }
                     return self.plumb(&odometry.world_from_body).map(|()| what);
                 }
             }
         }
     }
 
-    /// Keeps the last second; false: it is the one before again.
-    fn remember(&mut self, odometry: &Odometry) -> bool {
-        if self.recent.back().is_some_and(|last| odometry.stamp <= last.stamp) {
-            return false;
-        }
-        self.recent.push_back(*odometry);
-        while self.recent.front().is_some_and(|first| odometry.stamp.since(first.stamp) > KEPT_S) {
-            self.recent.pop_front();
-        }
-        true
-    }
-
-    /// The picture with the odometry nearest to it.
-    fn view(&self, frame: Frame) -> Option<View> {
-        let off = |odometry: &Odometry| odometry.stamp.since(frame.stamp).abs();
-        let nearest = *self.recent.iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
-        (off(&nearest) < NEAR_S).then_some(View { frame, odometry: nearest })
+    /// The picture and where it was taken; none: it was had before, or nobody knows.
+    fn view(&mut self, frame: Frame) -> Option<View> {
+        let odometry = self.history.odometry_at(frame.stamp).filter(|_| frame.stamp > self.seen)?;
+        self.seen = frame.stamp;
+        Some(View { frame, odometry })
     }
 
     /// At rest the accelerometer feels what holds the vehicle against gravity: straight up.

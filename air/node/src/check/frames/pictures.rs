@@ -49,13 +49,15 @@ const SWAPS: [(&str, [f64; 4]); 8] = [
 ///
 /// # Errors
 /// They fit another one better, or say nothing; with what to do.
-pub(super) fn judge(picture: Picture, pairs: &[(View, View)], body_from_cam: &Rot) -> Result<String, String> {
+pub(super) fn judge(picture: Picture, turns: &[(View, Vec<View>)], body_from_cam: &Rot) -> Result<String, String> {
     let mut fits: Vec<(f64, &str)> = SWAPS
         .iter()
         .map(|(name, [a, b, c, d])| {
             let swap = Matrix2::new(*a, *b, *c, *d);
-            let sum: f64 = pairs.iter().map(|pair| fit(picture, pair, body_from_cam, &swap)).sum();
-            (sum / pairs.len().max(1) as f64, *name)
+            let of_pair = |first: &View, second: &View| fit(picture, first, second, body_from_cam, &swap);
+            let of_turn =
+                |(first, during): &(View, Vec<View>)| mean(during.iter().map(|second| of_pair(first, second)));
+            (mean(turns.iter().map(of_turn)), *name)
         })
         .collect();
     let as_said = fits[0];
@@ -68,14 +70,23 @@ pub(super) fn judge(picture: Picture, pairs: &[(View, View)], body_from_cam: &Ro
         ));
     }
     if as_said.0 < best {
-        return Err(format!("the pictures turn as if it were {name} (fit {best:.2}, the file's {:.2})", as_said.0));
+        return Err(format!(
+            "the pictures turn as if it were {name} (fit {best:.2}, next {next:.2}, the file's {:.2})",
+            as_said.0
+        ));
     }
     Ok(format!("turns as the vehicle does (fit {best:.2}, next {next:.2})"))
 }
 
+/// 0: there are none.
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1);
+    values.sum::<f64>() / count as f64
+}
+
 /// The correlation of the second picture with the first as it would look from there, -1 to 1; 0: they show too little
 /// in common.
-fn fit(picture: Picture, (first, second): &(View, View), body_from_cam: &Rot, swap: &Matrix2<f64>) -> f64 {
+fn fit(picture: Picture, first: &View, second: &View, body_from_cam: &Rot, swap: &Matrix2<f64>) -> f64 {
     let first_from_second = body_from_cam.inverse()
         * first.odometry.world_from_body.inverse()
         * second.odometry.world_from_body
@@ -186,20 +197,21 @@ mod tests {
         View { frame, odometry }
     }
 
-    fn pairs(body_from_cam: &Rot, swap: &Matrix2<f64>) -> Vec<(View, View)> {
+    fn turns(body_from_cam: &Rot, swap: &Matrix2<f64>) -> Vec<(View, Vec<View>)> {
         let level = Rot::from_euler_angles(0.0, 0.0, 0.7);
         let turns = [Vec3::new(0.0, -0.35, 0.0), Vec3::new(0.35, 0.0, 0.0), Vec3::new(0.0, 0.0, 0.4)];
         let taken = |attitude: Rot| view(attitude, body_from_cam, swap);
-        turns.map(|turn| (taken(level), taken(level * Rot::from_scaled_axis(turn)))).into()
+        let during = |turn: Vec3| [0.6, 1.0].map(|part| taken(level * Rot::from_scaled_axis(turn * part))).into();
+        turns.map(|turn| (taken(level), during(turn))).into()
     }
 
     #[test]
     fn each_way_in_which_a_picture_may_be_swapped_is_told_from_the_others() {
         let mount = Rot::from_axis_angle(&Vec3::y_axis(), -0.1);
         for (index, (name, [a, b, c, d])) in SWAPS.iter().enumerate() {
-            let pairs = pairs(&mount, &Matrix2::new(*a, *b, *c, *d));
+            let turns = turns(&mount, &Matrix2::new(*a, *b, *c, *d));
             for picture in [Picture::Colour, Picture::Depth] {
-                match judge(picture, &pairs, &mount) {
+                match judge(picture, &turns, &mount) {
                     Ok(_) => assert_eq!(index, 0, "{name}"),
                     Err(why) => assert!(index > 0 && why.contains(name), "{name}: {why}"),
                 }
@@ -210,14 +222,16 @@ mod tests {
     #[test]
     fn pictures_that_show_nothing_say_so() {
         let mount = Rot::identity();
-        let mut pairs = pairs(&mount, &Matrix2::identity());
-        for (first, second) in &mut pairs {
+        let mut turns = turns(&mount, &Matrix2::identity());
+        for (first, during) in &mut turns {
             first.frame.rgb.fill(90);
-            second.frame.rgb.fill(90);
-            second.frame.depth_mm.fill(0);
+            for second in during {
+                second.frame.rgb.fill(90);
+                second.frame.depth_mm.fill(0);
+            }
         }
         for picture in [Picture::Colour, Picture::Depth] {
-            assert!(judge(picture, &pairs, &mount).is_err_and(|why| why.contains("do not tell")));
+            assert!(judge(picture, &turns, &mount).is_err_and(|why| why.contains("do not tell")));
         }
         assert!(judge(Picture::Colour, &[], &mount).is_err());
     }
