@@ -125,21 +125,27 @@ def test_a_take_off_given_up_while_the_autopilot_arms_is_disarmed(rig: Rig, figu
     figures.append(("late-arming, given up", f"armed on the ground for {took:.1f} s"))
 
 
+@pytest.mark.parametrize(("stopped", "says"), [(False, "ended in the take-off"), (True, "ended just after a take-off")])
 def test_a_process_that_is_ended_in_the_take_off_leaves_no_motor_running(
-    rig: Rig, figures: list[tuple[str, str]]
+    rig: Rig, figures: list[tuple[str, str]], stopped: bool, says: str
 ) -> None:
     air = rig.air()
     rig.sim("--mishap", "late-arming")
     with rig.link() as link:
         ask_to_arm(rig, link)
+        if stopped:
+            assert link.stop().accepted
+            assert link.wait_for(lambda s: s.mode in {pb.MODE_IDLE, pb.MODE_READY}, 5.0) is not None
         begun_s = time.monotonic()
         air.terminate()
         assert air.wait(20.0) == 0, rig.output("air")
         took_s = time.monotonic() - begun_s
-    said = [line for line in rig.output("air").splitlines() if "given up" in line or "the motors are" in line]
-    assert "given up" in said[0] and "the motors are armed" in "".join(said), said
+    said = [line for line in rig.output("air").splitlines() if says in line or "the motors are" in line]
+    assert says in said[0] and "the motors are armed" in "".join(said), said
     assert "the motors are disarmed" in said[-1], said
-    figures.append(("late-arming, process ended", f"it ended {took_s:.1f} s later, disarmed"))
+    figures.append(
+        (f"late-arming, process ended{' after a stop' * stopped}", f"it ended {took_s:.1f} s later, disarmed")
+    )
 
 
 def test_a_stop_that_finds_no_flight_says_so(rig: Rig) -> None:

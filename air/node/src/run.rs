@@ -222,21 +222,23 @@ const LATE_ARMING: Duration = Duration::from_secs(3);
 /// A take-off that had begun to climb has come down again by then, or the autopilot's failsafe brings it down.
 const DOWN_AGAIN: Duration = Duration::from_secs(8);
 
-/// Gives up a take-off that is under way: whoever ended the process while motors start would leave them running.
+/// Gives up a take-off that is under way: whoever ended the process while motors start would leave them running. Of one
+/// that was given up a moment ago, too, they may still start.
 fn give_up_take_off(shared: &Shared, link: &AutopilotLink) {
     use v1::Mode::{Stopping, Takeoff};
-    let mode = || v1::Mode::try_from(shared.mode.load(Ordering::Relaxed)).unwrap_or_default();
-    if mode() != Takeoff {
-        return;
-    }
-    let text = "ended in the take-off: it is given up first".to_owned();
+    let asked = Duration::from_nanos(clock::now().0.saturating_sub(shared.asked_to_arm.load(Ordering::Relaxed)));
+    let text = match shared.mode() {
+        Takeoff => "ended in the take-off: it is given up first",
+        _ if !shared.flies() && asked < LATE_ARMING => "ended just after a take-off: its motors are waited for",
+        _ => return,
+    };
     tracing::warn!("{text}");
-    shared.report(Report::Event(v1::Severity::Warning, "process", text));
+    shared.report(Report::Event(v1::Severity::Warning, "process", text.to_owned()));
     commands::press_stop(shared);
     let begun = Instant::now();
     let waits = || {
         let autopilot = link.status(clock::now());
-        let under_way = matches!(mode(), Takeoff | Stopping) || autopilot.armed;
+        let under_way = matches!(shared.mode(), Takeoff | Stopping) || autopilot.armed;
         autopilot.connected && begun.elapsed() < if under_way { DOWN_AGAIN } else { LATE_ARMING }
     };
     while waits() {

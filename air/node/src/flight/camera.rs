@@ -1,6 +1,5 @@
 //! The camera's messages, judged as a stream before anything is planned from them.
 
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 
 use goshawk_core::Time;
@@ -39,7 +38,7 @@ impl CameraInput {
 }
 
 fn moving(shared: &Shared, stamp: Time) -> Moving {
-    let mode = v1::Mode::try_from(shared.mode.load(Ordering::Relaxed)).unwrap_or_default();
+    let mode = shared.mode();
     let standing = [v1::Mode::Idle, v1::Mode::Ready, v1::Mode::Landed, v1::Mode::Fault].contains(&mode);
     let odometry = lock(&shared.history).odometry_at(stamp);
     odometry.map_or(Moving { flying: !standing, ..Moving::default() }, |odometry| sensors::moving(!standing, &odometry))

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use goshawk_autopilot::{AutopilotLink, Glance};
-use goshawk_core::{Command, ControllerOutput, FlightController, Odometry, Plan, PlanningDemand, StepInput, Time};
+use goshawk_core::{
+    Command, ControllerOutput, FlightController, Odometry, Plan, PlanningDemand, Request, StepInput, Time,
+};
 use goshawk_vehicle::clock;
 use goshawk_vehicle::config::OdometrySource;
 use goshawk_vehicle::convert;
@@ -108,6 +110,9 @@ impl Control {
         };
         let output = self.controller.step(now, &input, held.plan.as_ref());
         self.act(held, &output);
+        if output.request == Some(Request::Arm) {
+            shared.asked_to_arm.store(now.0, Ordering::Relaxed);
+        }
         shared.mode.store(convert::mode(output.mode).into(), Ordering::Relaxed);
         if let Some(mut history) = try_lock(&shared.history) {
             history.push_acceleration(now, output.acc_des_world);

@@ -174,6 +174,8 @@ pub struct Shared {
     pub barred: AtomicBool,
     /// The mission's mode, as [`v1::Mode`].
     pub mode: AtomicI32,
+    /// When the autopilot was last asked to start the motors, as [`Time`]; 0: never.
+    pub asked_to_arm: AtomicU64,
     /// Set once: wind up.
     pub stop: AtomicBool,
     /// Samples refused at the edge.
@@ -205,6 +207,7 @@ impl Shared {
             ready: Ready::default(),
             barred: AtomicBool::new(false),
             mode: AtomicI32::new(v1::Mode::Idle.into()),
+            asked_to_arm: AtomicU64::new(0),
             stop: AtomicBool::new(false),
             refused_frames: Refused::default(),
             refused_odometry: Refused::default(),
@@ -221,18 +224,23 @@ impl Shared {
         }
     }
 
+    /// The mission's mode.
+    #[must_use]
+    pub fn mode(&self) -> v1::Mode {
+        v1::Mode::try_from(self.mode.load(Ordering::Relaxed)).unwrap_or_default()
+    }
+
     /// A flight is under way.
     #[must_use]
     pub fn flies(&self) -> bool {
         use v1::Mode::{Hold, Navigate, Search, Stopping, Takeoff, Track};
-        let mode = v1::Mode::try_from(self.mode.load(Ordering::Relaxed)).unwrap_or_default();
-        matches!(mode, Takeoff | Track | Navigate | Search | Hold | Stopping)
+        matches!(self.mode(), Takeoff | Track | Navigate | Search | Hold | Stopping)
     }
 
     /// A flight is under way, or somebody else may be flying its end: a fault in the air lasts until the motors are off.
     #[must_use]
     pub fn may_be_in_the_air(&self) -> bool {
-        self.flies() || self.mode.load(Ordering::Relaxed) == v1::Mode::Fault as i32
+        self.flies() || self.mode() == v1::Mode::Fault
     }
 
     /// Whether to wind up.

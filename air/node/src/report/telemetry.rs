@@ -420,7 +420,7 @@ impl Telemetry {
             self.facts.switch = Some(problem.map_or(Ok(()), Err));
         }
         self.facts.refusal = self.link.refusal(now);
-        let mode = v1::Mode::try_from(shared.mode.load(Ordering::Relaxed)).unwrap_or_default();
+        let mode = shared.mode();
         self.facts.waits = matches!(mode, v1::Mode::Idle | v1::Mode::Ready);
         let refused = (shared.refused_frames.total(), shared.refused_odometry.total());
         let (status, battery_start) = (self.link.status(now), self.identity.battery_start);
