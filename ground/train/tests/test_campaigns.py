@@ -188,6 +188,7 @@ def test_a_stopped_table_takes_its_simulator_with_it(number: signal.Signals, tmp
     while program(simulator) == FLYING:
         assert time.monotonic() < end, "the simulator flies on"
         time.sleep(0.05)
+    assert not list((tmp_path / "out").iterdir())
 
 
 def test_a_signal_in_the_middle_of_a_simulators_start_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -258,8 +258,6 @@ def fly(
 
 
 def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed: int, *, seeds: str) -> dict[str, Any]:
-    path = row.file(folder)
-    partial = path.with_suffix(".partial")
     with tempfile.TemporaryDirectory() as scratch:
         world: list[str] = []
         if row.scan:
@@ -267,13 +265,13 @@ def _fly(row: Row, folder: Path, simulator: Path, identity: dict[str, Any], seed
             made = ["--seed", str(seed), "--scan", str(cloud), "--output", str(cloud.with_suffix(".png"))]
             _run(row.name, simulator, ["world", *row.scan, *made])
             world = ["--world", str(cloud)]
-        _run(row.name, simulator, [*identity["arguments"], *world, "--seeds", seeds, "--json", str(partial)])
-    report = {"flown": identity, **json.loads(partial.read_text())}
+        flown = Path(scratch) / "flown.json"
+        _run(row.name, simulator, [*identity["arguments"], *world, "--seeds", seeds, "--json", str(flown)])
+        report = {"flown": identity, **json.loads(flown.read_text())}
     # Where each flight went is megabytes; the command is in `flown`, without the scan's passing place.
     for name in ("paths", "command"):
         del report[name]
-    write_whole(path, json.dumps(report, indent=1) + "\n")
-    partial.unlink()
+    write_whole(row.file(folder), json.dumps(report, indent=1) + "\n")
     return report
 
 
