@@ -2,4 +2,5 @@
 
 pub mod flightlog;
 pub mod health;
+pub mod preview;
 pub mod telemetry;

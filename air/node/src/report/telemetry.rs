@@ -22,6 +22,7 @@ use crate::network::memory::Memory;
 use crate::network::visitors::Visitors;
 use crate::report::flightlog::FlightLog;
 use crate::report::health::{self, Facts};
+use crate::report::preview::Preview;
 
 /// Reports are looked for so often; what one look finds leaves together, which is most of what sending costs. Waiting
 /// for them instead would make whoever reports wake this thread, under a lock.
@@ -34,10 +35,6 @@ const CHECK_PERIOD_S: f64 = 0.1;
 const HEALTH_PERIOD_S: f64 = 0.5;
 /// After a recording failed, the disk is tried again so often, s. Chosen by eye.
 const ROOM_PERIOD_S: f64 = 2.0;
-/// A preview of the image so often, s: 10 Hz.
-const PREVIEW_PERIOD_S: f64 = 0.1;
-/// Its JPEG quality, of 100. Chosen by eye.
-const PREVIEW_QUALITY: u8 = 60;
 
 /// What never changes in `health`.
 pub struct Identity {
@@ -70,7 +67,6 @@ struct Publishers {
     target: Publisher,
     health: Publisher,
     event: Publisher,
-    preview: Publisher,
 }
 
 #[derive(Default)]
@@ -78,13 +74,13 @@ struct Sequences {
     control: u64,
     target: u64,
     health: u64,
-    preview: u64,
     odometry: u64,
 }
 
 /// The thread's state.
 pub struct Telemetry {
     publishers: Publishers,
+    preview: Preview,
     link: Arc<AutopilotLink>,
     log: FlightLog,
     visitors: Visitors,
@@ -106,7 +102,6 @@ pub struct Telemetry {
     last_check: Time,
     last_health: Time,
     last_room: Time,
-    last_preview: Time,
 }
 
 impl Telemetry {
@@ -133,8 +128,8 @@ impl Telemetry {
                 target: bus.publisher(Key::Target)?,
                 health: bus.publisher(Key::Health)?,
                 event: bus.publisher(Key::Event)?,
-                preview: bus.publisher(Key::Preview)?,
             },
+            preview: Preview::new(bus)?,
             link,
             log,
             visitors,
@@ -158,7 +153,6 @@ impl Telemetry {
             last_check: Time(0),
             last_health: Time(0),
             last_room: Time(0),
-            last_preview: Time(0),
         })
     }
 
@@ -287,33 +281,7 @@ impl Telemetry {
         self.facts.camera_fault = frame.fault;
         self.facts.camera_rate.tick();
         self.log.record_frame(frame);
-        let now = clock::now();
-        if now.since(self.last_preview) < PREVIEW_PERIOD_S {
-            return;
-        }
-        self.last_preview = now;
-        if !self.publishers.preview.is_wanted() {
-            return;
-        }
-        let mut jpeg = Vec::with_capacity(8 * 1024);
-        let encoded = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, PREVIEW_QUALITY).encode(
-            &frame.rgb,
-            frame.width as u32,
-            frame.height as u32,
-            image::ExtendedColorType::Rgb8,
-        );
-        if encoded.is_err() {
-            return;
-        }
-        let message = v1::Preview {
-            seq: self.sequences.preview,
-            stamp_ns: frame.stamp.0,
-            width: frame.width as u32,
-            height: frame.height as u32,
-            jpeg,
-        };
-        self.sequences.preview += 1;
-        self.publishers.preview.put(&message);
+        self.preview.show(frame, clock::now());
     }
 
     fn take_control(&mut self, seq: u64, stamp: Time, output: &ControllerOutput, odometry: Option<&Odometry>) {
