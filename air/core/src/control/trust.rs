@@ -5,7 +5,8 @@
 //! and a wrong vehicle file make of it:
 //!
 //! ```text
-//! position   e' = -e/τ + (ṗ - v)            |e| of a position that does not move as the velocity says
+//! position   e' = -e/τ + (ṗ - v)            |e| of a position that does not move as the velocity says, if it is more
+//!                                           than |e| was of late
 //! velocity   e' = -e/τ + (v̇ - u - d̂)        |e| of a velocity that changes as no thrust and no wind change it
 //! attitude   one sample's turn less the one that the rates say
 //! heading    the angle by which u must be turned to become v̇, once both vary enough
@@ -90,8 +91,13 @@ impl std::fmt::Display for OdometryFault {
 const COPIED: f64 = 0.1;
 /// Time constant of the position's check, s. Chosen by eye.
 const POSITION_TIME: f64 = 1.0;
-/// Its gate, m: half a metre a second for long, 3 m/s for 0.2 s. Chosen by eye.
-const POSITION_GATE: f64 = 0.5;
+/// Its gate, m, of an estimate without noise: half a metre a second for long, 3 m/s for 0.2 s. Chosen by eye.
+const POSITION_GATE: f64 = 0.45;
+/// It is wider by so many times what the sum was of late, root mean square, and at most so wide, m: a PX4 that hovers by
+/// GPS alone tells a velocity that is up to 0.8 m/s off for a second, again and again. Chosen by eye.
+const POSITION_NOISE: (f64, f64) = (2.0, 1.0);
+/// Of late, s. Chosen by eye: a drift is found before it counts as noise.
+const POSITION_NOISE_TIME: f64 = 40.0;
 /// Time constant of the velocity's check, s. Chosen by eye: longer than the rotors' lag, shorter than a gust.
 const VELOCITY_TIME: f64 = 0.2;
 /// Its gate, m/s. Chosen by eye.
@@ -138,6 +144,8 @@ pub(crate) struct Step<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Trust {
     position: Vec3,
+    /// Mean of its square, m².
+    position_noise: f64,
     velocity: Vec3,
     heading: Heading,
     /// How long the position or the velocity has repeated itself though it should not, and how long all of the estimate,
@@ -171,8 +179,8 @@ impl Trust {
 
     /// What came before does not belong to what comes: an announced jump, or samples that are missing. Distrust stays.
     pub fn skip(&mut self) {
-        let Self { disturbance, finest, jumps, turned, distrust, .. } = *self;
-        *self = Self { disturbance, finest, jumps, turned, distrust, ..Self::default() };
+        let Self { position_noise, disturbance, finest, jumps, turned, distrust, .. } = *self;
+        *self = Self { position_noise, disturbance, finest, jumps, turned, distrust, ..Self::default() };
         if let Some(distrust) = &mut self.distrust {
             distrust.lose();
         }
@@ -181,9 +189,13 @@ impl Trust {
     /// The largest check over its gate; from 1 on it fails.
     #[must_use]
     pub fn doubt(&self) -> f64 {
-        let position = self.position.norm() / POSITION_GATE;
+        let position = self.position.norm() / self.position_gate();
         let sums = position.max(self.velocity.norm() / VELOCITY_GATE).max(self.jumps / JUMPS.1);
         sums.max(self.repeated / FROZEN).max(self.copied / COPIED)
+    }
+
+    fn position_gate(&self) -> f64 {
+        (POSITION_GATE + POSITION_NOISE.0 * self.position_noise.sqrt()).min(POSITION_NOISE.1)
     }
 
     /// Takes a step in flight. Returns a fault that was not known before it.
@@ -252,7 +264,7 @@ impl Trust {
             Some(OdometryFault::VelocityStepped)
         } else if self.repeated > FROZEN {
             Some(OdometryFault::Frozen)
-        } else if self.position.norm() > POSITION_GATE || self.jumps > JUMPS.1 {
+        } else if self.position.norm() > self.position_gate() || self.jumps > JUMPS.1 {
             Some(OdometryFault::PositionDisagrees)
         } else {
             step.jumped.then_some(OdometryFault::PositionJumped)
@@ -267,6 +279,10 @@ impl Trust {
         self.jumps = self.jumps * (-dt / JUMPS.0).exp() + f64::from(u8::from(step.jumped));
         if !step.jumped {
             self.position += new.pos_world - last.pos_world - (last.vel_world + new.vel_world) * (0.5 * dt);
+        }
+        if self.distrust.is_none() {
+            let share = 1.0 - (-dt / POSITION_NOISE_TIME).exp();
+            self.position_noise += (self.position.norm_squared() - self.position_noise) * share;
         }
         if !step.free {
             return false;

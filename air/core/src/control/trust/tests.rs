@@ -78,6 +78,27 @@ fn each_falsehood_is_named_within_a_second() {
     names(named(dead), OdometryFault::Frozen, 0.15);
 }
 
+/// `good` with a velocity that wanders off and back as that of a PX4 that hovers by GPS alone: 0.3 m/s off as a rule,
+/// 0.8 m/s for a second at most.
+fn wandering(k: u32) -> Odometry {
+    let t = DT * f64::from(k);
+    let off = Vec3::new((0.35 * t).sin(), (0.5 * t).cos(), 0.8 * (1.3 * t).sin());
+    Odometry { vel_world: good(k).vel_world + off * (0.3 + 0.2 * (0.11 * t).sin()), ..good(k) }
+}
+
+#[test]
+fn a_velocity_that_wanders_as_by_gps_is_believed_and_a_drift_of_2_mps_is_named_all_the_same() {
+    let mut trust = Trust::default();
+    assert_eq!(feed(&mut trust, 1..12_000, wandering), None);
+    assert!(trust.distrust().is_none());
+    let drifting = |k: u32| {
+        let by = 2.0 * DT * f64::from(k - 11_999);
+        Odometry { pos_world: good(k).pos_world + Vec3::y() * by, ..wandering(k) }
+    };
+    let named = feed(&mut trust, 12_000..12_400, drifting);
+    assert!(named.is_some_and(|(fault, after)| fault == OdometryFault::PositionDisagrees && after < 100), "{named:?}");
+}
+
 /// `odometry` with position and velocity told in steps of a centimetre, as some estimators do.
 fn in_steps(odometry: Odometry) -> Odometry {
     let stepped = |x: f64| (x * 100.0).round() / 100.0;
