@@ -148,6 +148,22 @@ def test_a_process_that_is_ended_in_the_take_off_leaves_no_motor_running(
     )
 
 
+def test_motors_that_are_cut_are_disarmed_though_the_autopilot_never_notices_the_ground(
+    rig: Rig, figures: list[tuple[str, str]]
+) -> None:
+    rig.air()
+    rig.sim("--seed", "5", "--spacing", "6", "--speed", "2", "--mishap", "numb")
+    with rig.link() as link:
+        take_off(rig, link)
+        assert link.wait_for(airborne, 20.0) is not None, rig.output("air")
+        assert link.stop().accepted
+        disarmed = link.wait_for(lambda s: told(s, "disarm, forced") is not None, 40.0)
+        assert disarmed is not None, rig.output("air")
+        again = link.wait_for(lambda s: s.mode == pb.MODE_READY, 15.0)
+        assert again is not None, rig.output("air")
+    figures.append(("numb, landed", "disarmed by force once the motors had been cut for 5 s"))
+
+
 def test_a_stop_that_finds_no_flight_says_so(rig: Rig) -> None:
     rig.air()
     rig.sim()

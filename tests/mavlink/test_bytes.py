@@ -114,6 +114,7 @@ def test_a_setpoint_is_the_same_attitude_in_ned_and_frd(peer: Peer, heading: str
         ("hand-back", mavlink.MAV_CMD_DO_SET_MODE, (1, 4, 6)),
         ("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1, 0, 0)),
         ("disarm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0, 0, 0)),
+        ("disarm-anyway", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0, 21196, 0)),
     ],
 )
 def test_a_request_is_the_command_that_px4_takes(

@@ -65,6 +65,7 @@ fn request(link: &AutopilotLink, what: &str) -> Result<Value, Box<dyn Error>> {
         "offboard" => Request::Offboard,
         "arm" => Request::Arm,
         "disarm" => Request::Disarm,
+        "disarm-anyway" => Request::DisarmAnyway,
         "hand-back" => Request::HandBack,
         other => return Err(format!("unknown request {other}").into()),
     });

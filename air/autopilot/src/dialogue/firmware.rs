@@ -69,6 +69,7 @@ impl Firmware {
             Request::Offboard => Command::SetMode(self.follows()),
             Request::Arm => Command::Arm,
             Request::Disarm => Command::Disarm { force: false },
+            Request::DisarmAnyway => Command::Disarm { force: true },
             Request::HandBack => Command::SetMode(match self {
                 Self::Px4 => FlightMode::Px4(Px4Mode::Land),
                 Self::ArduPilot(_) => FlightMode::Copter(CopterMode::LAND),

@@ -123,6 +123,8 @@ pub enum Request {
     Arm,
     /// Stop the motors, on the ground.
     Disarm,
+    /// The same, though it believes to be in the air.
+    DisarmAnyway,
     /// Take over and land.
     HandBack,
 }

@@ -37,6 +37,9 @@ const STANDING: f64 = 0.1;
 const FALLING: f64 = 1.0;
 /// Without a landed detector: how long after the cut to ask for disarming, s. Chosen by eye.
 const CUT_BEFORE_DISARM: f64 = 1.0;
+/// Who is not falling with the motors cut for so long lies somewhere, whatever the landed detector says, s. ArduPilot's
+/// may never notice the ground under a thrust of nothing. Chosen by eye.
+const CUT_BEFORE_FORCE: f64 = 5.0;
 
 impl Landing {
     /// Begins at `now`.
@@ -85,8 +88,12 @@ impl Landing {
                     self.enter(Phase::Descend, now);
                     return None;
                 }
-                let disarm = autopilot.landed.unwrap_or(elapsed > CUT_BEFORE_DISARM);
-                (disarm && repeat(&mut self.asked, now, config.request_period_s)).then_some(Request::Disarm)
+                let request = match autopilot.landed {
+                    Some(true) => Some(Request::Disarm),
+                    Some(false) => (autopilot.offboard && elapsed > CUT_BEFORE_FORCE).then_some(Request::DisarmAnyway),
+                    None => (elapsed > CUT_BEFORE_DISARM).then_some(Request::Disarm),
+                };
+                request.filter(|_| repeat(&mut self.asked, now, config.request_period_s))
             }
         }
     }
@@ -147,6 +154,18 @@ mod tests {
         descend(&mut landing, &mut now, 0.0, 0.2);
         assert_eq!(landing.phase(), Phase::Cut);
         assert_eq!(descend(&mut landing, &mut now, 0.0, 3.2), [Request::Disarm; 3]);
+    }
+
+    #[test]
+    fn a_landed_detector_that_never_notices_the_ground_is_overruled_while_our_thrust_is_followed() {
+        for offboard in [true, false] {
+            let airborne = AutopilotStatus { landed: Some(false), offboard, ..FLYING };
+            let mut landing = Landing::on_ground(Time(0));
+            let asked: Vec<_> = (1..=700)
+                .filter_map(|k| landing.step(&mission(), Time(0).plus(0.01 * f64::from(k)), 0.0, true, &airborne))
+                .collect();
+            assert_eq!(asked, [Request::DisarmAnyway; 2][..if offboard { 2 } else { 0 }]);
+        }
     }
 
     #[test]

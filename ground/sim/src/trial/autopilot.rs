@@ -22,7 +22,7 @@ impl Obliging {
         match output.request {
             Some(Request::Offboard) => self.offboard = true,
             Some(Request::Arm) => self.armed = true,
-            Some(Request::Disarm) => self.armed = false,
+            Some(Request::Disarm | Request::DisarmAnyway) => self.armed = false,
             Some(Request::HandBack) => self.offboard = false,
             None => {}
         }

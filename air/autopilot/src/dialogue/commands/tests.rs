@@ -42,6 +42,7 @@ fn requests_have_the_parameters_that_each_firmware_takes() {
         (no_gps, Request::HandBack, MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 9.0, 0.0]),
         (guided, Request::Arm, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0, 0.0]),
         (guided, Request::Disarm, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [0.0, 0.0, 0.0]),
+        (guided, Request::DisarmAnyway, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [0.0, 21196.0, 0.0]),
     ];
     for (firmware, request, id, params) in cases {
         let mut commands = Commands::default();

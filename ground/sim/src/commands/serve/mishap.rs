@@ -24,8 +24,8 @@ pub(super) struct MishapArgs {
     /// What goes wrong with the autopilot, and how long after lift-off, s; without @S from the start. Repeatable:
     /// unarmable (it refuses to arm and says why), no-position (no GPS), position-back,
     /// two-motions (ODOMETRY is 3 m/s faster than LOCAL_POSITION_NED), one-motion (no more), restart, late-arming (it arms
-    /// 2 s after it is asked), deaf (it answers no command, as one that wants signatures), unknown-messages,
-    /// sticks=SPEED (the pilot moves the sticks so fast, travels a second).
+    /// 2 s after it is asked), numb (it never notices that it has landed), deaf (it answers no command, as one that wants
+    /// signatures), unknown-messages, sticks=SPEED (the pilot moves the sticks so fast, travels a second).
     #[arg(long = "mishap", value_name = "WHAT[@S]")]
     mishaps: Vec<Mishap>,
     /// The attitude's lag, s: how long a small step takes to 63 %; absent: the airframe's.
@@ -68,6 +68,7 @@ enum What {
     OneMotion,
     Restart,
     LateArming,
+    Numb,
     Deaf,
     UnknownMessages,
     Sticks(f64),
@@ -95,6 +96,7 @@ impl FromStr for Mishap {
             "one-motion" => What::OneMotion,
             "restart" => What::Restart,
             "late-arming" => What::LateArming,
+            "numb" => What::Numb,
             "deaf" => What::Deaf,
             "unknown-messages" => What::UnknownMessages,
             other => match other.strip_prefix("sticks=").and_then(number) {
@@ -140,6 +142,7 @@ impl What {
             Self::TwoMotions => px4.logic.set_odometry_fault(Some(OdometryFault::Contradictory)),
             Self::OneMotion => px4.logic.set_odometry_fault(None),
             Self::LateArming => faults.arming_delay_s = LATE_S,
+            Self::Numb => faults.numb = true,
             Self::Deaf => faults.deaf = true,
             Self::Restart => px4.logic.restart(BOOT_S),
             Self::UnknownMessages => px4.unknown_after = Some(UNKNOWN_AFTER),

@@ -20,6 +20,8 @@ pub struct Px4Faults {
     pub deaf: bool,
     /// It takes so long to arm once it is asked, s.
     pub arming_delay_s: f64,
+    /// It never notices that it has landed.
+    pub numb: bool,
 }
 
 /// The checks that may fail.

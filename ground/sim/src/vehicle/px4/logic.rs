@@ -289,6 +289,9 @@ impl Px4Logic {
     }
 
     fn watch_the_ground(&mut self, vehicle: &VehicleState, thrust: f64) {
+        if self.faults.numb && self.armed && !self.landed() {
+            return;
+        }
         match self.landed.step(self.now, thrust, vehicle) {
             Some(Detected::Takeoff) => {
                 self.flown = true;
