@@ -61,7 +61,7 @@ fn walk(vehicle: &Vehicle, wait_s: f64, findings: &mut Findings) {
         return findings.fail("sensors", why);
     }
     println!("Propellers off. Do what is said, hold still after it, and wait for the answer. Ctrl-C ends.");
-    let mut hands = Hands { ears: &ears, history: History::new(), seen: Time(0), pairs: Vec::new(), forces: 0 };
+    let mut hands = Hands { ears: &ears, history: History::new(), seen: Time(0), turns: Vec::new(), forces: 0 };
     for (index, asked) in Move::ALL.into_iter().enumerate() {
         println!("{} of {}: {}", index + 1, Move::ALL.len(), asked.instruction());
         let verdict = hands.judge(asked);
@@ -72,7 +72,7 @@ fn walk(vehicle: &Vehicle, wait_s: f64, findings: &mut Findings) {
     let before = findings.conditions.len();
     let mount = vehicle.body_from_cam();
     for (name, picture) in [("colour", Picture::Colour), ("depth", Picture::Depth)] {
-        findings.judge(name, pictures::judge(picture, &hands.pairs, &mount));
+        findings.judge(name, pictures::judge(picture, &hands.turns, &mount));
     }
     if hands.forces == 0 {
         findings.warn("accelerometer", "the autopilot sends none: it was not compared with the attitude");
@@ -124,7 +124,7 @@ struct Hands<'a> {
     /// The last picture's exposure.
     seen: Time,
     /// Of each turn the picture before it, and those during it.
-    pairs: Vec<(View, Vec<View>)>,
+    turns: Vec<(View, Vec<View>)>,
     /// How often the accelerometer was compared.
     forces: u32,
 }
@@ -172,7 +172,7 @@ impl Hands<'_> {
                 Verdict::Wrong(what) => return Err(what),
                 Verdict::Right(what) => {
                     if let Some(first) = first.filter(|_| asked.is_turn() && !during.is_empty()) {
-                        self.pairs.push((first, during.into_iter().map(|(_, view)| view).collect()));
+                        self.turns.push((first, during.into_iter().map(|(_, view)| view).collect()));
                     }
                     return self.plumb(&odometry.world_from_body).map(|()| what);
                 }
