@@ -128,13 +128,11 @@ impl Followed {
         known: impl Fn(&Flat) -> bool,
     ) {
         self.emerging.step(stamp, pose.0, new, &through);
-        let (apart, cam) = (&mut self.apart, pose.0.xy());
-        apart.advance(stamp, &through);
-        self.scan.see(pose, nearest, |thing| {
-            if !is_target(&thing.surface) {
-                apart.see(stamp, &cam, &thing, &known);
-            }
-        });
+        self.apart.advance(stamp, &through);
+        self.scan.see(pose, nearest);
+        for thing in self.scan.things().filter(|thing| !is_target(&thing.surface)) {
+            self.apart.see(stamp, &pose.0.xy(), &thing, &known, |at| self.scan.is_through(at));
+        }
     }
 
     /// A point is where one that moves was in the last frame, or about to be.

@@ -50,6 +50,10 @@ pub(crate) struct Scan {
     filled: [[u8; 2]; BEAMS],
     /// Of each point of the image its beam, m along the heading, and the rise of its line of sight.
     points: Box<[(u8, f32, f32); COLUMNS * ROWS]>,
+    /// Where it was made, m.
+    cam: Flat,
+    /// And where the camera looked, 1 long.
+    heading: Flat,
 }
 
 impl Scan {
@@ -57,33 +61,45 @@ impl Scan {
     pub(crate) fn new(hfov: f64, vfov: f64) -> Self {
         let half = [hfov, vfov].map(|fov| (fov / 2.0).tan() as f32);
         let points = Box::new([(NONE, 0.0, 0.0); COLUMNS * ROWS]);
-        Self { half, beams: [f32::NAN; BEAMS], filled: [[0; 2]; BEAMS], points }
+        Self { half, beams: [f32::NAN; BEAMS], filled: [[0; 2]; BEAMS], points, cam: Flat::zeros(), heading: Flat::x() }
     }
 
-    /// Takes in an image seen from `cam_world`, and calls `each` with its things, from left to right.
-    pub(crate) fn see(
-        &mut self,
-        (cam_world, world_from_cam): (&Vec3, &Rot),
-        nearest: &Nearest,
-        mut each: impl FnMut(Thing),
-    ) {
-        let axis = (world_from_cam * Vec3::x()).xy();
+    /// Takes in an image seen from `cam_world`.
+    pub(crate) fn see(&mut self, (cam_world, world_from_cam): (&Vec3, &Rot), nearest: &Nearest) {
+        self.beams = [f32::NAN; BEAMS];
         // Who looks straight up or down has no heading.
-        let Some(heading) = axis.try_normalize(0.2) else { return };
-        let left = Flat::new(-heading.y, heading.x);
+        let Some(heading) = (world_from_cam * Vec3::x()).xy().try_normalize(0.2) else { return };
+        (self.cam, self.heading) = (cam_world.xy(), heading);
         self.look(&heading, world_from_cam, nearest);
+    }
+
+    /// Its things, from left to right.
+    pub(crate) fn things(&self) -> impl Iterator<Item = Thing> {
+        let left = Flat::new(-self.heading.y, self.heading.x);
         let mut at = 0;
-        while at < BEAMS {
-            if !self.beams[at].is_finite() {
-                at += 1;
-                continue;
-            }
-            let last = self.last_of(at);
-            if let Some((forward, side, half, whole)) = self.thing(at, last) {
-                each(Thing { surface: cam_world.xy() + heading * forward + left * side, half, whole });
-            }
+        let groups = std::iter::from_fn(move || {
+            let first = (at..BEAMS).find(|beam| self.beams[*beam].is_finite())?;
+            let last = self.last_of(first);
             at = last + 1;
+            Some((first, last))
+        });
+        groups.filter_map(|(first, last)| self.thing(first, last)).map(move |(forward, side, half, whole)| Thing {
+            surface: self.cam + self.heading * forward + left * side,
+            half,
+            whole,
+        })
+    }
+
+    /// One looks through a place: beside it, too, one sees farther by [`CLEAR`].
+    pub(crate) fn is_through(&self, at: &Flat) -> bool {
+        let line = at - self.cam;
+        let (forward, side) = (line.dot(&self.heading) as f32, self.heading.perp(&line) as f32);
+        let beam = (1.0 - side / forward / WIDE) * (0.5 * BEAMS as f32);
+        if !(forward > 0.2 && (1.0..(BEAMS - 1) as f32).contains(&beam)) {
+            return false;
         }
+        let about = &self.beams[beam as usize - 1..=beam as usize + 1];
+        about.iter().any(|now| !now.is_nan()) && !about.iter().any(|now| *now <= forward + CLEAR)
     }
 
     /// Fills the beams.
@@ -95,7 +111,7 @@ impl Scan {
             Vector3::new(ahead as f32, aside as f32, v.z as f32)
         });
         let middle = |k: usize, n: usize, half: f32| (1.0 - (2 * k + 1) as f32 / n as f32) * half;
-        (self.beams, self.filled) = ([f32::NAN; BEAMS], [[0; 2]; BEAMS]);
+        self.filled = [[0; 2]; BEAMS];
         let rows = nearest.chunks_exact(COLUMNS).zip(self.points.chunks_exact_mut(COLUMNS));
         for (row, (depths, points)) in rows.enumerate() {
             let begin = along + up * middle(row, ROWS, self.half[1]);

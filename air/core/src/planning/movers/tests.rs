@@ -112,9 +112,8 @@ fn image(cam: &Flat, posts: &[Post], noise: f64, mut normal: impl FnMut() -> f64
 
 fn things(nearest: &Nearest) -> Vec<Thing> {
     let mut scan = Scan::new(90_f64.to_radians(), 62_f64.to_radians());
-    let mut things = Vec::new();
-    scan.see((&Vec3::zeros(), &Rot::identity()), nearest, |thing| things.push(thing));
-    things
+    scan.see((&Vec3::zeros(), &Rot::identity()), nearest);
+    scan.things().collect()
 }
 
 #[test]
@@ -132,8 +131,9 @@ fn what_lies_apart_is_a_thing_at_its_place_and_one_that_is_partly_hidden_or_leav
 }
 
 /// Flies at `vel` toward posts of which the first goes at `walks`, for so many frames of 30 a second; the first frame in
-/// which anything moves, the distance to the first post then, and what moves at the end.
-fn approach(vel: f64, walks: Flat, posts: &[Post], frames: u32) -> (Option<(u32, f64)>, Vec<Mover>) {
+/// which anything moves, the distance to the first post then, and what moves at the end. Everywhere one had looked
+/// through, if `known`.
+fn approach(vel: f64, walks: Flat, posts: &[Post], frames: u32, known: bool) -> (Option<(u32, f64)>, Vec<Mover>) {
     let mut scan = Scan::new(90_f64.to_radians(), 62_f64.to_radians());
     let mut apart = Apart::new(shipped::tuning().planner.movers);
     // A normal number as the sum of twelve of a simple generator.
@@ -142,7 +142,7 @@ fn approach(vel: f64, walks: Flat, posts: &[Post], frames: u32) -> (Option<(u32,
         seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         f64::from(seed >> 8) / f64::from(1 << 24)
     };
-    let mut known = None;
+    let mut first = None;
     for frame in 0..frames {
         let time = f64::from(frame) / 30.0;
         let (stamp, cam) = (Time::from_secs(1.0 + time), Vec3::new(vel * time, 0.02 * (9.0 * time).sin(), 0.0));
@@ -150,18 +150,21 @@ fn approach(vel: f64, walks: Flat, posts: &[Post], frames: u32) -> (Option<(u32,
         now[0].0 += walks * time;
         let nearest = image(&cam.xy(), &now, 0.002, || (0..12).map(|_| uniform()).sum::<f64>() - 6.0);
         apart.advance(stamp, &|_| false);
-        scan.see((&cam, &Rot::identity()), &nearest, |thing| apart.see(stamp, &cam.xy(), &thing, |_| true));
-        if known.is_none() && apart.movers(0.0).next().is_some() {
-            known = Some((frame, (now[0].0 - cam.xy()).norm()));
+        scan.see((&cam, &Rot::identity()), &nearest);
+        for thing in scan.things() {
+            apart.see(stamp, &cam.xy(), &thing, |_| known, |at| scan.is_through(at));
+        }
+        if first.is_none() && apart.movers(0.0).next().is_some() {
+            first = Some((frame, (now[0].0 - cam.xy()).norm()));
         }
     }
-    (known, apart.movers(0.0).collect())
+    (first, apart.movers(0.0).collect())
 }
 
 #[test]
 fn who_walks_is_known_from_afar_by_a_vehicle_that_comes_at_it() {
     let walks = Flat::new(-0.2, 1.2);
-    let (known, movers) = approach(8.0, walks, &[(Flat::new(13.0, -1.0), 0.14)], 30);
+    let (known, movers) = approach(8.0, walks, &[(Flat::new(13.0, -1.0), 0.14)], 30, true);
     let (frame, distance) = known.expect("it moves");
     assert!(frame < 24 && distance > 6.5, "in frame {frame}, {distance} m away");
     let [mover] = movers[..] else { panic!("it is one: {movers:?}") };
@@ -170,12 +173,50 @@ fn who_walks_is_known_from_afar_by_a_vehicle_that_comes_at_it() {
 }
 
 #[test]
+fn who_comes_out_of_where_nobody_had_looked_is_known_by_the_place_that_it_left() {
+    let walks = Flat::new(-0.2, -1.2);
+    let (known, movers) = approach(4.0, walks, &[(Flat::new(8.5, 2.0), 0.25)], 30, false);
+    let (frame, distance) = known.expect("it moves");
+    assert!(frame < 24 && distance > 4.0, "in frame {frame}, {distance} m away");
+    assert!(movers.len() == 1 && (movers[0].vel_world.xy() - walks).norm() < 0.4, "{movers:?}");
+}
+
+#[test]
+fn who_walks_slowly_is_known_before_a_vehicle_that_comes_at_it_is_there_and_a_twig_is_not() {
+    let (walks, at) = (Flat::new(-0.2, 0.55), Flat::new(9.0, -0.6));
+    let (known, _) = approach(5.0, walks, &[(at, 0.2)], 45, true);
+    let (frame, distance) = known.expect("it moves");
+    assert!(distance > 4.0, "in frame {frame}, {distance} m away");
+    assert_eq!(approach(5.0, walks, &[(at, 0.05)], 45, true).0, None);
+}
+
+#[test]
+fn one_looks_through_what_is_before_something_and_not_through_what_is_beside_or_behind_it() {
+    let mut scan = Scan::new(90_f64.to_radians(), 62_f64.to_radians());
+    let post = (Flat::new(6.0, 1.0), 0.2);
+    scan.see((&Vec3::zeros(), &Rot::identity()), &image(&Flat::zeros(), &[post], 0.0, || 0.0));
+    for (at, through) in [
+        (Flat::new(3.0, 0.5), true),
+        (Flat::new(6.0, 2.0), true),
+        (Flat::new(8.0, 1.33), false),
+        (Flat::new(6.0, 1.0), false),
+        (Flat::new(5.4, 0.9), false),
+        (Flat::new(1.0, 3.0), false),
+        (Flat::new(-3.0, 0.0), false),
+    ] {
+        assert_eq!(scan.is_through(&at), through, "{at}");
+    }
+}
+
+#[test]
 fn what_stands_does_not_move_however_fast_one_flies_past() {
     let trunks: Vec<Post> =
         (0..24).map(|k| (Flat::new(4.0 + 1.7 * f64::from(k), 7.0 * (f64::from(k) * 2.4).sin()), 0.15)).collect();
     for vel in [0.0, 4.0, 10.0] {
-        let (known, _) = approach(vel, Flat::zeros(), &trunks, 90);
-        assert_eq!(known, None, "at {vel} m/s");
+        for known in [true, false] {
+            let (first, _) = approach(vel, Flat::zeros(), &trunks, 90, known);
+            assert_eq!(first, None, "at {vel} m/s, looked through: {known}");
+        }
     }
 }
 

@@ -18,12 +18,26 @@ const FADES: f64 = 0.8;
 const STRAYS: (f64, f64) = (0.5, 1.0);
 /// It moves once it was seen for so long, s, in so many frames, and went so far, m. Chosen by eye.
 const PROVEN: (f64, u32, f64) = (0.2, 5, 0.25);
+/// Way and velocity differ by no more: the cosine between them, and how often the one pace goes into the other. Tried: the
+/// notebook, "What it left".
+const STEADY: (f64, f64) = (0.9, 2.0);
+
+/// A place where it was.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Since {
+    pub(crate) stamp: Time,
+    pub(crate) at: Flat,
+    /// In how many frames after that it was where one had looked through.
+    pub(crate) new: u32,
+    /// And in how many one looked through the place that it left.
+    pub(crate) left: u32,
+}
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Track {
     pub(crate) stamp: Time,
-    /// From when and where on it is asked how far it went.
-    pub(crate) from: (Time, Flat),
+    /// From where on it is asked how far it went, and from where next.
+    pub(crate) since: [Since; 2],
     /// When last, and how often.
     pub(crate) seen: (Time, u32),
     /// Position and velocity.
@@ -32,8 +46,6 @@ pub(crate) struct Track {
     pub(crate) var: Matrix4<f64>,
     pub(crate) radius: f64,
     pub(crate) moves: bool,
-    /// In how many frames it was where one had looked through, as far as it is asked how far it went.
-    pub(crate) news: u32,
     /// For how long one has looked through where it should be, s.
     gone: f64,
 }
@@ -44,7 +56,8 @@ impl Track {
         let mut var = Matrix4::from_diagonal_element(ANY_SPEED);
         var.fixed_view_mut::<2, 2>(0, 0).copy_from(noise);
         let state = Vector4::new(middle.x, middle.y, 0.0, 0.0);
-        Self { stamp, from: (stamp, middle), seen: (stamp, 1), state, var, radius, moves: false, news: 0, gone: 0.0 }
+        let since = [Since { stamp, at: middle, new: 0, left: 0 }; 2];
+        Self { stamp, since, seen: (stamp, 1), state, var, radius, moves: false, gone: 0.0 }
     }
 
     pub(crate) fn pos(&self) -> Flat {
@@ -95,8 +108,39 @@ impl Track {
     /// It was seen for long enough to say, and went a way, faster than `min_speed` (m/s).
     pub(crate) fn has_gone(&self, min_speed: f64) -> bool {
         let (time, count, way) = PROVEN;
-        let long = self.stamp.since(self.from.0) >= time && self.seen.1 >= count;
-        long && (self.pos() - self.from.1).norm() >= way && self.vel().norm() >= min_speed
+        let long = self.stamp.since(self.since[0].stamp) >= time && self.seen.1 >= count;
+        long && self.went().norm() >= way && self.vel().norm() >= min_speed
+    }
+
+    /// How far it went, m.
+    pub(crate) fn went(&self) -> Flat {
+        self.pos() - self.since[0].at
+    }
+
+    /// It went where its velocity leads, about as fast as that says.
+    pub(crate) fn is_steady(&self) -> bool {
+        let (went, vel) = (self.went(), self.vel());
+        let (way, speed) = (went.norm(), vel.norm());
+        let pace = way / self.stamp.since(self.since[0].stamp) / speed;
+        went.dot(&vel) > STEADY.0 * way * speed && (1.0 / STEADY.1..STEADY.1).contains(&pace)
+    }
+
+    /// It is where one had looked through, if `new`. `through`: one looks through a place. Says whether one looks through
+    /// the place that it left.
+    pub(crate) fn note(&mut self, new: bool, through: impl Fn(&Flat) -> bool) -> bool {
+        let left = self.since.map(|since| through(&since.at));
+        for (since, left) in self.since.iter_mut().zip(left) {
+            since.new += u32::from(new);
+            since.left += u32::from(left);
+        }
+        left[0]
+    }
+
+    /// After each `span` (s) it is asked from a later place on how far it went.
+    pub(crate) fn ask_anew(&mut self, span: f64) {
+        if self.stamp.since(self.since[1].stamp) > span {
+            self.since = [self.since[1], Since { stamp: self.stamp, at: self.pos(), new: 0, left: 0 }];
+        }
     }
 
     fn unmatched(&self) -> f64 {
