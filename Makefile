@@ -201,6 +201,7 @@ train: $(VENV)/.train build ## data set, training and export of both policies (s
 	$(VENV)/bin/goshawk train run --config ground/train/configs/track.toml --data data/train --validation data/val --out runs/track --resume
 	$(VENV)/bin/goshawk train export --run runs/track --data data/val --out air/models/track-32bit.onnx
 	$(VENV)/bin/goshawk train quantise air/models/track-32bit.onnx --data data/val --out air/models/track.onnx
-	$(VENV)/bin/goshawk train run --config ground/train/configs/navigate.toml --data data/train --validation data/val --out runs/navigate --from runs/track --resume
+	$(VENV)/bin/goshawk train run --config ground/train/configs/navigate-first.toml --data data/train --validation data/val --out runs/navigate-first --from runs/track --resume
+	$(VENV)/bin/goshawk train run --config ground/train/configs/navigate.toml --data data/train --validation data/val --out runs/navigate --from runs/navigate-first --resume
 	$(VENV)/bin/goshawk train export --run runs/navigate --data data/val --out air/models/navigate-32bit.onnx
 	$(VENV)/bin/goshawk train quantise air/models/navigate-32bit.onnx --data data/val --out air/models/navigate.onnx

@@ -106,6 +106,7 @@ class CostConfig:
     clearance: float
     clearance_m: float
     clearance_agility: float
+    clearance_spare: float
     ground: float
     ground_distance_m: float
     ground_scale_m: float
@@ -157,6 +158,7 @@ class SamplingConfig:
     chase_height_m: float
     agility_full: float
     agility_min: float
+    agility_max: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,6 +267,8 @@ class Config:
         for name, value in positive.items():
             if not value > 0:
                 raise ConfigError(f"{name} must be above 0")
+        if self.sampling.agility_max < self.sampling.agility_min:
+            raise ConfigError("sampling.agility_max must not be below sampling.agility_min")
         if not self.sampling.velocity_limit > self.sampling.velocity_mean:
             raise ConfigError("sampling.velocity_limit must be above sampling.velocity_mean")
         if self.seed < 0:

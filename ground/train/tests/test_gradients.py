@@ -156,6 +156,23 @@ def test_a_less_agile_vehicle_keeps_farther_off(config: Config, maps: SceneMaps,
         assert (short > 0).any() and (short < 1).any()
 
 
+def test_who_has_acceleration_to_spare_turns_at_less_cost_and_keeps_farther_off(
+    config: Config, maps: SceneMaps, d: torch.Tensor
+) -> None:
+    costs = dataclasses.replace(
+        config.costs, clearance=8.0, clearance_m=0.3, clearance_agility=1.0, clearance_spare=1.2
+    )
+    model, able = CostModel(dataclasses.replace(config, costs=costs), maps, dtype=F64), situation()
+    ample = dataclasses.replace(able, agility_B=4 * torch.ones_like(able.agility_B))
+    full = dataclasses.replace(able, agility_B=torch.ones_like(able.agility_B))
+    a, b = model(d, ample), model(d, full)
+    torch.testing.assert_close(8 * a.smoothness_BN, b.smoothness_BN)
+    for terms, care in ((a, 0.25 + 4.8), (b, 1 + 1.2)):
+        short = (1 - terms.min_distance_BN / (0.3 * care)).clamp(min=0)
+        torch.testing.assert_close(terms.clearance_BN, 8.0 * care * short.square())
+    assert (a.clearance_BN > b.clearance_BN).any()
+
+
 def test_rest_costs_less_near_obstacles_than_speed(config: Config, maps: SceneMaps) -> None:
     model, where = CostModel(config, maps, dtype=F64), situation()
     at_rest = torch.zeros(2, 1, 6, 3, dtype=F64)

@@ -156,10 +156,13 @@ def test_aims_lie_ahead_at_flying_height_and_often_at_the_end_of_the_reach(confi
     assert height.mean() == pytest.approx(np.mean(config.sampling.aim_height_m), abs=0.05)
 
 
-def test_agility_is_full_or_less_down_to_the_least(config: Config) -> None:
-    agility = sampling.sample_agility(np.random.default_rng(0), 20000, config.sampling)
-    assert (agility == 1).mean() == pytest.approx(config.sampling.agility_full, abs=0.02)
-    assert config.sampling.agility_min <= agility.min() < 1.05 * config.sampling.agility_min
+@pytest.mark.parametrize("greatest", [1.0, 3.0])
+def test_agility_is_the_greatest_or_less_down_to_the_least(config: Config, greatest: float) -> None:
+    how = dataclasses.replace(config.sampling, agility_max=greatest)
+    agility = sampling.sample_agility(np.random.default_rng(0), 20000, how)
+    assert (agility == greatest).mean() == pytest.approx(how.agility_full, abs=0.02)
+    assert how.agility_min <= agility.min() < 1.05 * how.agility_min
+    assert agility.max() == greatest
 
 
 def test_detection_does_not_depend_on_the_task_and_trajectories_do(config: Config) -> None:

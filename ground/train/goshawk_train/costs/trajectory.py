@@ -89,12 +89,12 @@ class CostModel:
         above = world[..., 2] - self.maps.ground(flat, scene).view(pos.shape[:3])
         ground = F.softplus((costs.ground_distance_m - above) / costs.ground_scale_m)
         agility = situation.agility_B[:, None]
-        care = agility**-costs.clearance_agility
+        care = agility**-costs.clearance_agility + costs.clearance_spare * agility
         short = F.relu(1 - min_distance / (costs.clearance_m * care))
         fast = F.relu(speed.amax(-1) - 1)
         hard = F.relu(_norm(acc).amax(-1) / (motion.a_max_mps2 * agility) - 1)
         return CostTerms(
-            smoothness_BN=self.smoothness(d_BN63) / agility,
+            smoothness_BN=self.smoothness(d_BN63) / (agility * agility.clamp_min(1).sqrt()),
             safety_BN=safety,
             clearance_BN=costs.clearance * care * short.square(),
             feasibility_BN=costs.feasibility * (_excess(fast) + _excess(hard)),

@@ -67,10 +67,10 @@ def chase_aim(rng: np.random.Generator, target_rel_B3: F64, config: SamplingConf
 
 
 def sample_agility(rng: np.random.Generator, count: int, config: SamplingConfig) -> F64:
-    """Shares of a_max that vehicles can give [count]: all of it for a share of `agility_full`, the others down to
+    """Shares of a_max that vehicles can give [count]: `agility_max` for a share of `agility_full`, the others down to
     `agility_min`, uniform in the logarithm."""
-    less = np.exp(rng.uniform(math.log(config.agility_min), 0.0, count))
-    return np.where(rng.uniform(size=count) < config.agility_full, 1.0, less)
+    less = np.exp(rng.uniform(math.log(config.agility_min), math.log(config.agility_max), count))
+    return np.where(rng.uniform(size=count) < config.agility_full, config.agility_max, less)
 
 
 def within_reach(aim_B3: F64, reach_m: float) -> F64:
