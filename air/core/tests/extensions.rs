@@ -143,16 +143,23 @@ fn a_way_over_the_goal_costs_more_or_does_not() {
 
 #[test]
 fn the_network_is_told_of_less_acceleration_or_of_all() {
-    let agility = |extensions: Extensions| {
-        let config = common::planner_config(Task::Track);
-        let planning = PlanningConfig { max_agility: 0.7, ..config.planning };
+    let agility = |task: Task, speed: f64, extensions: Extensions| {
+        let config = common::planner_config(task);
+        let mut planning = PlanningConfig { max_agility: 0.7, ..config.planning };
+        planning.navigation.max_agility = 3.0;
         let mut planner = Planner::new(PlannerConfig { planning, extensions, ..config }).unwrap();
-        let frame = FrameInput { speed: 12.0, ..common::frame(0, odometry(0)) };
+        let frame = FrameInput { speed, ..common::frame(0, odometry(0)) };
         let state = *planner.see(&frame).state();
         state[12]
     };
-    assert!(agility(ALL) < 0.7);
-    assert_eq!(agility(Extensions { agility_limit: false, ..ALL }), 1.0);
+    let off = Extensions { agility_limit: false, ..ALL };
+    for task in [Task::Track, Task::Navigate] {
+        assert!(agility(task, 12.0, ALL) < 0.7);
+        assert_eq!(agility(task, 12.0, off), 1.0);
+        assert_eq!(agility(task, 2.0, off), 1.0);
+    }
+    // Who is slow has acceleration to spare. A chase does not use it.
+    assert_eq!([Task::Track, Task::Navigate].map(|task| agility(task, 2.0, ALL)), [0.7, 3.0]);
 }
 
 #[test]

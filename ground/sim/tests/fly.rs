@@ -97,7 +97,7 @@ fn a_blind_flight_through_a_dense_forest_ends_at_a_tree_unless_what_was_seen_is_
         |flight: &Flight| matches!(flight.contact, Some(Contact::Trunk | Contact::Branch | Contact::Foliage));
     let mut passed = 0;
     for seed in 1..=5 {
-        let config = config(Task::Navigate, 5.1, 3.0, seed);
+        let config = config(Task::Navigate, 5.0, 3.0, seed);
         passed += usize::from(!ends_at_a_tree(&fly(&config, &mut sectors(true))));
         let flight = fly_trial(&config, &forgetful_vehicle(), Some(&mut sectors(true)), &mut Unwatched).unwrap();
         assert_eq!(flight.outcome, Outcome::Collision, "{seed}: {flight:?}");

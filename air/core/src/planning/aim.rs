@@ -42,6 +42,10 @@ pub struct NavigationConfig {
     /// It is asked more than the asked speed up to this, m/s: beyond it the acceleration is what is missing.
     #[schemars(range(min = 0.0, max = 40.0), extend("x-why" = "faster no profile asks", "x-source" = "tried, notebook: The asked speed is flown"))]
     pub pace_up_to_mps: f64,
+    /// Its largest share of the acceleration for which the speed asks in training. Above 1 there is acceleration to
+    /// spare, and the slow one keeps farther off.
+    #[schemars(range(min = 0.05, max = 3.0), extend("x-why" = "3 is all that the training asks for", "x-source" = "tried, notebook: Acceleration to spare"))]
+    pub max_agility: f64,
 }
 
 impl NavigationConfig {
@@ -256,7 +260,7 @@ mod tests {
 
     #[test]
     fn more_than_the_asked_speed_is_asked_up_to_a_limit_and_never_less() {
-        let how = NavigationConfig { pace: 1.2, pace_up_to_mps: 9.0 };
+        let how = NavigationConfig { pace: 1.2, pace_up_to_mps: 9.0, max_agility: 1.0 };
         let asked = [5.0, 8.0, 9.0, 12.0].map(|speed| how.asked(speed));
         assert_eq!(asked, [6.0, 9.0, 9.0, 12.0]);
     }

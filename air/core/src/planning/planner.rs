@@ -45,7 +45,8 @@ pub struct PlanningConfig {
     /// Acceleration that trajectories may ask for, m/s²: below g tan(max_tilt), since gusts need some of it.
     #[schemars(range(min = 1.0, max = 30.0), extend("x-why" = "less turns nowhere, more no airframe gives", "x-source" = "tried, notebook: Navigation after the chase"))]
     pub max_acc_mps2: f64,
-    /// Largest share of the acceleration for which the speed asks in training: less flies smoother, more turns quicker.
+    /// The chase's largest share of the acceleration for which the speed asks in training: less flies smoother, more
+    /// turns quicker.
     #[schemars(range(min = 0.05, max = 1.0), extend("x-why" = "1 is all that the training asks for", "x-source" = "tried, notebook: Navigation after the chase"))]
     pub max_agility: f64,
     /// What is seen nearer than this is remembered and flown around, if it moves too, m. 0: nothing is.
@@ -114,7 +115,7 @@ impl PlanningConfig {
             how.navigation.pace = 1.0;
         }
         if !extensions.agility_limit {
-            (how.max_agility, how.max_acc_mps2) = (1.0, f64::INFINITY);
+            (how.max_agility, how.navigation.max_agility, how.max_acc_mps2) = (1.0, 1.0, f64::INFINITY);
         }
         if !extensions.weighted_detections {
             how.target.lateral_variance_m2 = how.target.range_variance_m2;
@@ -255,13 +256,17 @@ impl Planner {
             }),
         };
         let (p, how) = (&self.config.policy, &self.config.planning);
+        let max_agility = match p.task {
+            Task::Navigate => how.navigation.max_agility,
+            Task::Track => how.max_agility,
+        };
         let cam_from_world = pose.world_from_cam.inverse();
         p.state.state(&StateParts {
             velocity: cam_from_world * odometry.vel_world / (alpha * p.v_max),
             acceleration: cam_from_world * frame.acc_world / (alpha * alpha * p.a_max),
             up: cam_from_world * Vec3::z(),
             aim: cam_from_world * within_reach(aim_world.unwrap_or_default(), 2.0 * p.radius),
-            agility: (how.max_acc_mps2 / (alpha * alpha * p.a_max)).min(how.max_agility),
+            agility: (how.max_acc_mps2 / (alpha * alpha * p.a_max)).min(max_agility),
         })
     }
 

@@ -47,7 +47,8 @@ pub fn planner_config(task: Task) -> PlannerConfig {
 
 /// The shipped planning with a chase that keeps its distance at any speed.
 pub fn planning(target: TargetConfig) -> PlanningConfig {
-    let planner = shipped::tuning().planner;
+    let mut planner = shipped::tuning().planner;
+    planner.navigation.max_agility = 1.0;
     let chase = ChaseConfig { standoff_m: 2.5, headway_s: 0.0, pursue_until_s: 2.5, ..planner.chase };
     PlanningConfig { target, chase, max_acc_mps2: 8.0, max_agility: 1.0, ..planner }
 }
