@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import platform
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
@@ -143,7 +144,13 @@ def join() -> Workers:
     return Workers(device, rank, count, local)
 
 
+SETTLED_S = 0.5
+"""Gloo's threads let go of what they summed well within this."""
+
+
 def leave() -> None:
-    """The end of what `join` began."""
+    """The end of what `join` began. Gloo's threads get to let go of the last sums first: for that they need Python, and
+    one that is still about it when Python ends aborts the process, whose work was done."""
     if dist.is_initialized():
+        time.sleep(SETTLED_S)
         dist.destroy_process_group()
