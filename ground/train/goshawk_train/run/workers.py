@@ -26,6 +26,9 @@ Found = TypeVar("Found")
 PATIENCE = timedelta(hours=2)
 """How long processes wait for one another: the first also validates and flies. A dead one is noticed at once."""
 
+SETTLED_S = 0.5
+"""Gloo's threads let go of what they summed well within this."""
+
 BF16 = ("avx512_bf16", "amx_bf16", "bf16")
 """A processor's instructions for bfloat16, as PyTorch names them; the last is ARM's."""
 
@@ -142,10 +145,6 @@ def join() -> Workers:
     if count > 1 and not dist.is_initialized():
         dist.init_process_group("nccl" if gpu else "gloo", timeout=PATIENCE)
     return Workers(device, rank, count, local)
-
-
-SETTLED_S = 0.5
-"""Gloo's threads let go of what they summed well within this."""
 
 
 def leave() -> None:
