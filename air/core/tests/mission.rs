@@ -437,6 +437,23 @@ fn a_navigation_that_is_stuck_is_led_aside_and_looks_there() {
 }
 
 #[test]
+fn a_navigation_that_finds_no_way_holds_until_it_is_told_to_go_on_or_to_stop() {
+    let mut sim = Loop::new();
+    sim.frames = Frames::Blank;
+    sim.start(navigate(Vec3::new(40.0, 0.0, 1.5)));
+    sim.until(12.0, |s| s.mode() == Mode::Navigate);
+    sim.until(90.0, |s| s.mode() == Mode::Hold);
+    assert_eq!(sim.last_cause(), Cause::NoWay);
+    sim.run(5.0);
+    assert_eq!(sim.mode(), Mode::Hold);
+    sim.tick(Some(Command::Resume));
+    sim.until(0.1, |s| s.mode() == Mode::Navigate);
+    sim.until(90.0, |s| s.mode() == Mode::Hold);
+    sim.stop();
+    sim.until(20.0, |s| s.mode() == Mode::Landed);
+}
+
+#[test]
 fn a_plan_of_the_last_flight_is_not_flown_in_the_next() {
     let mut sim = chasing(Vec3::new(20.0, 0.0, 1.5));
     sim.run(0.5);

@@ -63,7 +63,7 @@ pub(crate) struct Flight {
     pub(crate) was_armed: bool,
     /// It has left the ground.
     pub(crate) lifted: bool,
-    /// Stopped by operator or pilot, to be hovered.
+    /// Stopped by operator or pilot, or for want of a way, to be hovered.
     pub(crate) held: bool,
     /// The battery has been low since then.
     pub(crate) battery_low: Option<Time>,
@@ -263,6 +263,12 @@ impl Controller {
             Mode::Search | Mode::Navigate if cause == Cause::ResumeCommand => {
                 self.plans = Plans::new(now);
                 self.gaze.forget();
+            }
+            // Who resumes it tries again.
+            Mode::Hold if cause == Cause::NoWay => {
+                if let Some(flight) = &mut self.flight {
+                    flight.held = true;
+                }
             }
             Mode::Stopping => {
                 if let Some(flight) = &mut self.flight {

@@ -16,6 +16,8 @@ const WAYPOINT_M: f64 = 20.0;
 const NEAR_GOAL_M: f64 = 2.0;
 /// Over a roof, with the goal below, a try is so many times longer: it must lead beyond the edge. Chosen by eye.
 const OFF_A_ROOF: f64 = 3.0;
+/// After all of them so many times, without getting nearer, there is no way. Chosen by eye.
+const ROUNDS: usize = 2;
 /// Nearer to the goal by this, m, than where it was stuck, the next time begins with the first bearing. Chosen by eye.
 const PROGRESS_M: f64 = 3.0;
 
@@ -30,6 +32,7 @@ pub(crate) struct Detour {
     stuck_at_m: f64,
     /// Of the goal, level, 1 long, as long as it had one.
     bearing: Vec3,
+    found_none: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +68,10 @@ impl Detour {
             self.tries = 0;
         }
         self.stuck_at_m = flat_m;
+        if self.tries == ROUNDS * TRIES.len() {
+            self.found_none = true;
+            return goal;
+        }
         let (turn, length) = TRIES[self.tries % TRIES.len()];
         let length = if flat_m > NEAR_GOAL_M { length } else { OFF_A_ROOF * length };
         self.tries += 1;
@@ -74,9 +81,14 @@ impl Detour {
         waypoint
     }
 
-    /// Nobody is led: who is held is not stuck.
+    /// All was tried, and no way found.
+    pub(crate) fn found_none(&self) -> bool {
+        self.found_none
+    }
+
+    /// Nobody is led: who is held is not stuck, and tries all again.
     pub(crate) fn rest(&mut self) {
-        (self.circle, self.aside) = (None, None);
+        *self = Self { bearing: self.bearing, ..Self::default() };
     }
 
     /// The frame of the odometry moved by `jump`, m.
@@ -126,6 +138,34 @@ mod tests {
             // A try that leads nowhere ends, too.
             assert_eq!(stand(&mut detour, at, begin + 2.02, begin + 2.1 + length / SLOWEST), GOAL);
             begin += 2.1 + length / SLOWEST;
+        }
+    }
+
+    #[test]
+    fn after_two_rounds_without_getting_nearer_there_is_no_way() {
+        let mut detour = Detour::default();
+        let at = Vec3::new(10.0, 0.0, 2.0);
+        let mut begin = 0.0;
+        for (_, length) in TRIES.into_iter().chain(TRIES) {
+            assert!(!detour.found_none());
+            let end = begin + 2.1 + length / SLOWEST;
+            stand(&mut detour, at, begin, end);
+            begin = end;
+        }
+        assert_eq!(stand(&mut detour, at, begin, begin + 2.01), GOAL);
+        assert!(detour.found_none());
+        detour.rest();
+        assert!(!detour.found_none());
+        assert_ne!(stand(&mut detour, at, begin, begin + 2.01), GOAL, "tries again");
+    }
+
+    #[test]
+    fn who_gets_nearer_may_try_all_again() {
+        let mut detour = Detour::default();
+        for step in 0..30 {
+            let (at, begin) = (Vec3::new(f64::from(step) * (PROGRESS_M + 0.1) - 60.0, 0.0, 2.0), f64::from(step) * 10.0);
+            stand(&mut detour, at, begin, begin + 9.0);
+            assert!(!detour.found_none(), "{step}");
         }
     }
 

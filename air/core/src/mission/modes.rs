@@ -19,7 +19,7 @@ pub enum Mode {
     Navigate,
     /// The target is lost: hover, look for it.
     Search,
-    /// Caught up, or the goal is reached.
+    /// Caught up, the goal is reached, or no way to it is found.
     Hold,
     /// Braking, descending, touching down.
     Stopping,
@@ -112,6 +112,8 @@ pub enum Cause {
     CaughtUp,
     /// Within the goal's radius.
     GoalReached,
+    /// Whatever side was tried led no nearer to the goal.
+    NoWay,
     /// The target went away again.
     TargetMovedOff,
     /// The target is confirmed and a trajectory to it is chosen.
@@ -134,7 +136,7 @@ pub enum Cause {
 
 impl Cause {
     /// All causes.
-    pub const ALL: [Cause; 29] = [
+    pub const ALL: [Cause; 30] = [
         Cause::TouchedDown,
         Cause::Disarmed,
         Cause::ModeTakenAway,
@@ -155,6 +157,7 @@ impl Cause {
         Cause::NoPlan,
         Cause::CaughtUp,
         Cause::GoalReached,
+        Cause::NoWay,
         Cause::TargetMovedOff,
         Cause::TargetConfirmed,
         Cause::TargetLost,
@@ -190,6 +193,7 @@ impl std::fmt::Display for Cause {
             Cause::NoPlan => "no plan arrived for too long",
             Cause::CaughtUp => "caught up with the target",
             Cause::GoalReached => "the goal is reached",
+            Cause::NoWay => "no way to the goal was found",
             Cause::TargetMovedOff => "the target moved off",
             Cause::TargetConfirmed => "the target is confirmed",
             Cause::TargetLost => "the target has not been seen for too long",

@@ -113,6 +113,7 @@ impl Controller {
             .with(Cause::NoPlan, planning && self.plans.silence(now) > ladder.no_plan_land_s)
             .with(Cause::CaughtUp, gap.is_some_and(|(gap, opening)| gap < mission.hold_distance_m && opening < 0.0))
             .with(Cause::GoalReached, at_goal)
+            .with(Cause::NoWay, flight.detour.found_none())
             .with(Cause::TargetMovedOff, flyable && moved_off)
             .with(Cause::TargetConfirmed, flyable && confirmed)
             .with(Cause::TargetLost, planning && self.plans.frames_arrive(ladder, now) && lost)
