@@ -284,8 +284,10 @@ fn flatness_agrees_within_and_at_its_limits() {
 #[test]
 fn lead_agrees() {
     let vectors = load("lead");
-    let (config, tau) =
-        (LeadConfig { limit_mps2: number(&vectors["limit"]), navigation_lag_s: 0.0 }, number(&vectors["tau"]));
+    let (config, tau) = (
+        LeadConfig { limit_mps2: number(&vectors["limit"]), chase_lag_s: 0.0, navigation_lag_s: 0.0 },
+        number(&vectors["tau"]),
+    );
     for case in list(&vectors["cases_B"]) {
         same_vector("led", lead(&config, tau, vector(&case["acc_3"]), vector(&case["jerk_3"])), &case["led_3"]);
     }

@@ -59,6 +59,9 @@ const FORESEEN: f64 = 1.5;
 const SOONEST: f64 = 0.35;
 /// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s². Chosen by eye.
 const SHORT: (f64, f64) = (0.3, 4.0);
+/// A push brakes that points so far against the vehicle's own way, as the cosine between them. Tried: the notebook, "Held
+/// back, and let go".
+const BRAKES: f64 = -0.5;
 /// A slower vehicle goes nowhere, m/s. Chosen by eye.
 const CREEPS: f64 = 0.3;
 /// Who is so much higher than a target's centre, m, is above it: over a person's head. Chosen by eye.
@@ -239,7 +242,7 @@ fn chosen_side(offset: f64, passes: f64, left: Flat, room: Option<&Room>) -> f64
 
 /// What a push adds to the commanded acceleration `flat` must not fly into something, nor keep the vehicle from flying
 /// around it: along the push, and along its own way, the vehicle gets no faster than it can brake in the room that is
-/// left.
+/// left. A push that brakes needs no room ahead.
 fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
     let (Some(room), Some(push)) = (room, (bent - flat).try_normalize(1e-6)) else { return bent };
     let most = |way: &Flat| {
@@ -247,7 +250,7 @@ fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
         KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(way))
     };
     let slowed = bent - push * (bent.dot(&push) - most(&push).max(flat.dot(&push))).max(0.0);
-    let Some(ahead) = vel.try_normalize(CREEPS) else { return slowed };
+    let Some(ahead) = vel.try_normalize(CREEPS).filter(|ahead| push.dot(ahead) > BRAKES) else { return slowed };
     slowed - ahead * (slowed.dot(&ahead) - most(&ahead)).max(0.0)
 }
 

@@ -163,7 +163,8 @@ mod tests {
     fn who_gets_nearer_may_try_all_again() {
         let mut detour = Detour::default();
         for step in 0..30 {
-            let (at, begin) = (Vec3::new(f64::from(step) * (PROGRESS_M + 0.1) - 60.0, 0.0, 2.0), f64::from(step) * 10.0);
+            let (at, begin) =
+                (Vec3::new(f64::from(step) * (PROGRESS_M + 0.1) - 60.0, 0.0, 2.0), f64::from(step) * 10.0);
             stand(&mut detour, at, begin, begin + 9.0);
             assert!(!detour.found_none(), "{step}");
         }

@@ -20,11 +20,23 @@ use crate::values::types::{
 /// What a mode wants to fly.
 struct Intent {
     reference: FlatState,
-    /// After the lead.
+    /// After the lead,
+    led_world: Vec3,
+    /// and after the rules that bend it: limits, the image's edge, the least distance.
     acc_world: Vec3,
     fallback: Fallback,
     /// Sequence and age of the plan flown.
     plan: Option<(u64, f64)>,
+}
+
+impl Intent {
+    /// The reference's acceleration, as far as the rules leave it: where they bend the command, it asks for no more than
+    /// what is commanded. A plan that began with more would ask for ever more of what is not flown.
+    fn kept(&self) -> Vec3 {
+        let asked = self.reference.acc;
+        let Some(bent) = (self.acc_world - self.led_world).try_normalize(1e-9) else { return asked };
+        asked + bent * (self.acc_world - asked).dot(&bent).max(0.0)
+    }
 }
 
 /// Off the ground: above the start by this, m, or rising at this, m/s. Chosen by eye.
@@ -140,7 +152,7 @@ impl Controller {
             self.hover.reset();
             let acc = self.config.limits.within_speed(evasion.acc(&self.config.evasion, pos.z, vel), vel, hold.kv);
             let reference = FlatState { pos, vel: evasion.vel_world, acc };
-            return Intent { reference, acc_world: acc, fallback, plan: None };
+            return Intent { reference, led_world: acc, acc_world: acc, fallback, plan: None };
         }
         let flies = matches!(self.mode, Mode::Track | Mode::Navigate);
         if let Some(flown) = self.plans.flyable(&self.config.ladder, task, now).filter(|_| flies) {
@@ -148,15 +160,15 @@ impl Controller {
             let age = now.since(flown.stamp);
             let reference = flown.quintic.at(age);
             let ahead = self.config.lead.ahead(task, self.motion.attitude_lag());
-            let led = lead(&self.config.lead, ahead, reference.acc, flown.quintic.jerk(age));
-            let acc_world = self.config.limits.within_speed(led, vel, hold.kv);
+            let led_world = lead(&self.config.lead, ahead, reference.acc, flown.quintic.jerk(age));
+            let acc_world = self.config.limits.within_speed(led_world, vel, hold.kv);
             let acc_world = match task {
                 Task::Track if self.config.extensions.view_limit => {
                     self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos)
                 }
                 _ => acc_world,
             };
-            return Intent { reference, acc_world, fallback, plan: Some((flown.seq, age)) };
+            return Intent { reference, led_world, acc_world, fallback, plan: Some((flown.seq, age)) };
         }
         let reference = match (self.mode, self.flight.as_ref()) {
             (Mode::Track | Mode::Navigate, _) => {
@@ -186,7 +198,7 @@ impl Controller {
                 reference
             }
         };
-        Intent { reference, acc_world: reference.acc, fallback, plan: None }
+        Intent { reference, led_world: reference.acc, acc_world: reference.acc, fallback, plan: None }
     }
 
     /// The way aside that is flown, if something moves in the vehicle's way.
@@ -296,7 +308,7 @@ impl Controller {
             command.force = command.force_along(&vehicle, &distrust.loop_from_body(&odometry.world_from_body));
         }
         let reference = FlatState { acc: acc_world, ..FlatState::default() };
-        let intent = Intent { reference, acc_world, fallback, plan: None };
+        let intent = Intent { reference, led_world: acc_world, acc_world, fallback, plan: None };
         self.output(now, request, &intent, &command, yaw, moving.is_some())
     }
 
@@ -318,6 +330,7 @@ impl Controller {
             setpoint: Some(AttitudeThrust { world_from_body: command.world_from_body, thrust }),
             flat: intent.reference,
             acc_des_world: intent.reference.acc,
+            acc_kept_world: intent.kept(),
             acc_att_world: command.acc_att_world,
             thrust: command.force,
             yaw_des: yaw,
@@ -354,6 +367,7 @@ impl Controller {
             request,
             flat: FlatState::default(),
             acc_des_world: Vec3::zeros(),
+            acc_kept_world: Vec3::zeros(),
             acc_att_world: Vec3::zeros(),
             acc_disturbance_world: self.motion.observer().disturbance(),
             disturbance_limit: self.config.observer.limit_mps2,

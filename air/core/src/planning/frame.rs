@@ -26,7 +26,7 @@ pub struct FrameInput {
     pub seq: u64,
     /// Interpolated at the frame's capture stamp; its `stamp` is the frame's.
     pub odometry: Odometry,
-    /// Commanded acceleration at the stamp, m/s².
+    /// Acceleration at the stamp of what is flown, before lead and compensation, m/s².
     pub acc_world: Vec3,
     /// Desired speed, m/s; sets alpha ([`crate::Planner::alpha`]).
     pub speed: f64,

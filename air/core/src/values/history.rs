@@ -43,7 +43,7 @@ impl History {
         self.odometry.push(sample.stamp, *sample);
     }
 
-    /// Adds the acceleration commanded at `stamp`, m/s².
+    /// Adds the acceleration that the trajectory was left with at `stamp`, m/s².
     pub fn push_acceleration(&mut self, stamp: Time, acc_world: Vec3) {
         self.acceleration.push(stamp, acc_world);
     }
@@ -79,7 +79,7 @@ impl History {
         })
     }
 
-    /// The acceleration commanded last at or before `stamp`; the oldest one known if all are later; zero while empty.
+    /// The acceleration added last at or before `stamp`; the oldest one known if all are later; zero while empty.
     #[must_use]
     pub fn acceleration_at(&self, stamp: Time) -> Vec3 {
         self.acceleration.last_before(stamp).unwrap_or_else(Vec3::zeros)

@@ -115,7 +115,7 @@ impl Control {
         }
         shared.mode.store(convert::mode(output.mode).into(), Ordering::Relaxed);
         if let Some(mut history) = try_lock(&shared.history) {
-            history.push_acceleration(now, output.acc_des_world);
+            history.push_acceleration(now, output.acc_kept_world);
         }
         let start = matches!(input.command, Some(Command::Start(_))) && output.reply == Some(Ok(()));
         held.flight += u64::from(start);

@@ -228,7 +228,7 @@ impl Pilot for Onboard<'_> {
         let output = self.controller.step(now, &input, self.plan.as_ref());
         self.control_s = watch.lap();
         self.step_input = Some(input);
-        self.history.push_acceleration(now, output.acc_des_world);
+        self.history.push_acceleration(now, output.acc_kept_world);
         // As on board, it goes on seeing for what was demanded last.
         self.demand = output.planning.or(self.demand);
         self.mode = output.mode;

@@ -170,7 +170,7 @@ impl<'a> Aboard<'a> {
             ready,
         };
         let output = self.controller.step(now, &input, self.plan.as_ref());
-        self.history.push_acceleration(now, output.acc_des_world);
+        self.history.push_acceleration(now, output.acc_kept_world);
         let started = matches!(command, Some(Command::Start(_))) && output.reply == Some(Ok(()));
         self.flight += u64::from(started);
         self.demand = output.planning.unwrap_or(self.demand);
