@@ -113,6 +113,33 @@ fn a_hover_that_was_asked_for_and_a_landing_keep_away_from_who_comes_near() {
 }
 
 #[test]
+fn the_next_plan_begins_with_what_the_least_distance_leaves_of_this_one() {
+    let mut sim = Loop::new();
+    let target = Vec3::new(30.0, -2.0, 1.5);
+    sim.frames = Frames::Target(target);
+    sim.start(track());
+    let (mut free, mut held_back) = (0, 0);
+    for _ in 0..3000 {
+        sim.tick(None);
+        let out = sim.out();
+        if out.plan_seq.is_none() {
+            continue;
+        }
+        let toward = (target - sim.pos).xy().normalize();
+        let commanded = out.acc_att_world + out.acc_disturbance_world;
+        let [asked, kept, commanded] =
+            [out.acc_des_world, out.acc_kept_world, commanded].map(|acc| acc.xy().dot(&toward));
+        assert!(kept <= asked + 1e-9, "{kept} of {asked}");
+        free += u32::from(out.acc_kept_world == out.acc_des_world);
+        if kept < asked - 1.0 {
+            held_back += 1;
+            assert!((kept - commanded).abs() < 0.3, "{kept}, and {commanded} is commanded");
+        }
+    }
+    assert!(free > 100 && held_back > 20, "{free} {held_back}");
+}
+
+#[test]
 fn out_of_a_movers_way_the_least_distance_to_the_target_is_kept() {
     let nearest = |from_target: bool| {
         let mut sim = holding(8.0);

@@ -448,7 +448,8 @@ fn a_navigation_that_finds_no_way_holds_until_it_is_told_to_go_on_or_to_stop() {
     assert_eq!(sim.mode(), Mode::Hold);
     sim.tick(Some(Command::Resume));
     sim.until(0.1, |s| s.mode() == Mode::Navigate);
-    sim.until(90.0, |s| s.mode() == Mode::Hold);
+    let goal = sim.out().planning.unwrap().goal_world;
+    sim.until(2.5, |s| s.out().planning.unwrap().goal_world != goal);
     sim.stop();
     sim.until(20.0, |s| s.mode() == Mode::Landed);
 }
@@ -482,5 +483,7 @@ fn the_command_leads_the_trajectory_by_its_jerk() {
         let out = sim.out();
         out.acc_att_world + out.acc_disturbance_world - out.acc_des_world
     };
-    assert!(ahead(0.1).norm() > 0.1 && (ahead(0.1) * 2.0 - ahead(0.2)).norm() < 1e-6);
+    let unled = common::config().lead.chase_lag_s;
+    let [once, twice] = [0.1, 0.2].map(|tau| ahead(unled + tau));
+    assert!(once.norm() > 0.1 && (once * 2.0 - twice).norm() < 1e-6);
 }

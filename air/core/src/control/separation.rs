@@ -337,6 +337,23 @@ mod tests {
     }
 
     #[test]
+    fn who_is_held_back_needs_no_room_ahead_and_who_steps_aside_does() {
+        let mut room = [FARTHEST_ROOM; HEADINGS];
+        room[0] = 1.5;
+        let swift = Vec3::x() * 6.0;
+        let held = |room| keep(Vec3::x() * 5.0, swift, &threat(Vec3::x() * 6.5, Vec3::x() * 6.0), room);
+        assert!(held(None).x < 4.0 && held(None).x > -9.0, "it may come no nearer: {}", held(None));
+        assert_eq!(held(Some(&room)), held(None));
+        let aside = |room| keep(Vec3::zeros(), swift, &threat(Vec3::new(9.0, -0.2, 0.0), Vec3::x() * -1.0), room);
+        assert!(
+            aside(None).y > 0.5 && aside(Some(&room)).x < aside(None).x - 1.0,
+            "{} {}",
+            aside(None),
+            aside(Some(&room))
+        );
+    }
+
+    #[test]
     fn nobody_comes_down_on_a_target_nor_on_where_it_may_have_gone_unseen() {
         let sinking = [Vec3::new(0.0, 0.0, 3.0), -Vec3::z()];
         let stay = |threat: &Threat| config().stay_above(-Vec3::z(), sinking, threat).z;

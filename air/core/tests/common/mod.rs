@@ -362,7 +362,7 @@ impl Loop {
         Some(Plan {
             seq: self.ticks,
             stamp: self.now,
-            start: FlatState { pos, vel: self.vel, acc: self.out().acc_des_world },
+            start: FlatState { pos, vel: self.vel, acc: self.out().acc_kept_world },
             world_from_cam: self.attitude,
             duration: 10.0 / (alpha * 6.0 * self.haste),
             alpha,
