@@ -59,8 +59,10 @@ const FORESEEN: f64 = 1.5;
 const SOONEST: f64 = 0.35;
 /// A trajectory backward or aside ends so far before what was seen there, m, braking like this, m/s². Chosen by eye.
 const SHORT: (f64, f64) = (0.3, 4.0);
-/// A push brakes that points so far against the vehicle's own way, as the cosine between them. Tried: the notebook, "Held
-/// back, and let go".
+/// A target runs ahead that gets away with more than this at its worst, m/s. Tried: the notebook, "Held back, and let
+/// go".
+const AHEAD: f64 = 1.0;
+/// A push brakes that points so far against the vehicle's own way, as the cosine between them. Tried: there, too.
 const BRAKES: f64 = -0.5;
 /// A slower vehicle goes nowhere, m/s. Chosen by eye.
 const CREEPS: f64 = 0.3;
@@ -178,7 +180,8 @@ impl Separation {
             }
             None => backed,
         };
-        let within = if bent == flat { flat } else { within_room(bent, flat, vel_world.xy(), room) };
+        let held = target.dot(&away) < -AHEAD;
+        let within = if bent == flat { flat } else { within_room(bent, flat, vel_world.xy(), room, held) };
         // What was commanded may be more than this rule may spend.
         let most = config.max_acc.max(flat.norm());
         let within = within * (most / within.norm().max(most));
@@ -242,15 +245,16 @@ fn chosen_side(offset: f64, passes: f64, left: Flat, room: Option<&Room>) -> f64
 
 /// What a push adds to the commanded acceleration `flat` must not fly into something, nor keep the vehicle from flying
 /// around it: along the push, and along its own way, the vehicle gets no faster than it can brake in the room that is
-/// left. A push that brakes needs no room ahead.
-fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>) -> Flat {
+/// left. A push that brakes behind who runs ahead (`held`) needs none.
+fn within_room(bent: Flat, flat: Flat, vel: Flat, room: Option<&Room>, held: bool) -> Flat {
     let (Some(room), Some(push)) = (room, (bent - flat).try_normalize(1e-6)) else { return bent };
     let most = |way: &Flat| {
         let left = (toward(room, way) - SHORT.0).max(0.0);
         KV * ((2.0 * SHORT.1 * left).sqrt() - vel.dot(way))
     };
     let slowed = bent - push * (bent.dot(&push) - most(&push).max(flat.dot(&push))).max(0.0);
-    let Some(ahead) = vel.try_normalize(CREEPS).filter(|ahead| push.dot(ahead) > BRAKES) else { return slowed };
+    let brakes = |ahead: &Flat| held && push.dot(ahead) < BRAKES;
+    let Some(ahead) = vel.try_normalize(CREEPS).filter(|ahead| !brakes(ahead)) else { return slowed };
     slowed - ahead * (slowed.dot(&ahead) - most(&ahead)).max(0.0)
 }
 
