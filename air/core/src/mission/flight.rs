@@ -20,9 +20,9 @@ use crate::values::types::{
 /// What a mode wants to fly.
 struct Intent {
     reference: FlatState,
-    /// After the lead,
+    /// After the lead and the speed's limit,
     led_world: Vec3,
-    /// and after the rules that bend it: limits, the image's edge, the least distance.
+    /// and after what else bends it: the image's edge, the least distance.
     acc_world: Vec3,
     fallback: Fallback,
     /// Sequence and age of the plan flown.
@@ -163,13 +163,13 @@ impl Controller {
             let age = now.since(flown.stamp);
             let reference = flown.quintic.at(age);
             let ahead = self.config.lead.ahead(task, self.motion.attitude_lag());
-            let led_world = lead(&self.config.lead, ahead, reference.acc, flown.quintic.jerk(age));
-            let acc_world = self.config.limits.within_speed(led_world, vel, hold.kv);
+            let led = lead(&self.config.lead, ahead, reference.acc, flown.quintic.jerk(age));
+            let led_world = self.config.limits.within_speed(led, vel, hold.kv);
             let acc_world = match task {
                 Task::Track if self.config.extensions.view_limit => {
-                    self.gaze.keeping_in_view(now, acc_world, self.motion.observer().disturbance(), pos)
+                    self.gaze.keeping_in_view(now, led_world, self.motion.observer().disturbance(), pos)
                 }
-                _ => acc_world,
+                _ => led_world,
             };
             return Intent { reference, led_world, acc_world, fallback, plan: Some((flown.seq, age)) };
         }

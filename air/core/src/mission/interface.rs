@@ -155,7 +155,7 @@ pub struct ControllerOutput {
     pub flat: FlatState,
     /// Desired acceleration before lead and compensation, m/s².
     pub acc_des_world: Vec3,
-    /// What limits, the image's edge and the least distance leave of it, m/s²: the next plan begins with it.
+    /// What the image's edge and the least distance leave of it, m/s²: the next plan begins with it.
     pub acc_kept_world: Vec3,
     /// What the commanded attitude and thrust alone would give, m/s².
     pub acc_att_world: Vec3,
