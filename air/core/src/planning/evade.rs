@@ -433,6 +433,16 @@ mod tests {
         }
     }
 
+    #[test]
+    fn who_hovers_nearer_to_a_mover_than_the_clearance_leaves_before_it_comes() {
+        let start = FlatState::default();
+        let comes = mover(Vec3::x() * 0.65, Vec3::x() * -0.8);
+        let evasion = step_among(&open_space(), true, &start, &comes, None).expect("it would be hit");
+        let gap = |time: f64| (aside(&config(), &start, &evasion, time) - Vec3::x() * (0.65 - 0.8 * time)).norm() - 0.3;
+        let least = (1..=20).map(|k| gap(f64::from(k) * 0.05)).fold(f64::INFINITY, f64::min);
+        assert!(least > 0.2, "{least} {evasion:?}");
+    }
+
     fn target(pos_world: Vec3, vel_world: Vec3) -> Option<Threat> {
         Some(Threat { pos_world, vel_world, pos_doubt: 0.0, vel_doubt: 0.0, hidden_for: 0.0 })
     }

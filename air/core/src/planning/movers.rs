@@ -89,6 +89,9 @@ const HORIZON: f64 = 2.0;
 /// What a mover's place comes to be in doubt by with time, m/s. Chosen by eye.
 const DOUBT: f64 = 0.3;
 
+/// Who is nearer to a mover than the clearance keeps what there is, and so much at least, m. Chosen by eye.
+const LEAST_ROOM: f64 = 0.2;
+
 /// What emerges so near to something apart is it, m. Chosen by eye.
 const ONE: f64 = 0.8;
 
@@ -162,11 +165,12 @@ pub fn meeting(movers: &Movers, clearance: f64, stamp: Time, way: &impl Fn(f64) 
     let horizon = horizon.min(HORIZON);
     let cost = |mover: &Mover| {
         let from = mover.at(stamp);
+        let gap = |time: f64| (way(time) - from - mover.vel_world * time).xy().norm() - mover.radius;
+        let wanted = (clearance + mover.pos_doubt).min(gap(0.0)).max(LEAST_ROOM);
         let at = |k: u32| {
             let time = horizon * f64::from(k) / f64::from(LOOKS);
-            let gap = (way(time) - from - mover.vel_world * time).xy().norm() - mover.radius;
-            let kept = clearance + mover.pos_doubt + DOUBT * time;
-            (1.0 - time / HORIZON) * (1.0 - gap / kept).clamp(0.0, 1.0)
+            let kept = wanted + DOUBT * time;
+            (1.0 - time / HORIZON) * (1.0 - gap(time) / kept).clamp(0.0, 1.0)
         };
         (1..=LOOKS).map(at).fold(0.0, f64::max)
     };
