@@ -61,7 +61,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def lost(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a flight whose evader hides, and is found again."""
-    return fly(tmp_path_factory.mktemp("logs"), "--evader", "reactive", seed=418)
+    return fly(tmp_path_factory.mktemp("logs"), "--evader", "reactive", seed=435)
 
 
 @pytest.fixture(scope="module")
