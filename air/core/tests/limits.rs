@@ -89,7 +89,7 @@ fn highest_sight(top: f64) -> f64 {
     for _ in 0..800 {
         sim.haste = 3.0;
         let target = sim.pos + Vec3::new(14.0, 0.0, 0.0);
-        (sim.frames, sim.target_vel) = (Frames::Target(target), sim.vel);
+        sim.frames = Frames::Target(target);
         sim.tick(None);
         let line = sim.attitude.inverse() * (target - sim.pos);
         highest = highest.max(line.z.atan2(line.x));
